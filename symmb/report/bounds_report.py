@@ -33,15 +33,15 @@ def _parts(bounds: Bounds, check: LimitCheck | None, command: str) -> Iterator[s
     yield document.warnings(bounds.doubts, bounds.remarks)
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
-        yield section("Limits", check._repr_html_(), *worst)
+        yield section("Limits", check._repr_html_(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
     yield section("Worst cases", _worst_cases(bounds), _motion(bounds, scene, check) if scene else "")
     if bounds.range_of:  # other methods would be followed by a study of their own
-        yield section("What each parameter contributes", _contributions(bounds))
+        yield section("What each parameter contributes", _contributions(bounds), style="contributions")
     yield section("Curves", html.picture(plot.png(bounds.plot())))
     if scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
-        yield section("The mechanism", html.picture(start_picture(scene)), at_start)
+        yield section("The mechanism", at_start, html.picture(start_picture(scene)), style="still")
         equations = f"{scene.system}\n\n{equations_text(scene.system, 'system.latex()')}".rstrip()
         yield document.folded("Equations", equations)
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds))
@@ -82,7 +82,7 @@ def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
         exhibit, text = of_run(simulate(scene, bounds.study.solver), None, None), f"The nominal run. {error}"
     file = BytesIO()
     still(exhibit, file, ".png")
-    return document.moving(page(exhibit), file.getvalue()) + document.note(text)
+    return document.note(text) + document.moving(page(exhibit), file.getvalue())
 
 
 def _contributions(bounds: Bounds) -> str:

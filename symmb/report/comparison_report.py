@@ -29,9 +29,8 @@ def _parts(comparison: Comparison, command: str) -> Iterator[str]:
         ("why this solver", comparison.reason),
     ]
     yield assumed(comparison.box, {}, settings)
-    counts = [row.evaluations for row in comparison.rows] + [comparison.reference.evaluations or 0]
-    seconds = [row.run_seconds for row in comparison.rows] + [comparison.reference.seconds or 0.0]
-    cost = f"{sum(counts)} runs, {sum(seconds):.3g} s, those of the reference among them."
+    runs, took = sum(row.evaluations for row in comparison.rows), sum(row.run_seconds for row in comparison.rows)
+    cost = f"The methods: {runs} runs, {took:.3g} s. The reference: {comparison._reference()}."
     yield section("What it cost", document.note(cost))
     subject = "scene" if comparison.solver else "simulator"
     solver = f"solver={called(comparison.solver)}" if comparison.solver else ""

@@ -23,6 +23,7 @@ h2 { font-size: 18px; margin: 32px 0 8px; padding-bottom: 3px; border-bottom: 1p
 pre { font-size: 13px; line-height: 1.45; }
 table { border-collapse: collapse; margin: 8px 0; font-size: 13.5px; font-variant-numeric: tabular-nums; }
 th, td { padding: 4px 10px; border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: normal; }
+[style*="right"] { white-space: nowrap; } thead [style*="right"] { white-space: normal; }
 th { color: var(--soft); font-weight: 600; vertical-align: bottom; }
 tbody tr:nth-child(even) { background: var(--even); }
 img { display: block; height: auto; margin: 8px 0; background: #fff; border-radius: 4px; }
@@ -32,12 +33,17 @@ iframe { display: block; width: 100%; height: 560px; margin: 8px 0; border: 1px 
 .doubt, .remark { margin: 8px 0; padding: 8px 12px; border-left: 4px solid var(--edge); background: var(--warn); }
 .remark { border-color: var(--line); background: var(--even); }
 details { margin: 28px 0 0; } summary { cursor: pointer; font-weight: 600; font-size: 18px; }
-.printed { display: none; }
-@media (max-width: 640px) { body { padding: 12px 14px 32px; } th, td { padding: 3px 6px; } iframe { height: 480px; } }
+.printed { display: none; } .limits pre { font-weight: 600; font-size: 15px; }
+.still img { max-height: 440px; width: auto !important; }
+.contributions table { display: inline-table; margin-right: 28px; vertical-align: top; }
+@media (max-width: 640px) { body { padding: 12px 14px 32px; } th, td { padding: 3px 6px; } iframe { height: 640px; } }
 @media print { body { max-width: none; padding: 0; font-size: 10pt; print-color-adjust: exact; }
   h1 { font-size: 17pt; } h2 { font-size: 12.5pt; margin-top: 14pt; break-after: avoid; }
-  pre { font-size: 7.5pt; } table { font-size: 7.5pt; } th, td { padding: 2pt 4pt; } tr, img { break-inside: avoid; }
+  pre { font-size: 7.5pt; } table { font-size: 6.8pt; } th, td { padding: 2pt 3pt; }
+  tr, img, .still, .contributions table, .doubt { break-inside: avoid; }
+  .contributions table { font-size: 6.2pt; margin-right: 8pt; }
   summary { font-size: 12.5pt; } details > :not(summary) { display: none; }
+  .limits pre { font-size: 10pt; } .still img { max-height: 105mm; }
   div { overflow: visible !important; } iframe { display: none; } .printed { display: block; } }
 """
 
@@ -52,9 +58,9 @@ def write(path: str | Path, title: str, parts: Iterable[str]) -> None:
         file.write(text.encode(errors="replace"))
 
 
-def section(heading: str, *parts: str) -> str:
+def section(heading: str, *parts: str, style: str = "") -> str:
     """Parts under a heading; nothing if there are none."""
-    return f"<section><h2>{escape(heading)}</h2>{''.join(parts)}</section>" if any(parts) else ""
+    return f'<section class="{style}"><h2>{escape(heading)}</h2>{"".join(parts)}</section>' if any(parts) else ""
 
 
 def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
@@ -75,7 +81,7 @@ def moving(page: str, png: bytes) -> str:
     The page runs its own scripts, and reaches nothing of the report.
     """
     frame = f'<iframe sandbox="allow-scripts" title="the mechanism, to play" srcdoc="{escape(page)}"></iframe>'
-    return f'{frame}<div class="printed">{html.picture(png)}</div>'
+    return f'{frame}<div class="printed still">{html.picture(png)}</div>'
 
 
 def folded(heading: str, text: str) -> str:
