@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -432,7 +433,40 @@ class Bounds(Answers, Result, files.Saved):
         )
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 
-    def _head(self) -> list[str]:
+    def report(self, path: str | Path, limits: Mapping[str, tuple[float | None, float | None]] | None = None) -> None:
+        """Write a report: one .html file that opens offline, and prints.
+
+        It tells doubts, whether limits are kept, the bounds with their worst cases and curves, what they assume and
+        cost, and how to repeat them. Bounds of a scene show the mechanism too, in the runs that attain them, and its
+        equations; those by adaptive methods what each parameter contributes.
+
+        Parameters
+        ----------
+        path : of the file
+        limits : those of `check`; default: none
+
+        Raises
+        ------
+        DeclarationError
+            If the name has another suffix, an output is unknown, or limits cross.
+        FileError
+            If the file cannot be written; the previous one is kept.
+
+        Examples
+        --------
+        >>> import symmb as mb, tempfile, pathlib
+        >>> t = np.linspace(0.0, 1.0, 3)
+        >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
+        >>> bounds = mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0)))
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "report.html"
+        >>> bounds.report(path, {"x": (0.1, None)})
+        >>> "Limits by PolynomialChaos(): kept" in path.read_text()
+        True
+        """
+        # Reports stand on drawings, which stand on bounds. Only who asks for one loads them.
+        import_module("symmb.report").write_bounds(self, path, limits)
+
+    def _about(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"
         times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
         lines = [
@@ -442,8 +476,10 @@ class Bounds(Answers, Result, files.Saved):
         ]
         if self.failed:
             lines.append(failure_text(self.failed, 3, indent="    "))
-        lines += [f"  range of     {self.range_of}"] if self.range_of else []
-        lines += [f"  doubtful     {doubt}" for doubt in self.doubts]
+        return [*lines, f"  range of     {self.range_of}"] if self.range_of else lines
+
+    def _head(self) -> list[str]:
+        lines = [*self._about(), *(f"  doubtful     {doubt}" for doubt in self.doubts)]
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
@@ -452,6 +488,9 @@ class Bounds(Answers, Result, files.Saved):
     def __str__(self) -> str:
         return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(self.names)))])
 
+    def _tabulated(self, head: Sequence[str]) -> str:
+        """A head and the extremes as HTML."""
+        return html.page(html.text("\n".join(head)), html.table(self._rows(plot.labels(self.names, self.units))))
+
     def _repr_html_(self) -> str:
-        head, rows = "\n".join(self._head()), self._rows(plot.labels(self.names, self.units))
-        return html.page(html.text(head), html.table(rows), html.picture(plot.png(self.plot())))
+        return html.page(self._tabulated(self._head()), html.picture(plot.png(self.plot())))

@@ -1,6 +1,7 @@
 """The command `symmb bound`: bounds by one method, and whether limits are kept."""
 
 import argparse
+import shlex
 from collections.abc import Callable, Sequence
 
 import symmb as mb
@@ -12,6 +13,7 @@ from symmb.cli.scene_file import load_subject
 from symmb.drawing import FORMATS
 from symmb.files import save_json
 from symmb.plot import PICTURES
+from symmb.report import write_bounds
 
 VIOLATED = 1
 """Exit status where a limit is violated, as of a test that fails."""
@@ -33,6 +35,7 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     bound.add_argument("--csv", metavar="F", help="write bounds over time to this file")
     bound.add_argument("--plot", metavar="F.png", help="draw bounds over time, and limits")
     bound.add_argument("--view", metavar="F", help="draw the mechanism in the runs that attain the bounds")
+    bound.add_argument("--report", metavar="F.html", help="write a report of the bounds and limits that prints")
 
 
 def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
@@ -40,6 +43,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     solver = None if options.solver is None else specs.solver(options.solver)
     json_file, csv_file = result_path(options.json, ".json"), result_path(options.csv, ".csv")
     picture, drawing = result_path(options.plot, *PICTURES), result_path(options.view, *FORMATS)
+    report = result_path(options.report, ".html")
     limits = _limits(options)
     subject, own = load_subject(options.scene)
     box = _box(options, own)
@@ -58,6 +62,8 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         (check or bounds).plot(picture)
     if drawing is not None:
         mb.view(bounds, drawing)
+    if report is not None:
+        write_bounds(bounds, report, limits or None, shlex.join(["symmb", *options.words]))
     if check is None or check.kept:
         return bounds.doubts
     return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -22,6 +23,7 @@ from symmb.codegen import INSTALL, SLOW, has_compiler
 from symmb.files import save_json
 from symmb.integrate import Solver
 from symmb.plot import PICTURES
+from symmb.report import write_comparison
 
 _SLOW = f"No C compiler found. {SLOW} {INSTALL}"
 
@@ -56,12 +58,14 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
     elsewhere.add_argument("--dask", metavar="ADDRESS", help="make runs on the Dask cluster of this scheduler")
     compare.add_argument("--json", metavar="F", help="write everything to this file")
     compare.add_argument("--plot", metavar="F.png", help="draw bounds over time and error against run time")
+    compare.add_argument("--report", metavar="F.html", help="write a report of the comparison that prints")
 
 
 def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     methods = None if options.methods is None else [specs.method(text) for text in options.methods]
     solver = None if options.solver is None else specs.solver(options.solver)
     json_file, picture = result_path(options.json, ".json"), result_path(options.plot, *PICTURES)
+    report = result_path(options.report, ".html")
     if options.workers is not None and options.workers < 1:
         raise DeclarationError(f"--workers takes a number of processes from 1 on, got {options.workers}.")
     if options.uncertain and options.spread is None:
@@ -81,6 +85,8 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
         save_json(json_file, comparison.to_json())
     if picture:
         comparison.plot(picture)
+    if report:
+        write_comparison(comparison, report, shlex.join(["symmb", *options.words]))
     return comparison.doubts
 
 

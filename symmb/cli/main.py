@@ -20,7 +20,6 @@ from symmb.cli.assignments import add_set, scene_and_parameters
 from symmb.cli.bound import add_bound
 from symmb.cli.compare import add_compare
 from symmb.cli.completion import add_completion
-from symmb.cli.equations import equations_text
 from symmb.cli.linearize import add_linearize
 from symmb.cli.result_path import result_path
 from symmb.cli.runs import add_runs
@@ -29,6 +28,7 @@ from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import cache
 from symmb.drawing import FORMATS
 from symmb.files import save_json
+from symmb.model import equations_text
 from symmb.plot import PICTURES
 from symmb.simulation import prepare_equations
 
@@ -50,7 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
-    options = _parser().parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    options = _parser().parse_args(words, argparse.Namespace(words=words))
     _tell_on_stderr(options.command)
     try:
         result = options.run(options)  # its doubts, or an exit status

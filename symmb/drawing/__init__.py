@@ -6,3 +6,4 @@ from symmb.drawing.exhibit import Exhibit, attaining_runs, of_bounds, of_run
 from symmb.drawing.page import page
 from symmb.drawing.shapes import Drawing
 from symmb.drawing.show import FORMATS, start_picture, view
+from symmb.drawing.still import still

@@ -66,6 +66,7 @@ def _hull(path: Path) -> Any:
     try:
         import trimesh  # pyright: ignore[reportMissingImports]
 
-        return ConvexHull(np.asarray(trimesh.load(path, force="mesh").vertices, dtype=float))
+        mesh: Any = trimesh.load(path, force="mesh")
+        return ConvexHull(np.asarray(mesh.vertices, dtype=float))
     except Exception:  # of readers of many formats, and of Qhull
         return None

@@ -2,3 +2,5 @@
 
 Both report errors against run time.
 """
+
+from symmb.study.comparison_result import Comparison

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -193,6 +194,19 @@ class Comparison(Result, files.Saved):
             ax=ax,
         )
         return plot.finish(figure, "Comparison.plot", path, ax, figsize, title)
+
+    def report(self, path: str | Path) -> None:
+        """Write a report: one .html file that opens offline, and prints.
+
+        It tells doubts, the table and the picture, what the comparison assumes and costs, and how to repeat it.
+
+        Raises
+        ------
+        DeclarationError       if the name has another suffix
+        FileError              if the file cannot be written; the previous one is kept
+        """
+        # Reports stand on drawings, which stand on bounds. Only who asks for one loads them.
+        import_module("symmb.report").write_comparison(self, path)
 
     def _head(self) -> list[str]:
         yardstick = self.reference.yardstick

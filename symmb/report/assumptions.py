@@ -1,0 +1,51 @@
+"""What a result assumes, what it cost, and how it is found again."""
+
+import platform
+import re
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+
+from symmb import _html as html
+from symmb.bounds import METHODS
+from symmb.model import Box
+from symmb.report.document import section
+
+_PACKAGES = "symmb", "numpy", "casadi"
+_CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
+"""A call of a class in the text of a method, a box or a solver."""
+
+
+def assumed(box: Box | None, nominal: Mapping[str, float], settings: Sequence[tuple[str, str]]) -> str:
+    """The box, and settings by name; those that are empty are left out."""
+    known = [[name, text] for name, text in (*settings, ("versions", _versions())) if text]
+    intervals = [] if box is None else [html.page(html.table(_intervals(box, nominal)))]
+    return section("What is assumed", *intervals, html.page(html.table([["setting", "value"], *known], (0, 1))))
+
+
+def _intervals(box: Box, nominal: Mapping[str, float]) -> list[list[str]]:
+    rows = [["parameter", "lower", "upper", *(["nominal"] if nominal else [])]]
+    for name, ends in zip(box.names, box.bounds, strict=True):
+        rows.append([name, *(f"{x:.12g}" for x in (*ends, *([nominal[name]] if name in nominal else [])))])
+    fixed = [[name, "", "", f"{value:.12g}"] for name, value in nominal.items() if name not in box.names]
+    return [[*row, *[""] * (len(rows[0]) - len(row))] for row in (*rows, *fixed)]
+
+
+def _versions() -> str:
+    return ", ".join([*(f"{name} {version(name)}" for name in _PACKAGES), f"Python {platform.python_version()}"])
+
+
+def seed(method: str) -> str:
+    """The seed of the method that has this text, '' if it takes none."""
+    kinds = {type(example).__name__: type(example) for entry in METHODS for example in entry.examples}
+    given = re.search(r"\bseed=(\d+)", method)
+    return given[1] if given else str(getattr(kinds.get(method.partition("(")[0]), "seed", ""))
+
+
+def called(*texts: str) -> str:
+    """Arguments of a call in Python from the texts of methods, boxes and solvers; empty ones are left out."""
+    return ", ".join(_CALL.sub(r"mb.\1", text) for text in texts if text)
+
+
+def again(lines: str) -> str:
+    """How to find a result again: lines of Python, or a command."""
+    return section("To repeat it", html.text(lines))

@@ -1,0 +1,123 @@
+"""The report of bounds."""
+
+from collections.abc import Iterator, Mapping
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from symmb import _html as html
+from symmb import plot
+from symmb._errors import DeclarationError, SymmbError
+from symmb.bounds import Bounds, LimitCheck, Study
+from symmb.drawing import of_bounds, of_run, page, start_picture, still
+from symmb.files import require_suffix
+from symmb.model import Scene, equations_text
+from symmb.report import document
+from symmb.report.assumptions import again, assumed, called, seed
+from symmb.report.document import section
+from symmb.simulation import DAESimulator, simulate
+
+Limits = Mapping[str, tuple[float | None, float | None]]
+
+
+def write_bounds(bounds: Bounds, path: str | Path, limits: Limits | None = None, command: str = "") -> None:
+    """Write the report of bounds; see `Bounds.report`. A command that repeats them stands in the place of Python."""
+    require_suffix(path, ".html")
+    check = None if limits is None else bounds.check(limits)
+    document.write(path, _title(bounds), _parts(bounds, check, command))
+
+
+def _parts(bounds: Bounds, check: LimitCheck | None, command: str) -> Iterator[str]:
+    scene = _scene(bounds)
+    yield document.warnings(bounds.doubts, bounds.remarks)
+    if check is not None:
+        worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
+        yield section("Limits", check._repr_html_(), *worst, style="limits")
+    yield section("Bounds", bounds._tabulated(bounds._about()))
+    yield section("Worst cases", _worst_cases(bounds), _motion(bounds, scene, check) if scene else "")
+    if bounds.range_of:  # other methods would be followed by a study of their own
+        yield section("What each parameter contributes", _contributions(bounds), style="contributions")
+    yield section("Curves", html.picture(plot.png(bounds.plot())))
+    if scene is not None:
+        at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
+        yield section("The mechanism", at_start, html.picture(start_picture(scene)), style="still")
+        equations = f"{scene.system}\n\n{equations_text(scene.system, 'system.latex()')}".rstrip()
+        yield document.folded("Equations", equations)
+    yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds))
+    yield section("What it cost", document.note(_cost(bounds)))
+    yield again(command or _python(bounds, scene, check))
+
+
+def _title(bounds: Bounds) -> str:
+    if not isinstance(bounds.study, Study):
+        return f"Bounds of {', '.join(bounds.names)}"
+    simulator = bounds.study.simulator
+    return f"Bounds of {simulator.name if isinstance(simulator, DAESimulator) else repr(simulator)}"
+
+
+def _scene(bounds: Bounds) -> Scene | None:
+    """The scene of bounds that hold one."""
+    simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
+    return simulator.scene if isinstance(simulator, DAESimulator) else None
+
+
+def _worst_cases(bounds: Bounds) -> str:
+    """A line for each end of each output."""
+    try:
+        return html.text("\n".join(map(str, bounds._all_worst())))
+    except SymmbError as error:  # a run does not come again
+        return document.note(str(error))
+
+
+def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
+    """The runs that attain the bound that is closest to a limit, or the widest bounds; the nominal run if none does."""
+    worst = None if check is None else check.worst
+    output, time = (None, None) if worst is None else (worst.output, worst.time)
+    text = "The nominal run, and those that attain the bounds."
+    try:
+        exhibit = of_bounds(bounds, output, time, None)
+    except DeclarationError as error:
+        assert isinstance(bounds.study, Study)
+        exhibit, text = of_run(simulate(scene, bounds.study.solver), None, None), f"The nominal run. {error}"
+    file = BytesIO()
+    still(exhibit, file, ".png")
+    return document.note(text) + document.moving(page(exhibit), file.getvalue())
+
+
+def _contributions(bounds: Bounds) -> str:
+    try:
+        return bounds.contributions()._repr_html_()
+    except SymmbError as error:
+        return document.note(str(error))
+
+
+def _settings(bounds: Bounds) -> list[tuple[str, str]]:
+    simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
+    of_scene = isinstance(simulator, DAESimulator)
+    return [
+        ("method", bounds.method),
+        ("seed", seed(bounds.method)),
+        ("solver", repr(simulator.solver) if of_scene else ""),
+        ("why this solver", simulator.reason if of_scene else ""),
+        ("simulator", "" if of_scene or simulator is None else repr(simulator)),
+    ]
+
+
+def _cost(bounds: Bounds) -> str:
+    took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
+    return f"{bounds.evaluations} runs{took}. A run with derivatives counts as many as they cost."
+
+
+def _python(bounds: Bounds, scene: Scene | None, check: LimitCheck | None) -> str:
+    """Lines that find the bounds again, from the scene or the simulator, which the reader has."""
+    solver = repr(bounds.study.solver) if scene is not None and isinstance(bounds.study, Study) else ""
+    box = "" if bounds.box is None else repr(bounds.box)
+    subject = "simulator" if scene is None else "scene"
+    lines = ["import symmb as mb", f"bounds = mb.propagate({subject}, {called(bounds.method, box, solver)})"]
+    if check is None:
+        return "\n".join([*lines, 'bounds.report("report.html")'])
+    ends = {
+        limit.output: tuple(x if np.isfinite(x) else None for x in (limit.low, limit.high)) for limit in check.limits
+    }
+    return "\n".join([*lines, f'bounds.report("report.html", {ends})'])

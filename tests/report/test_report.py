@@ -1,0 +1,237 @@
+"""Reports: their numbers are those of results, no name is markup, and parts that are not known are left out."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb.cli.main import main
+from symmb.drawing import of_bounds, page
+from symmb.model import equations_text
+
+pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+T = np.linspace(0.0, 1.0, 11)
+EVIL = "<script>alert(1)</script>\"'>&$x$"
+
+
+def decay(name="x", parameter="k"):
+    """A black box, and its box."""
+    simulator = mb.FunctionSimulator(lambda **p: np.exp(-p[parameter] * T), {parameter: 1.0}, T, [name])
+    return simulator, mb.Box(**{parameter: (0.5, 2.0)})
+
+
+def rolling(name="roll", output="x"):
+    """A ball that rolls at an uncertain speed."""
+    p = mb.Parameters(speed=1.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    outputs = {output: ball.x, "y": ball.y}
+    return mb.Scene(
+        mb.System(ball, mb.Gravity(0, -0.1), parameters=p),
+        {"ball.vx": p.speed},
+        T,
+        outputs,
+        mb.Box(speed=(0.9, 1.1)),
+        name=name,
+    )
+
+
+def text_of(path):
+    """What a reader sees, with one space between words and cells: neither the inner page nor tags."""
+    page = re.sub(r"<(style|iframe)\b.*?</\1>", " ", path.read_text(), flags=re.DOTALL)
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", page)).split())
+
+
+def words(text):
+    return " ".join(str(text).split())
+
+
+def headings(path):
+    return re.findall(r"<h2>(.*?)</h2>", path.read_text())
+
+
+@pytest.fixture(scope="module")
+def scene_report(tmp_path_factory):
+    bounds, path = mb.propagate(rolling(), mb.PolynomialChaos()), tmp_path_factory.mktemp("report") / "r.html"
+    bounds.report(path, {"x": (None, 1.05), "y": (-1, 1)})
+    return bounds, path
+
+
+def test_numbers_are_those_of_the_result(scene_report):
+    bounds, path = scene_report
+    text, check, plain = text_of(path), bounds.check({"x": (None, 1.05), "y": (-1, 1)}), str(bounds)
+    for line in (check._head(), check.worst, *map(str, bounds._all_worst())):
+        assert words(line) in text
+    for cells in (*check._rows(), *bounds.contributions()._rows(0, -1)):
+        assert " ".join(filter(None, cells)) in text
+    rows = plain.splitlines()[-2:]
+    assert rows[0].split()[0] == "x"
+    for row in rows:
+        assert words(row.split(maxsplit=1)[1]) in text
+    assert f"{bounds.evaluations} runs, {bounds.seconds:.3g} s" in text
+    assert "PolynomialChaos()" in text and repr(bounds.study.solver) in text and bounds.study.simulator.reason in text
+
+
+def test_the_order_of_the_parts(scene_report):
+    _, path = scene_report
+    assert headings(path) == [
+        "Limits",
+        "Bounds",
+        "Worst cases",
+        "What each parameter contributes",
+        "Curves",
+        "The mechanism",
+        "What is assumed",
+        "What it cost",
+        "To repeat it",
+    ]
+    page = path.read_text()
+    assert page.index("The mechanism</h2>") < page.index("<summary>Equations") < page.index("What is assumed")
+    equations = equations_text(rolling().system)
+    assert "M[" in equations and words(equations) in text_of(path)
+
+
+def test_the_worst_run_moves(scene_report):
+    """The inner page is that of `view` for the output that is closest to its limit."""
+    bounds, path = scene_report
+    (source,) = re.findall(r'srcdoc="([^"]*)"', path.read_text())
+    assert html.unescape(source) == page(of_bounds(bounds, "x", 1.0, None))
+
+
+def test_the_lines_repeat_the_bounds(scene_report):
+    bounds, path = scene_report
+    lines = html.unescape(path.read_text().split("To repeat it</h2>")[1].split(">", 1)[1].split("</pre>")[0])
+    space = {"scene": rolling()}
+    exec("\n".join(lines.splitlines()[:-1]), space)
+    np.testing.assert_array_equal(space["bounds"].upper, bounds.upper)
+    assert lines.splitlines()[-1] == "bounds.report(\"report.html\", {'x': (None, 1.05), 'y': (-1.0, 1.0)})"
+
+
+def test_nothing_is_loaded_from_elsewhere(scene_report):
+    page = html.unescape(scene_report[1].read_text())
+    assert not re.findall(r"""(?:src|href)=["'](?!data:)|url\((?!["']?data:)|https?://(?!www\.w3\.org)""", page)
+
+
+def test_a_black_box_has_neither_drawing_nor_equations(tmp_path):
+    simulator, box = decay()
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
+    bounds.report(tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text()
+    assert "<iframe" not in page and "<details" not in page
+    assert "The mechanism" not in headings(tmp_path / "r.html") and "Limits" not in headings(tmp_path / "r.html")
+    assert "What each parameter contributes" in headings(tmp_path / "r.html")
+    assert "Bounds of FunctionSimulator(<lambda>)" in text_of(tmp_path / "r.html")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json", ".csv"])
+def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
+    bounds = mb.propagate(rolling(), mb.PolynomialChaos())
+    bounds.save(tmp_path / f"b{suffix}")
+    mb.Bounds.load(tmp_path / f"b{suffix}").report(tmp_path / "r.html", {"x": (None, 2)})
+    text, found = text_of(tmp_path / "r.html"), headings(tmp_path / "r.html")
+    assert "<iframe" not in (tmp_path / "r.html").read_text() and "The mechanism" not in found
+    assert {"Limits", "Bounds", "Curves", "What is assumed"} <= {*found}
+    assert ("Worst cases" in found) == ("What each parameter contributes" in found) == (suffix != ".csv")
+    if suffix != ".csv":
+        assert words(bounds._all_worst()[0]) in text and "0.9 1.1 1" in text
+
+
+@pytest.mark.parametrize("method", [mb.Taylor(2), mb.MonteCarlo(20), mb.Swarm(5, 3, seed=4)])
+def test_methods_without_contributions_or_runs(tmp_path, method):
+    """No study is added, and the mechanism moves all the same. The seed stands there."""
+    scene = rolling()
+    bounds = mb.propagate(scene, method)
+    bounds.report(tmp_path / "r.html")
+    text, found = text_of(tmp_path / "r.html"), headings(tmp_path / "r.html")
+    assert "What each parameter contributes" not in found and "<iframe" in (tmp_path / "r.html").read_text()
+    assert ("keeps no runs that attain its bounds" in text) == (bounds.attaining is None)
+    seed = {"MonteCarlo": "0", "Swarm": "4"}.get(type(method).__name__)
+    assert (f"seed {seed} solver" in text) if seed else "seed" not in text
+
+
+def test_doubts_stand_above_the_answers(tmp_path):
+    simulator, box = decay()
+    bounds = mb.propagate(simulator, mb.MonteCarlo(2), box)
+    assert bounds.doubts and bounds.remarks
+    bounds.report(tmp_path / "r.html", {"x": (0, None)})
+    page, text = (tmp_path / "r.html").read_text(), text_of(tmp_path / "r.html")
+    assert page.count('<p class="doubt">') == len(bounds.doubts)
+    assert page.rindex('<p class="doubt">') < page.index('<p class="remark">') < page.index("Limits</h2>")
+    assert all(f"Doubtful: {words(doubt)}" in text for doubt in bounds.doubts)
+
+
+@pytest.mark.parametrize("subject", ["scene", "black box", "loaded", "comparison"])
+def test_names_are_no_markup(tmp_path, subject):
+    path = tmp_path / "r.html"
+    if subject == "comparison":
+        simulator, box = decay(EVIL, EVIL)
+        mb.compare(simulator, [mb.Vertex()], box, reference=mb.Scanning(5)).report(path)
+    elif subject == "scene":
+        mb.propagate(rolling(EVIL, EVIL), mb.PolynomialChaos()).report(path, {EVIL: (None, 2)})
+    else:
+        bounds = mb.propagate(decay(EVIL, EVIL)[0], mb.PolynomialChaos(), decay(EVIL, EVIL)[1])
+        bounds.save(tmp_path / "b.npz")
+        (mb.Bounds.load(tmp_path / "b.npz") if subject == "loaded" else bounds).report(path, {EVIL: (None, 2)})
+    text = path.read_text()
+    assert "<script" not in text and EVIL in html.unescape(text)
+    if subject == "scene":
+        (source,) = re.findall(r'srcdoc="([^"]*)"', text)
+        assert "<script>alert" not in html.unescape(source)
+
+
+def test_comparisons(tmp_path):
+    simulator, box = decay()
+    comparison = mb.compare(simulator, [mb.MonteCarlo(2), mb.Vertex()], box, reference=mb.Scanning(5))
+    comparison.report(tmp_path / "r.html")
+    text = text_of(tmp_path / "r.html")
+    table = str(comparison).split("---\n")[-1].splitlines()[:2]
+    assert all(words(row) in text for row in table) and "seeds 0 of MonteCarlo(2)" in text
+    assert headings(tmp_path / "r.html") == ["Methods", "What is assumed", "What it cost", "To repeat it"]
+    assert "The methods: 4 runs" in text and f"The reference: {comparison._reference()}" in text
+    comparison.save(tmp_path / "c.json")
+    mb.Comparison.load(tmp_path / "c.json").report(tmp_path / "again.html")
+    assert text_of(tmp_path / "again.html") == text
+
+
+@pytest.mark.parametrize(
+    ("path", "limits", "why"),
+    [
+        ("r.pdf", None, r"must end in \.html"),
+        (3, None, "must be a text or a Path"),
+        ("none/r.html", None, "cannot be written"),
+        ("r.html", {"q": (0, 1)}, "no output 'q'"),
+        ("r.html", {"x": (1, 0)}, "cross"),
+        ("r.html", {}, "limits must be pairs"),
+    ],
+)
+def test_wrong_arguments_are_told_in_one_sentence(tmp_path, monkeypatch, path, limits, why):
+    monkeypatch.chdir(tmp_path)
+    bounds = mb.propagate(decay()[0], mb.Vertex(), decay()[1])
+    with pytest.raises(mb.SymmbError, match=why) as error:
+        bounds.report(path, limits)
+    assert "\n" not in str(error.value) and not [*tmp_path.iterdir()]
+
+
+SCENE = """
+import numpy as np
+import symmb as mb
+
+p = mb.Parameters(speed=1.0)
+ball = mb.Body("ball", 1.0, pose=mb.Particle())
+scene = mb.Scene(
+    mb.System(ball, parameters=p), {"ball.vx": p.speed}, np.linspace(0, 2, 5), {"x": ball.x}, mb.Box(speed=(0.9, 1.1))
+)
+"""
+
+
+def test_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "roll.py").write_text(SCENE)
+    assert main(["bound", "roll.py", "--limit", "x=:2.3", "--report", "my report.html"]) == 0
+    text = text_of(tmp_path / "my report.html")
+    assert "Limits by PolynomialChaos(): kept" in text and "Bounds of roll" in text
+    assert "symmb bound roll.py --limit x=:2.3 --report 'my report.html'" in text
+    assert main(["bound", "roll.py", "--report", "r.pdf"]) == 2 and "must end in .html" in capsys.readouterr().err
+    assert main(["compare", "roll.py", "--methods", "vertex", "--report", "c.html"]) == 0
+    assert "symmb compare roll.py --methods vertex --report c.html" in text_of(tmp_path / "c.html")

@@ -1,0 +1,96 @@
+"""Reports in a browser: nothing fails, nothing is cut, on a screen, on a telephone and on paper."""
+
+import base64
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import double_pendulum
+
+sys.path.append(str(Path(__file__).parents[1] / "drawing"))
+from browser import PROGRAM, Browser
+
+pytestmark = [
+    pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::symmb.SymmbWarning"),
+]
+SCREEN, TELEPHONE, PAPER = 1200, 400, 694
+"""Widths [px]; that of paper is A4 within its margins."""
+MOST_PAGES, MOST_BYTES = 6, 5_000_000
+
+
+def pendulum():
+    scene = double_pendulum.scene().with_times(np.linspace(0, 1, 51))
+    return mb.propagate(scene, mb.PolynomialChaos()), {"y2": (None, 1.6), "x1": (-0.5, 0.5)}
+
+
+def black_box():
+    t = np.linspace(0.0, 1.0, 51)
+    names = ["a name of an output that is as long as names of outputs may well be", "y"]
+    decay = mb.FunctionSimulator(lambda k: np.exp(-k * t[:, None] * [1, 2]), {"k": 1.0}, t, names)
+    return mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0))), {"y": (0.2, None)}
+
+
+def comparison():
+    scene = double_pendulum.scene().with_times(np.linspace(0, 1, 51))
+    return mb.compare(scene, [mb.PolynomialChaos(), mb.Vertex(), mb.MonteCarlo(10)]), None
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module", params=[pendulum, black_box, comparison])
+def path(request, tmp_path_factory):
+    result, limits = request.param()
+    path = tmp_path_factory.mktemp("report") / "r.html"
+    result.report(path, *([limits] if limits else []))
+    return path
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(SCREEN, "light"), (TELEPHONE, "dark")])
+def test_on_a_screen(browser, path, width, scheme):
+    browser._call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+    features = [{"name": "prefers-color-scheme", "value": scheme}]
+    browser._call("Emulation.setEmulatedMedia", media="screen", features=features)
+    browser.open(path)
+    assert browser.run("document.documentElement.scrollWidth") <= width
+    light = [int(x) > 128 for x in re.findall(r"\d+", browser.run("getComputedStyle(document.body).backgroundColor"))]
+    assert light == [scheme == "light"] * 3
+    assert not browser.errors
+
+
+def test_on_paper(browser, path):
+    browser._call("Emulation.setDeviceMetricsOverride", width=PAPER, height=900, deviceScaleFactor=1, mobile=False)
+    browser._call("Emulation.setEmulatedMedia", media="print", features=[])
+    browser.open(path)
+    assert browser.run("document.documentElement.scrollWidth") <= PAPER
+    hidden = browser.run(
+        "[...document.querySelectorAll('iframe, details > pre')].every(e => !e.getClientRects().length)"
+    )
+    assert hidden
+    assert browser.run("[...document.querySelectorAll('.printed img')].every(e => e.clientHeight > 100)")
+    sheets = base64.b64decode(browser._call("Page.printToPDF", preferCSSPageSize=True)["data"])
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", sheets)) <= MOST_PAGES
+    assert path.stat().st_size <= MOST_BYTES
+
+
+def test_the_inner_page_works(browser, tmp_path):
+    """Its scripts run without an error. The browser shows it in a process of its own, so it is opened alone here."""
+    bounds, limits = pendulum()
+    bounds.report(tmp_path / "r.html", limits)
+    browser._call("Emulation.setEmulatedMedia", media="screen", features=[])
+    browser._call("Emulation.setDeviceMetricsOverride", width=TELEPHONE, height=640, deviceScaleFactor=1, mobile=False)
+    browser.open(tmp_path / "r.html")
+    (tmp_path / "inner.html").write_text(browser.run("document.querySelector('iframe').srcdoc"))
+    browser.open(tmp_path / "inner.html")
+    assert browser.run("symmb.parts().length") > 3
+    assert browser.run("document.getElementById('view').clientWidth") > 0.9 * TELEPHONE
+    assert not browser.errors
