@@ -1,6 +1,7 @@
 """How loose tolerances may be: the largest box of a shape, or the cheapest one, that keeps limits of outputs."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -392,17 +393,35 @@ class _Search:
         return bool(bounds.failed or bounds.run_doubts or names & bounds.doubtful().keys())
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
-        """The factors of least cost, and bounds over their box. It begins at the largest common factor."""
-        factors, _ = self.largest(np.ones(len(self._shape)))
+        """The factors of least cost, and bounds over their box.
+
+        It begins where a line through the margins at 0 and at 1 meets the limit, or, where no polynomials are good over
+        a box that is wider, at the largest common factor. More studies are made until the factors lie inside of such a
+        box.
+        """
+        ones = np.ones(len(self._shape))
+        _, margin = self._study(ones, _TOLERANCES[0])
+        factors, is_largest = ones / max(1 - margin / self._at_nominal, 1 / 4), False
         for _ in range(_STUDIES):
             wide = np.minimum(_WIDER * factors, _MOST)
-            surrogate = self._study(wide, _TOLERANCES[0])[0].good_surrogate(self._columns)
-            if surrogate is None:
+            surrogate = self._polynomials(wide)
+            if surrogate is None and is_largest:
                 raise PropagationError(f"{_OWNER}: no polynomials are good enough for an allocation. Leave costs out.")
-            before, factors = factors, self._allocated(surrogate, wide, factors, cost)
-            if abs(cost(factors) / cost(before) - 1) < _SETTLED:
+            if surrogate is None:
+                factors, is_largest = self.largest(ones)[0], True
+                continue
+            start = factors * self._factor_on(surrogate, wide, factors)
+            factors = self._allocated(surrogate, wide, start, cost)
+            is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= _MOST * (1 - _SETTLED))
+            if (is_inside & (factors > start * _NARROWER * (1 + _SETTLED))).all():
                 break
         return self.largest(factors, _TOLERANCES[1])
+
+    def _polynomials(self, factors: Array) -> Piecewise | None:
+        """Those of a study over a box, if it has good ones."""
+        with suppress(PropagationError):  # too many runs fail
+            return self._study(factors, _TOLERANCES[0])[0].good_surrogate(self._columns)
+        return None
 
     def _margins_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> Array:
         """Margins (n_t, n_l) on polynomials, whose box has the factors `wide` (d,), over a box with other factors."""
