@@ -213,6 +213,17 @@ def test_wrong_arguments_are_told_in_one_sentence(tmp_path, monkeypatch, path, l
     assert "\n" not in str(error.value) and not [*tmp_path.iterdir()]
 
 
+def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
+    def fails(self):
+        raise mb.PropagationError("3 of 4 runs failed.")
+
+    simulator, box = decay()
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
+    monkeypatch.setattr(mb.Bounds, "contributions", fails)
+    bounds.report(tmp_path / "r.html")
+    assert "What each parameter contributes 3 of 4 runs failed. Curves" in text_of(tmp_path / "r.html")
+
+
 SCENE = """
 import numpy as np
 import symmb as mb
