@@ -9,7 +9,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError, SymmbError
-from symmb.bounds import Bounds, LimitCheck, Study
+from symmb.bounds import Bounds, Contributions, LimitCheck, Study
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
@@ -21,14 +21,29 @@ from symmb.simulation import DAESimulator, simulate
 Limits = Mapping[str, tuple[float | None, float | None]]
 
 
-def write_bounds(bounds: Bounds, path: str | Path, limits: Limits | None = None, command: str = "") -> None:
-    """Write the report of bounds; see `Bounds.report`. A command that repeats them stands in the place of Python."""
+def write_bounds(
+    bounds: Bounds,
+    path: str | Path,
+    limits: Limits | None = None,
+    *,
+    command: str = "",
+    contributions: Contributions | None = None,
+) -> None:
+    """Write the report of bounds; see `Bounds.report`.
+
+    Parameters
+    ----------
+    command                a command that repeats the bounds, in the place of lines of Python
+    contributions          those of the bounds, if they are known: they may take further runs
+    """
     require_suffix(path, ".html")
     check = None if limits is None else bounds.check(limits)
-    document.write(path, _title(bounds), _parts(bounds, check, command))
+    document.write(path, _title(bounds), _parts(bounds, check, command, contributions))
 
 
-def _parts(bounds: Bounds, check: LimitCheck | None, command: str) -> Iterator[str]:
+def _parts(
+    bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
+) -> Iterator[str]:
     scene = _scene(bounds)
     yield document.warnings(bounds.doubts, bounds.remarks)
     if check is not None:
@@ -38,8 +53,8 @@ def _parts(bounds: Bounds, check: LimitCheck | None, command: str) -> Iterator[s
     cases = _told(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
     yield section("Worst cases", cases, _told(lambda: _motion(bounds, scene, check)) if scene else "")
     if bounds.range_of:  # other methods would be followed by a study of their own
-        contributions = _told(lambda: bounds.contributions()._repr_html_())
-        yield section("What each parameter contributes", contributions, style="contributions")
+        shares = _told(lambda: (contributions or bounds.contributions())._repr_html_())
+        yield section("What each parameter contributes", shares, style="contributions")
     yield section("Curves", html.picture(plot.png(bounds.plot())))
     if scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")

@@ -236,6 +236,15 @@ scene = mb.Scene(
 """
 
 
+def test_the_command_line_asks_for_contributions_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "roll.py").write_text(SCENE)
+    asked, own = [], mb.Bounds.contributions
+    monkeypatch.setattr(mb.Bounds, "contributions", lambda bounds: asked.append(1) or own(bounds))
+    assert main(["bound", "roll.py", "--report", "r.html"]) == 0
+    assert asked == [1] and "Contributions to the bounds by PolynomialChaos()" in text_of(tmp_path / "r.html")
+
+
 def test_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "roll.py").write_text(SCENE)
