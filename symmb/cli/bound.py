@@ -52,8 +52,9 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     bounds = mb.propagate(subject, method, box, solver)
     check = bounds.check(limits) if limits else None
     print(*filter(None, (bounds, check)), sep="\n\n")
-    if bounds.range_of:  # other methods would be followed by a study of their own
-        print("", bounds.contributions(), sep="\n")
+    contributions = bounds.contributions() if bounds.range_of else None  # others would need a study of their own
+    if contributions is not None:
+        print("", contributions, sep="\n")
     if json_file:
         save_json(json_file, bounds.to_json() | ({"limits": check.to_json()} if check else {}))
     if csv_file:
@@ -63,7 +64,8 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     if drawing is not None:
         mb.view(bounds, drawing)
     if report is not None:
-        write_bounds(bounds, report, limits or None, shlex.join(["symmb", *options.words]))
+        command = shlex.join(["symmb", *options.words])
+        write_bounds(bounds, report, limits or None, command=command, contributions=contributions)
     if check is None or check.kept:
         return bounds.doubts
     return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")

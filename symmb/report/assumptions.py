@@ -15,9 +15,15 @@ _CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
 """A call of a class in the text of a method, a box or a solver."""
 
 
-def assumed(box: Box | None, nominal: Mapping[str, float], settings: Sequence[tuple[str, str]]) -> str:
-    """The box, and settings by name; those that are empty are left out."""
-    known = [[name, text] for name, text in (*settings, ("versions", _versions())) if text]
+def assumed(
+    box: Box | None, nominal: Mapping[str, float], settings: Sequence[tuple[str, str]], is_own: bool = False
+) -> str:
+    """The box, and settings by name; those that are empty are left out.
+
+    Versions are those of the report. They are those of the result too if it `is_own`, and was not read from a file.
+    """
+    versions = "versions" if is_own else "versions (of this report)"
+    known = [[name, text] for name, text in (*settings, (versions, _versions())) if text]
     intervals = [] if box is None else [html.page(html.table(_intervals(box, nominal)))]
     return section("What is assumed", *intervals, html.page(html.table([["setting", "value"], *known], (0, 1))))
 

@@ -1,6 +1,6 @@
 """The report of bounds."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 
@@ -9,7 +9,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError, SymmbError
-from symmb.bounds import Bounds, LimitCheck, Study
+from symmb.bounds import Bounds, Contributions, LimitCheck, Study
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
@@ -21,32 +21,57 @@ from symmb.simulation import DAESimulator, simulate
 Limits = Mapping[str, tuple[float | None, float | None]]
 
 
-def write_bounds(bounds: Bounds, path: str | Path, limits: Limits | None = None, command: str = "") -> None:
-    """Write the report of bounds; see `Bounds.report`. A command that repeats them stands in the place of Python."""
+def write_bounds(
+    bounds: Bounds,
+    path: str | Path,
+    limits: Limits | None = None,
+    *,
+    command: str = "",
+    contributions: Contributions | None = None,
+) -> None:
+    """Write the report of bounds; see `Bounds.report`.
+
+    Parameters
+    ----------
+    command                a command that repeats the bounds, in the place of lines of Python
+    contributions          those of the bounds, if they are known: they may take further runs
+    """
     require_suffix(path, ".html")
     check = None if limits is None else bounds.check(limits)
-    document.write(path, _title(bounds), _parts(bounds, check, command))
+    document.write(path, _title(bounds), _parts(bounds, check, command, contributions))
 
 
-def _parts(bounds: Bounds, check: LimitCheck | None, command: str) -> Iterator[str]:
+def _parts(
+    bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
+) -> Iterator[str]:
     scene = _scene(bounds)
     yield document.warnings(bounds.doubts, bounds.remarks)
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
         yield section("Limits", check._repr_html_(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
-    yield section("Worst cases", _worst_cases(bounds), _motion(bounds, scene, check) if scene else "")
+    cases = _told(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
+    yield section("Worst cases", cases, _told(lambda: _motion(bounds, scene, check)) if scene else "")
     if bounds.range_of:  # other methods would be followed by a study of their own
-        yield section("What each parameter contributes", _contributions(bounds), style="contributions")
+        shares = _told(lambda: (contributions or bounds.contributions())._repr_html_())
+        yield section("What each parameter contributes", shares, style="contributions")
     yield section("Curves", html.picture(plot.png(bounds.plot())))
     if scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
-        yield section("The mechanism", at_start, html.picture(start_picture(scene)), style="still")
+        yield section("The mechanism", at_start, _told(lambda: html.picture(start_picture(scene))), style="still")
         equations = f"{scene.system}\n\n{equations_text(scene.system, 'system.latex()')}".rstrip()
         yield document.folded("Equations", equations)
-    yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds))
+    yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
     yield section("What it cost", document.note(_cost(bounds)))
     yield again(command or _python(bounds, scene, check))
+
+
+def _told(part: Callable[[], str]) -> str:
+    """A part, or why there is none: a run may not come again."""
+    try:
+        return part()
+    except SymmbError as error:
+        return document.note(str(error))
 
 
 def _title(bounds: Bounds) -> str:
@@ -62,19 +87,11 @@ def _scene(bounds: Bounds) -> Scene | None:
     return simulator.scene if isinstance(simulator, DAESimulator) else None
 
 
-def _worst_cases(bounds: Bounds) -> str:
-    """A line for each end of each output."""
-    try:
-        return html.text("\n".join(map(str, bounds._all_worst())))
-    except SymmbError as error:  # a run does not come again
-        return document.note(str(error))
-
-
 def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
     """The runs that attain the bound that is closest to a limit, or the widest bounds; the nominal run if none does."""
     worst = None if check is None else check.worst
     output, time = (None, None) if worst is None else (worst.output, worst.time)
-    text = "The nominal run, and those that attain the bounds."
+    text = "The nominal run, and those that attain the bounds:"
     try:
         exhibit = of_bounds(bounds, output, time, None)
     except DeclarationError as error:
@@ -82,14 +99,8 @@ def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
         exhibit, text = of_run(simulate(scene, bounds.study.solver), None, None), f"The nominal run. {error}"
     file = BytesIO()
     still(exhibit, file, ".png")
-    return document.note(text) + document.moving(page(exhibit), file.getvalue())
-
-
-def _contributions(bounds: Bounds) -> str:
-    try:
-        return bounds.contributions()._repr_html_()
-    except SymmbError as error:
-        return document.note(str(error))
+    notes = map(document.note, (text, *(ghost.label for ghost in exhibit.ghosts)))
+    return "".join(notes) + document.moving(page(exhibit), file.getvalue())
 
 
 def _settings(bounds: Bounds) -> list[tuple[str, str]]:
@@ -106,14 +117,15 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
 
 def _cost(bounds: Bounds) -> str:
     took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
-    return f"{bounds.evaluations} runs{took}. A run with derivatives counts as many as they cost."
+    weighed = " A run with derivatives counts as many as they cost." if bounds.method.startswith("Taylor(") else ""
+    return f"{bounds.evaluations} runs{took}.{weighed}"
 
 
 def _python(bounds: Bounds, scene: Scene | None, check: LimitCheck | None) -> str:
     """Lines that find the bounds again, from the scene or the simulator, which the reader has."""
     solver = repr(bounds.study.solver) if scene is not None and isinstance(bounds.study, Study) else ""
     box = "" if bounds.box is None else repr(bounds.box)
-    subject = "simulator" if scene is None else "scene"
+    subject = "scene_or_simulator" if bounds.study is None else "simulator" if scene is None else "scene"
     lines = ["import symmb as mb", f"bounds = mb.propagate({subject}, {called(bounds.method, box, solver)})"]
     if check is None:
         return "\n".join([*lines, 'bounds.report("report.html")'])

@@ -42,7 +42,7 @@ details { margin: 28px 0 0; } summary { cursor: pointer; font-weight: 600; font-
   pre { font-size: 7.5pt; } table { font-size: 6.8pt; } th, td { padding: 2pt 3pt; }
   tr, img, .still, .contributions table, .doubt { break-inside: avoid; }
   .contributions table { font-size: 6.2pt; margin-right: 8pt; }
-  summary { font-size: 12.5pt; } details > :not(summary) { display: none; }
+  .note { font-size: 8.5pt; } summary { font-size: 12.5pt; } details > :not(summary) { display: none; }
   .limits pre { font-size: 10pt; } .still img { max-height: 105mm; }
   div { overflow: visible !important; } iframe { display: none; } .printed { display: block; } }
 """

@@ -184,6 +184,7 @@ CALLS: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = [
     (BOUNDS.doubtful, (0.1,), {}),
     (BOUNDS.save, ("b.npz",), {}),
     (BOUNDS.plot, ("b.png",), {}),
+    (BOUNDS.report, ("b.html",), {"limits": {"x": (None, 1.0)}}),
     (mb.Bounds.load, ("saved.npz",), {}),
     (mb.Comparison.load, ("saved.json",), {}),
     (mb.Trajectory.load, ("run.npz",), {"scene": SCENE}),
@@ -195,6 +196,7 @@ CALLS: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = [
     (RUN.plot, ("r.png",), {}),
     (COMPARISON.save, ("c.json",), {}),
     (COMPARISON.plot, ("c.svg",), {}),
+    (COMPARISON.report, ("c.html",), {}),
     (SCENE.with_times, (T,), {}),
     (SCENE.with_outputs, ({"x": ROD.x},), {}),
     (SCENE.with_box, (BOX,), {}),
@@ -233,7 +235,7 @@ WORDS = [
     "", "-", "--", "1", "nan", "-1", "1e999", "l=1", "l=", "=1", "l=a", "l==1", "k=1e-300", "pce", "pce:2", "pce:-1", "pce:2:paper", "pce:x", "taylor:99",
     "mc:0", "mc:1e3", "mc:999999999999", "scan:1", "vertex", "vertex:1", "cvodes", "cvodes:2", "cvodes:-1e-8", "idas:nan", "rk:0", "rk:1e-3",
     "dopri:1", "foo", "foo:1", "5%", "0%", "500%", "%", "five", "/nonexistent/x.json", "/", ".", "..", "x.txt", "x.npz", "x.png", "x.json", "x.csv",
-    "scene.py", "broken.py", "empty.py", "double_pendulum", "no_such_scene", "--methods", "--solver", "--set", "--spread", "--json", "--csv", "--plot",
+    "scene.py", "broken.py", "empty.py", "double_pendulum", "no_such_scene", "--methods", "--solver", "--set", "--spread", "--json", "--csv", "--plot", "--report",
     "--latex", "--box", "--limit", "--tolerances", "l=0.9:1.1", "x=:1", "x=1:", "x=::", "l=:", "x=nan:1", "--urdf", "arm.urdf", "a.b=1", "arm.mass=1", "arm.mass=nan", "link.mass=-1", "--inputs", "-o", "--help", "\x00", "a\nb", "é", "*/",
 ]  # fmt: skip
 COMMANDS = ["simulate", "bound", "compare", "equations", "codegen", "cache", "stability", "linearize", "runs", "fly"]

@@ -213,6 +213,17 @@ def test_wrong_arguments_are_told_in_one_sentence(tmp_path, monkeypatch, path, l
     assert "\n" not in str(error.value) and not [*tmp_path.iterdir()]
 
 
+def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
+    def fails(self):
+        raise mb.PropagationError("3 of 4 runs failed.")
+
+    simulator, box = decay()
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
+    monkeypatch.setattr(mb.Bounds, "contributions", fails)
+    bounds.report(tmp_path / "r.html")
+    assert "What each parameter contributes 3 of 4 runs failed. Curves" in text_of(tmp_path / "r.html")
+
+
 SCENE = """
 import numpy as np
 import symmb as mb
@@ -223,6 +234,15 @@ scene = mb.Scene(
     mb.System(ball, parameters=p), {"ball.vx": p.speed}, np.linspace(0, 2, 5), {"x": ball.x}, mb.Box(speed=(0.9, 1.1))
 )
 """
+
+
+def test_the_command_line_asks_for_contributions_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "roll.py").write_text(SCENE)
+    asked, own = [], mb.Bounds.contributions
+    monkeypatch.setattr(mb.Bounds, "contributions", lambda bounds: asked.append(1) or own(bounds))
+    assert main(["bound", "roll.py", "--report", "r.html"]) == 0
+    assert asked == [1] and "Contributions to the bounds by PolynomialChaos()" in text_of(tmp_path / "r.html")
 
 
 def test_the_command_line(tmp_path, monkeypatch, capsys):
