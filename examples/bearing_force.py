@@ -1,6 +1,11 @@
 """How much does a bearing feel of play in the parts? A slider-crank is driven at constant speed; the bounds of the
 force in its crankpin follow from intervals of the lengths and of the slider's mass.
+
+`python examples/bearing_force.py FOLDER` draws the mechanism and the bounds there.
 """
+
+import sys
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -55,3 +60,6 @@ if __name__ == "__main__":
         f"largest pin force at {scene.times[peak]:.3f} s: {run['pin_force'][peak]:.2f} N nominal, "
         f"at most {force_high[peak]:.2f} N"
     )
+    if len(sys.argv) > 1:
+        mb.view(run, Path(sys.argv[1]) / "bearing_force.html")
+        bounds.plot(Path(sys.argv[1]) / "bearing_force.png")

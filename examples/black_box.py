@@ -1,7 +1,12 @@
 """Bounds of a model that symmb did not derive: any Python function takes the place of a scene.
 
 Here SciPy integrates van der Pol's oscillator; its damping and the start are known as intervals only.
+
+`python examples/black_box.py FOLDER` draws them there.
 """
+
+import sys
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -34,3 +39,5 @@ if __name__ == "__main__":
     print(chaos)
     for i, name in enumerate(chaos.names):
         print(f"{name}: widest at {TIMES[(chaos.upper - chaos.lower)[:, i].argmax()]:.1f} s")
+    if len(sys.argv) > 1:
+        chaos.plot(Path(sys.argv[1]) / "black_box.png")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
+from symmb.bounds.worst_case import Worst, WorstCase
 
 nbclient = pytest.importorskip("nbclient")
 nbformat = pytest.importorskip("nbformat")
@@ -130,6 +131,14 @@ def test_texts_of_names_are_no_markup():
     page = mb.Scene(mb.System(rod), outputs={"a<i>$x$": rod.x + rod.y})._repr_html_()
     assert "<i>" not in page and "<b>" not in page
     assert 'class="tex2jax_ignore mathjax_ignore"' in page
+    box = mb.Box(**{"a<i>$x$": (0.0, 1.0)})
+    case = WorstCase("<b>y", "lower", 0.0, 0.0, {"a<i>$x$": 0.5}, 0.0, 1.0, box.names)
+    t, values = np.zeros(1), np.ones((1, 1))
+    moments = mb.Moments(t, ("<b>y",), box.names, values, values, values[None], values[None])
+    expansion = mb.Expansion(np.zeros((1, 1)), np.ones((1, 1, 1)), box.names)
+    for result in (box, case, Worst(case, case), moments, expansion):
+        page = result._repr_html_()
+        assert "<i>" not in page and "<b>" not in page and "a&lt;i&gt;" in page
 
 
 def test_a_scene_that_cannot_start_shows_why():

@@ -126,6 +126,13 @@ def test_site(tmp_path):
         text = (tmp_path / f"{page}.html").read_text(encoding="utf-8")
         outputs = text.split('class="cell_output')[1:]
         assert len(outputs) >= 3 and all(any(part in output for output in outputs) for part in shown), page
+    drawn = {
+        path.stem: re.findall(r'<(img|iframe) [^>]*src="\.\./(?:_images|drawn)/', path.read_text(encoding="utf-8"))
+        for path in (tmp_path / "gallery").glob("*.html")
+    }
+    scripts = {path.stem for path in (ROOT / "examples").glob("*.py")}
+    assert {name for name in scripts if not drawn[name]} == {"artillery", "cubic"}  # it takes minutes, it draws nothing
+    assert sum("iframe" in drawn[name] for name in scripts) >= 14
 
     text = (tmp_path / "searchindex.js").read_text(encoding="utf-8")
     index = json.loads(text.removeprefix("Search.setIndex(").removesuffix(")"))

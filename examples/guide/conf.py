@@ -8,6 +8,9 @@ import ast
 import inspect
 import os
 import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from itertools import takewhile
 from pathlib import Path
 
@@ -15,6 +18,10 @@ import symmb
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent
+ROOT = EXAMPLES.parent
+DRAWN = HERE / "gallery" / "site" / "drawn"
+"""What the examples write, in a folder each."""
+DRAWN.mkdir(parents=True, exist_ok=True)
 
 os.environ["TQDM_DISABLE"] = "1"  # notebooks show results alone
 
@@ -26,7 +33,8 @@ nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_timeout = 120
 nb_execution_raise_on_error = True
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "gallery/site/**.png"]
+html_extra_path = ["gallery/site"]
 default_role = "code"
 html_theme = "furo"
 html_title = "symmb"
@@ -59,12 +67,8 @@ GROUPS = {
 }
 """Pages of the guide for each subject. The names of each stand in the docstring of symmb."""
 
-PICTURES = {
-    "coupler_contributions": ["contributions"],
-    "paper_section_4_2": ["figure7", "figure8"],
-    "slider_tolerances": ["tolerances"],
-}
-"""Pictures in examples/figures, by the script that draws them."""
+LONG = {"artillery"}
+"""Scripts that take minutes: the site shows their code alone."""
 
 
 def names_by_subject() -> dict[str, list[str]]:
@@ -126,17 +130,60 @@ def write_names() -> set[str]:
     return written | {write("api/index", *sections)}
 
 
+def run_example(script: Path) -> None:
+    """Run a script with a folder for its pictures, unless it and symmb are older than what it wrote."""
+    folder = DRAWN / script.stem
+    printed, sources = (
+        folder / "printed.txt",
+        [script, *(ROOT / "models").glob("*.py"), *Path(symmb.__file__).parent.rglob("*.*")],
+    )
+    newest = max(path.stat().st_mtime for path in sources if path.suffix != ".pyc")
+    if printed.exists() and printed.stat().st_mtime > newest:
+        return
+    folder.mkdir(exist_ok=True)
+    for old in folder.iterdir():
+        old.unlink()
+    paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    command, environment = [sys.executable, str(script), str(folder)], {**os.environ, "PYTHONPATH": paths}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=300)
+    if done.returncode:
+        raise RuntimeError(f"{script.name} failed:\n{done.stderr}")
+    printed.write_text(done.stdout, encoding="utf-8")
+
+
+def shown(name: str, title: str) -> list[str]:
+    """What a script drew and printed."""
+    if name in LONG:
+        return ["It takes minutes. Run it to see its pictures.\n"]
+    files = sorted((DRAWN / name).iterdir())
+    pictures = [
+        directive("image", f"/gallery/site/drawn/{name}/{file.name}", f":alt: {title}")
+        for file in files
+        if file.suffix == ".png"
+    ]
+    frame = (
+        '<iframe src="../drawn/{}/{}" title="{}" loading="lazy" style="width: 100%; height: 480px; border: 0"></iframe>'
+    )
+    pages = [
+        directive("raw", "html", "", frame.format(name, file.name, title)) for file in files if file.suffix == ".html"
+    ]
+    text = (DRAWN / name / "printed.txt").read_text(encoding="utf-8").replace(str(DRAWN / name), "FOLDER")
+    printed = ["It prints\n", directive("code-block", "none", "", *text.splitlines())] if text.strip() else []
+    return [*pages, *pictures, *printed]
+
+
 def write_gallery() -> set[str]:
-    """A page for each script in examples, and one that lists all."""
+    """A page for each script in examples, with what it draws and prints, and one that lists all."""
     written, rows = set(), []
-    for script in sorted(EXAMPLES.glob("*.py")):
+    scripts = sorted(EXAMPLES.glob("*.py"))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(run_example, [script for script in scripts if script.stem not in LONG]))
+    for script in scripts:
         tree = ast.parse(script.read_text(encoding="utf-8"))
         text, title = ast.get_docstring(tree) or "", re.sub(r"(\d)_(\d)", r"\1.\2", script.stem)
         first, title = " ".join(text.split("\n\n")[0].split()), title.replace("_", " ").capitalize()
-        files = [f"/../figures/{name}.png" for name in PICTURES.get(script.stem, [])]
-        pictures = [directive("image", file, f":alt: {title}") for file in files]
         code = directive("literalinclude", f"/../{script.name}", f":lines: {(tree.body[0].end_lineno or 0) + 2}-")
-        page = [heading(title), f"`examples/{script.name}`\n", text, "", *pictures, code]
+        page = [heading(title), f"`examples/{script.name}`\n", text, "", *shown(script.stem, title), code]
         written.add(write(f"gallery/{script.stem}", *page))
         rows += [f":doc:`{title} </gallery/{script.stem}>`", f"   {first}"]
     about = "These scripts are in `examples`. Each runs by itself, and checks its results against others."
