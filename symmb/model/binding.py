@@ -57,8 +57,8 @@ class Binding:
         """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""
         if has_irregular_constant(expression):
             raise DeclarationError(
-                f"{what}: contains NaN or infinity. Python's math gives NaN for expressions: use casadi.sin(mb.t) in place "
-                "of math.sin(mb.t). CasADi and SymPy mixed in one expression give it as well."
+                f"{what}: contains NaN or infinity. Python's math gives NaN for expressions: use casadi.sin(mb.t) in "
+                "place of math.sin(mb.t). CasADi and SymPy mixed in one expression give it as well."
             )
         faults = [f"{what}: {fault}" for symbol in symbols_in(expression) if (fault := self._fault(symbol, also))]
         if faults:
