@@ -182,7 +182,7 @@ def two_lines(app, what: str, name: str, value: object, options: object, lines: 
             "--------",
             ">>> import casadi, symmb as mb",
             ">>> casadi.sin(2 * mb.t)",
-            "SX(sin((2*t)))",
+            "SX(sin((2.*t)))",
         ]
     old, section, at, code = [], "", 0, False
     for line in lines:
