@@ -8,14 +8,33 @@ LONGEST_TEXT = 1500
 
 
 class SymmbError(Exception):
-    """Root of all errors raised on purpose by symmb."""
+    """Root of all errors raised on purpose by symmb.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> try:
+    ...     mb.Box(k=(2.0, 1.0))
+    ... except mb.SymmbError as error:
+    ...     print(type(error).__name__)
+    DeclarationError
+    """
 
     def __init__(self, *args: object) -> None:
         super().__init__(*(_shortened(each) if isinstance(each, str) else each for each in args))
 
 
 class DeclarationError(SymmbError, ValueError):
-    """A scene, a system or an option is declared wrongly; the text names the fault and the remedy."""
+    """A scene, a system or an option is declared wrongly; the text names the fault and the remedy.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> mb.Box(k=(2.0, 1.0))
+    Traceback (most recent call last):
+        ...
+    symmb._errors.DeclarationError: Box: 'k' has lower 2.0 above upper 1.0. Exchange them.
+    """
 
 
 class NoParameterError(DeclarationError, KeyError):
@@ -33,19 +52,68 @@ class MissingFileError(FileError, FileNotFoundError):
 
 
 class AssemblyError(SymmbError, ValueError):
-    """The start does not satisfy the constraints, or the constraints are redundant there."""
+    """The start does not satisfy the constraints, or the constraints are redundant there.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> rod = mb.Distance("rod", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
+    >>> try:
+    ...     mb.simulate(mb.Scene(mb.System(bob, rod), {"bob.x": 0.0, "bob.y": 3.0, "bob.z": 0.0}))
+    ... except mb.AssemblyError:
+    ...     print("the rod of 1 m does not reach as far")
+    the rod of 1 m does not reach as far
+    """
 
 
 class SimulationError(SymmbError, RuntimeError):
-    """A run broke down; the text names time and parameter values."""
+    """A run broke down; the text names time and parameter values.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> push = mb.Force("push", bob.point(0, 0), (bob.x**2, 0))
+    >>> try:
+    ...     mb.simulate(mb.Scene(mb.System(bob, push), {"bob.x": 10.0}, [0.0, 10.0]), mb.CVODES())
+    ... except mb.SimulationError:
+    ...     print("x goes to infinity within 10 s")
+    x goes to infinity within 10 s
+    """
 
 
 class PropagationError(SymmbError, ValueError):
-    """A method asks for something that the simulator at hand cannot give."""
+    """A method asks for something that the simulator at hand cannot give.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> square = mb.FunctionSimulator(lambda a: [[a**2]], {"a": 1.0}, [0.0], ["y"])
+    >>> try:
+    ...     mb.propagate(square, mb.PolynomialChaos(budget=2), mb.Box(a=(0.0, 2.0)))
+    ... except mb.PropagationError as error:
+    ...     print(error)
+    PolynomialChaos(budget=2): the first level takes 5 runs, more than the budget of 2.
+    """
 
 
 class SymmbWarning(UserWarning):
-    """Something that the user should know about a result, or about how it is computed."""
+    """Something that the user should know about a result, or about how it is computed.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> with warnings.catch_warnings(record=True) as told:
+    ...     warnings.simplefilter("always", mb.SymmbWarning)
+    ...     run = mb.simulate(scene, mb.Newmark(step=0.5))
+    >>> len(told), len(run.doubts)
+    (1, 1)
+    """
 
 
 def _shortened(text: str) -> str:

@@ -1,5 +1,6 @@
 """Every signature that scene files and scripts outside this repository rely on, executed."""
 
+import inspect
 import re
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
@@ -262,6 +263,19 @@ def test_help_lists_each_public_name_once_by_subject():
         name.strip() for line in re.findall(r"^ {4}.*$", text, re.MULTILINE) for name in line.split(",") if name.strip()
     ]
     assert sorted(names) == sorted(set(dir(mb)) - {"__version__"})
+
+
+WITHOUT_EXAMPLE = {"Stability", "stability", "t"}
+"""Names that take seconds, and a symbol of CasADi, which has a docstring of its own."""
+
+
+def test_public_names_have_examples_and_numpydoc_layout():
+    docs = {name: inspect.getdoc(getattr(mb, name)) or "" for name in dir(mb) if name != "__version__"}
+    assert {name for name, text in docs.items() if "\nExamples\n--------\n" not in text} == WITHOUT_EXAMPLE
+    for name, text in docs.items():
+        for title, section in re.findall(r"^(\w+)\n-{3,}\n(.*?)(?=\n\n|\Z)", text, re.MULTILINE | re.DOTALL):
+            entries = [line for line in section.split("\n") if title != "Examples" and not line.startswith(" ")]
+            assert not [line for line in entries if re.search(r"\S {2,}\S", line)], f"{name}: {title}"
 
 
 def _parts(version):

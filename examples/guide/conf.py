@@ -230,7 +230,14 @@ def two_lines(app, what: str, name: str, value: object, options: object, lines: 
     They write `name : type      what it is`, or `name : what it is`, and go on in lines that are indented.
     """
     if name == "symmb.t":
-        lines[:] = ["Time [s], the one independent variable of every law: a symbol of CasADi."]
+        lines[:] = ["Time [s], the one independent variable of every law: a symbol of CasADi.", ""]
+        lines += [
+            "Examples",
+            "--------",
+            ">>> import casadi, symmb as mb",
+            ">>> casadi.sin(2 * mb.t)",
+            "SX(sin((2.*t)))",
+        ]
     old, section, at, code = [], "", 0, False
     for line in lines:
         code = bool(line) and (code or ">>>" in line)

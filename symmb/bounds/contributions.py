@@ -63,6 +63,14 @@ class Contributions(Result, files.Saved):
         where the surrogate comes from, or the runs
     remarks : sentences
         what else is known
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> total = mb.FunctionSimulator(lambda a, b: [[a + b**2]], {"a": 1.0, "b": 1.0}, [0.0], ["y"])
+    >>> bounds = mb.propagate(total, mb.PolynomialChaos(), mb.Box(a=(0.9, 1.1), b=(0.9, 1.1)))
+    >>> bounds.contributions().alone.round(4)
+    array([[[0.2, 0.4]]])
     """
 
     t: Array

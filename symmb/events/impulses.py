@@ -44,6 +44,16 @@ class Event:
         of the impulse [J], what is lost being negative
     depends_on_order : bool
         whether impacts of the same instant would end otherwise in another order
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> floor = mb.Impact("floor", gap=ball.y, restitution=0.8)
+    >>> scene = mb.Scene(mb.System(ball, floor, mb.Gravity(0, -10.0)), {"ball.y": 1.25}, [0.0, 1.0])
+    >>> (event,) = mb.simulate(scene).events
+    >>> event.name, event.what, round(event.time, 6), round(event.after, 6)
+    ('floor', 'impact', 0.5, 4.0)
     """
 
     time: float

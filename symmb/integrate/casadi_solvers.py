@@ -76,6 +76,15 @@ class IDAS(_Multistep):
         absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
     stabilization
         None, Baumgarte(...) or Projection()
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.IDAS(rtol=1e-9))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     plugin: ClassVar[str] = "idas"
@@ -104,6 +113,15 @@ class CVODES(_Multistep):
         BDF with Newton iterations instead of Adams with fixed-point iterations
     stabilization
         None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.CVODES())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     plugin: ClassVar[str] = "cvodes"
@@ -134,6 +152,15 @@ class StabilizedIndex2(Solver):
         relative tolerance
     atol : float
         absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.StabilizedIndex2())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     keeps_positions: ClassVar[bool] = True
@@ -170,6 +197,15 @@ class Collocation(Solver):
         over the whole horizon; at least one for each output time
     stabilization
         None, Baumgarte(...) or Projection()
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.Collocation(steps=20))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     limits: ClassVar[dict[str, tuple[float, float]]] = {"degree": (1, 9)}

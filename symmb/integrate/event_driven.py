@@ -32,6 +32,15 @@ class EventDriven(Explicit):
     atol : float
         absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> floor = mb.Impact("floor", gap=ball.y, restitution=0.8)
+    >>> scene = mb.Scene(mb.System(ball, floor, mb.Gravity(0, -10.0)), {"ball.y": 1.25}, [0.0, 1.0])
+    >>> mb.simulate(scene, mb.EventDriven())["ball.y"].round(6)
+    array([1.25, 0.75])
+
     References
     ----------
     Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, section II.6. Acary, Brogliato (2008),

@@ -93,6 +93,15 @@ class DormandPrince(Explicit):
     stabilization
         None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.DormandPrince())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+
     References
     ----------
     Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, section II.5 and code DOP853.
@@ -129,6 +138,15 @@ class RungeKutta(Explicit):
         over the whole horizon; at least one for each output time
     stabilization
         None, Baumgarte(...), Projection() or AugmentedLagrangian(...) at the output times
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.RungeKutta(steps=200))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     begins_anew: ClassVar[bool] = True

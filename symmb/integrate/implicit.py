@@ -105,6 +105,15 @@ class Rosenbrock(_SchemeSolver):
     stabilization
         None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.Rosenbrock())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+
     References
     ----------
     Hairer, Wanner (1996), Solving Ordinary Differential Equations II, section IV.7 and code RODAS.
@@ -166,6 +175,15 @@ class NSTIFFSI2(_PositionScheme):
         relative tolerance, with step control up to `step`; without it steps are fixed
     tolerance : float
         of Newton's method, largest change of the state over its size
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.NSTIFFSI2(step=1e-3))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     step: float = 5e-3
@@ -195,6 +213,15 @@ class BDFI3(_PositionScheme):
         longest step [s]
     tolerance : float
         of Newton's method, largest displacement over the motion's size
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.BDFI3(step=1e-3))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     step: float = 1e-3
@@ -227,6 +254,15 @@ class Newmark(_AlphaScheme):
         damping, 1/2 (trapezoidal rule, none) to 1
     tolerance : float
         of Newton's method, largest displacement over the motion's size
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.Newmark(step=1e-3, gamma=0.5))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     limits: ClassVar = {"gamma": (0.5, 1.0)}
@@ -255,6 +291,15 @@ class GeneralizedAlpha(_AlphaScheme):
         spectral radius at infinite frequency, 1 (no damping) to 0
     tolerance : float
         of Newton's method, largest displacement over the motion's size
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.GeneralizedAlpha(step=1e-3))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     limits: ClassVar = {"rho": (0.0, 1.0)}
@@ -280,6 +325,15 @@ class HHT(_AlphaScheme):
         damping, 0 (trapezoidal rule) to 1/3
     tolerance : float
         of Newton's method, largest displacement over the motion's size
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.HHT(step=1e-3))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     limits: ClassVar = {"alpha": (0.0, 1 / 3)}

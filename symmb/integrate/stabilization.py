@@ -19,6 +19,15 @@ class Baumgarte:
     alpha, beta : float
         rates [1/s]; equal ones damp the drift critically
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", 1.0, 1 / 3, mb.Planar())
+    >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-1, 0))
+    >>> scene = mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), {"rod.theta": 0.0}, [0.0, 0.5, 1.0])
+    >>> mb.simulate(scene, mb.CVODES(stabilization=mb.Baumgarte(10.0, 10.0)))["rod.theta"].round(3)
+    array([ 0.   , -0.895, -2.65 ])
+
     References
     ----------
     Baumgarte (1972), Computer Methods in Applied Mechanics and Engineering 1(1), 1-16.
@@ -38,6 +47,15 @@ class Projection:
 
     CasADi's integrators cannot be interrupted within a call: they are restarted at every output time, which costs a
     multistep method its history.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", 1.0, 1 / 3, mb.Planar())
+    >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-1, 0))
+    >>> scene = mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), {"rod.theta": 0.0}, [0.0, 0.5, 1.0])
+    >>> mb.simulate(scene, mb.DormandPrince(stabilization=mb.Projection()))["rod.theta"].round(3)
+    array([ 0.   , -0.895, -2.65 ])
     """
 
 
@@ -59,6 +77,15 @@ class AugmentedLagrangian:
         is far from 1/s
     iterations : int
         corrections of lam; 0 is the penalty method
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", 1.0, 1 / 3, mb.Planar())
+    >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-1, 0))
+    >>> scene = mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), {"rod.theta": 0.0}, [0.0, 0.5, 1.0])
+    >>> mb.simulate(scene, mb.DormandPrince(stabilization=mb.AugmentedLagrangian()))["rod.theta"].round(3)
+    array([ 0.   , -0.895, -2.65 ])
 
     References
     ----------

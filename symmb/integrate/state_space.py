@@ -33,6 +33,15 @@ class StateSpace(CompiledSolver):
     atol : float
         absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.StateSpace())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+
     References
     ----------
     Wehage, Haug (1982), Journal of Mechanical Design 104, 247-255.

@@ -91,6 +91,17 @@ class Linearization(files.Saved):
         their n_b names
     origin
         scene and state; None if it was read from a file
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> found = mb.linearize(mb.Scene(system, {"bob.x": 0.0, "bob.y": 0.0, "bob.z": 0.0}))
+    >>> found.frequencies.round(4)
+    array([0.3183, 0.3183, 0.3183])
     """
 
     name: str

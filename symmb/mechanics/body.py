@@ -167,7 +167,14 @@ class Inertial:
 
 
 class Ground(AbstractBody):
-    """The world frame, at rest."""
+    """The world frame, at rest.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> mb.Ground().point(1, 2).x
+    SX(1)
+    """
 
     def __init__(self) -> None:
         self.name = "ground"

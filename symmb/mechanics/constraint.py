@@ -35,6 +35,17 @@ class Motion(Constraint):
     """Drive: a position expression follows a law of time, expression - law = 0.
 
     Its multiplier is minus the driving force on the expression [N, N m], by M v' + Phi_v' lam = Q.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", 1.0, 1 / 3, mb.Planar())
+    >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-1, 0))
+    >>> motor = mb.Motion("motor", hinge.angle, 2 * mb.t)
+    >>> system = mb.System(rod, hinge, motor, mb.Gravity(0, -9.81))
+    >>> run = mb.simulate(mb.Scene(system, times=[0.0, 1.0]))
+    >>> run["rod.theta"].round(6), -run(system.lam("motor")).round(3)
+    (array([0., 2.]), array([ 9.81 , -4.082]))
     """
 
     name: str
@@ -53,7 +64,17 @@ class Motion(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint(Constraint):
-    """Velocity-only rows, such as rolling without slip: every expression, linear in the velocities, stays zero."""
+    """Velocity-only rows, such as rolling without slip: every expression, linear in the velocities, stays zero.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> disc = mb.Body("disc", 1.0, 0.5, mb.Planar())
+    >>> ground = mb.VelocityConstraint("no_slip", (disc.vx + 0.3 * disc.omega, disc.vy))
+    >>> run = mb.simulate(mb.Scene(mb.System(disc, ground), {"disc.vx": 0.6}, [0.0, 1.0]))
+    >>> run["disc.omega"].round(6)
+    array([-2., -2.])
+    """
 
     name: str
     expressions: tuple[Expr, ...]

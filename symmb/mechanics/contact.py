@@ -63,6 +63,16 @@ class Contact(ForceElement):
         of the sphere [m]; 0 is a point
     friction : FrictionLaw, optional
         `Coulomb(...)` or `Bristle(...)`, at the foot of the sphere on the plane
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.HuntCrossley(1e5, restitution=0.9, speed=1.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.   ,  0.909])
     """
 
     name: str
@@ -122,6 +132,16 @@ class BushContact(PairForce):
         radius of the bush less that of the pin [m]
     law : ContactLaw
         `HuntCrossley(...)`, ...
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> law = mb.KelvinVoigt(1e5, 200.0)
+    >>> ground, pin = mb.Ground(), mb.Body("pin", 1.0, 0.1, mb.Planar())
+    >>> bush = mb.BushContact("bush", ground.point(0, 0), pin.point(0, 0), (0, 0, 1), 1e-3, law)
+    >>> scene = mb.Scene(mb.System(pin, bush, mb.Gravity(0, -10.0)), times=[0.0, 0.02])
+    >>> mb.simulate(scene, mb.CVODES())["pin.y"].round(5)
+    array([ 0.     , -0.00135])
     """
 
     axis: tuple[Expr, ...]
@@ -166,6 +186,16 @@ class ToothContact(PairForce):
         play from flank to flank, half of it to each side [m]
     law : ContactLaw
         of one flank
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> law = mb.KelvinVoigt(1e4)
+    >>> ground, tooth = mb.Ground(), mb.Body("tooth", 1.0, pose=mb.Particle())
+    >>> flanks = mb.ToothContact("flanks", ground.point(0, 0), tooth.point(0, 0), (1, 0, 0), 0.02, law)
+    >>> scene = mb.Scene(mb.System(tooth, flanks), {"tooth.vx": 1.0}, [0.0, 0.02, 0.05])
+    >>> mb.simulate(scene, mb.CVODES())["tooth.vx"].round(3)
+    array([ 1.  ,  0.54, -1.  ])
     """
 
     direction: tuple[Expr, ...]
@@ -208,6 +238,17 @@ class TorsionContact(PairTorque):
         of b relative to a, halfway between the stops [rad]
     axis : tuple
         in both bodies' axes
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, shaft = mb.Ground(), mb.Body("shaft", 1.0, 1.0, mb.Planar())
+    >>> bearing = mb.Revolute("bearing", ground.point(0, 0), shaft.point(0, 0))
+    >>> coupling = mb.TorsionContact("coupling", ground, shaft, 0.2, mb.KelvinVoigt(1e3))
+    >>> scene = mb.Scene(mb.System(shaft, bearing, coupling), {"shaft.omega": 1.0}, [0.0, 0.1, 0.3])
+    >>> run = mb.simulate(scene, mb.CVODES())
+    >>> run["shaft.omega"].round(3)
+    array([ 1.,  1., -1.])
     """
 
     backlash: Expr

@@ -103,6 +103,16 @@ class HuntCrossley(_Hertzian):
     exponent : Expr
         n, 3/2 of Hertz if left out [-]
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.HuntCrossley(1e5, restitution=0.9, speed=1.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.   ,  0.909])
+
     References
     ----------
     Hunt, Crossley (1975), Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech. 42.
@@ -127,6 +137,16 @@ class LankaraniNikravesh(_Hertzian):
         v of approach when the contact begins [m/s]
     exponent : Expr
         n, 3/2 of Hertz if left out [-]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.LankaraniNikravesh(1e5, restitution=0.9, speed=1.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.   ,  0.913])
 
     References
     ----------
@@ -154,6 +174,16 @@ class Flores(_Hertzian):
     exponent : Expr
         n, 3/2 of Hertz if left out [-]
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.Flores(1e5, restitution=0.5, speed=1.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.  ,  0.47])
+
     References
     ----------
     Flores, Machado, Silva, Martins (2011), On the continuous contact force models for soft materials in multibody
@@ -177,6 +207,16 @@ class KelvinVoigt(ContactLaw):
         k [N/m]
     damping : Expr
         c [N s/m]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.KelvinVoigt(1e4, damping=20.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.   ,  0.744])
     """
 
     stiffness: Expr
@@ -210,6 +250,13 @@ class Tabulated(ContactLaw):
         force [N] over penetration [m]
     damping : Expr
         c [N s/m]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> law = mb.Tabulated(mb.Table([0, 0.01, 0.02], [0, 100, 400]), damping=5.0)
+    >>> law.force(0.01, 2.0)
+    SX(110)
     """
 
     table: Table

@@ -106,7 +106,15 @@ class PairForce(ForceElement):
 
 @dataclass(frozen=True, eq=False)
 class Gravity(ForceElement):
-    """Uniform gravity (gx, gy, gz) [m/s^2] in world axes on every body of the system."""
+    """Uniform gravity (gx, gy, gz) [m/s^2] in world axes on every body of the system.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> mb.simulate(mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), times=[0.0, 1.0]))["ball.y"].round(4)
+    array([ 0.   , -4.905])
+    """
 
     gx: Expr
     gy: Expr
@@ -145,6 +153,16 @@ class SpringDamper(PairForce):
         c [N s/m]
     length : Expr
         without load [m]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> strut = mb.SpringDamper("strut", mb.Ground().point(0, 0), bob.point(0, 0), 4.0, length=1.0, damping=1.0)
+    >>> scene = mb.Scene(mb.System(bob, strut), {"bob.x": 1.5}, [0.0, 1.0])
+    >>> run = mb.simulate(scene, mb.CVODES())
+    >>> run["bob.x"].round(4)
+    array([1.5   , 0.9647])
     """
 
     stiffness: Expr = 0.0
@@ -170,12 +188,33 @@ class SpringDamper(PairForce):
 
 
 def Spring(name: str, point_a: Point, point_b: Point, stiffness: Expr, length: Expr = 0.0) -> SpringDamper:
-    """Spring between two points: stiffness [N/m], length without load [m]."""
+    """Spring between two points: stiffness [N/m], length without load [m].
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene)["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
     return SpringDamper(name, point_a, point_b, stiffness, 0.0, length)
 
 
 def Damper(name: str, point_a: Point, point_b: Point, damping: Expr) -> SpringDamper:
-    """Damper along the line between two points: damping [N s/m]."""
+    """Damper along the line between two points: damping [N s/m].
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> damper = mb.Damper("damper", mb.Ground().point(0, 0), bob.point(0, 0), 0.5)
+    >>> scene = mb.Scene(mb.System(bob, damper), {"bob.x": 1.0, "bob.vx": 2.0}, [0.0, 1.0])
+    >>> run = mb.simulate(scene, mb.CVODES())
+    >>> run["bob.vx"].round(4)
+    array([2.    , 1.2131])
+    """
     return SpringDamper(name, point_a, point_b, 0.0, damping, 0.0)
 
 
@@ -234,6 +273,16 @@ class TorsionSpring(PairTorque):
         without load [rad]
     axis : tuple
         in both bodies' axes
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, disc = mb.Ground(), mb.Body("disc", 1.0, 0.5, mb.Planar())
+    >>> hinge = mb.Revolute("hinge", ground.point(0, 0), disc.point(0, 0))
+    >>> spring = mb.TorsionSpring("spring", ground, disc, stiffness=2.0)
+    >>> run = mb.simulate(mb.Scene(mb.System(disc, hinge, spring), {"disc.theta": 0.1}, [0.0, 1.0]))
+    >>> run["disc.theta"].round(4)
+    array([ 0.1   , -0.0416])
     """
 
     stiffness: Expr
@@ -264,6 +313,16 @@ class Bushing(PairForce):
         [N/m], [N s/m]
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
         [N m/rad], [N m s/rad]; for the small rotation of b relative to a: the sine of its angle about each axis
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", 2.0, 0.1, mb.Planar())
+    >>> foot = mb.Ground().point(0, 0)
+    >>> mount = mb.Bushing("mount", foot, block.point(0, 0), (100.0, 400.0, 0.0), rotational_stiffness=5.0)
+    >>> run = mb.simulate(mb.Scene(mb.System(block, mount, mb.Gravity(0, -10.0)), equilibrium=True))
+    >>> run["block.y"].round(6)
+    array([-0.05])
     """
 
     stiffness: Expr
@@ -310,7 +369,17 @@ def mount(point_a: Point, point_b: Point, K: ca.SX, C: ca.SX, K_turn: ca.SX, C_t
 
 @dataclass(frozen=True, eq=False)
 class Force(ForceElement):
-    """A force (fx, fy[, fz]) [N] in world axes at a point: a list, a NumPy array or a CasADi vector."""
+    """A force (fx, fy[, fz]) [N] in world axes at a point: a list, a NumPy array or a CasADi vector.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 2.0, pose=mb.Particle())
+    >>> push = mb.Force("push", bob.point(0, 0), (ca.sin(mb.t), 0))
+    >>> mb.simulate(mb.Scene(mb.System(bob, push), times=[0.0, 1.0]))["bob.vx"].round(4)
+    array([0.    , 0.2298])
+    """
 
     name: str
     point: Point
@@ -331,7 +400,16 @@ class Force(ForceElement):
 
 @dataclass(frozen=True, eq=False)
 class Torque(ForceElement):
-    """A torque tz or (tx, ty, tz) [N m] in world axes on a body: a number, or a list, NumPy array or CasADi vector."""
+    """A torque tz or (tx, ty, tz) [N m] in world axes on a body: a number, or a list, NumPy array or CasADi vector.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> disc = mb.Body("disc", 1.0, 0.5, mb.Planar())
+    >>> brake = mb.Torque("brake", disc, -0.2 * disc.omega)
+    >>> mb.simulate(mb.Scene(mb.System(disc, brake), {"disc.omega": 1.0}, [0.0, 1.0]))["disc.omega"].round(4)
+    array([1.    , 0.6703])
+    """
 
     name: str
     body: AbstractBody

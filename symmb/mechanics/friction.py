@@ -38,6 +38,18 @@ class Coulomb(FrictionLaw):
     static : Expr
         mu_s before sliding [-]; mu_k if left out
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, block = mb.Ground(), mb.Body("block", 1.0, 0.1, mb.Planar())
+    >>> slide = mb.Prismatic("slide", ground.point(0, 0), block.point(0, 0), axis=(1, 0, 0))
+    >>> law = mb.Coulomb(0.2, 0.01)
+    >>> rub = mb.Friction("rub", ground.point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law)
+    >>> scene = mb.Scene(mb.System(block, slide, rub), {"block.vx": 3.0}, [0.0, 1.0])
+    >>> run = mb.simulate(scene, mb.CVODES())
+    >>> run["block.vx"].round(3)
+    array([3., 1.])
+
     References
     ----------
     Brown, McPhee (2016), A continuous velocity-based friction model for dynamics and control with physically
@@ -85,6 +97,18 @@ class Bristle(FrictionLaw):
         mu_s of breaking away [-]; mu_k if left out
     speed : Expr
         Stribeck speed, at which mu falls from mu_s to mu_k [m/s]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, block = mb.Ground(), mb.Body("block", 1.0, 0.1, mb.Planar())
+    >>> slide = mb.Prismatic("slide", ground.point(0, 0), block.point(0, 0), axis=(1, 0, 0))
+    >>> law = mb.Bristle(0.2, 1e3)
+    >>> rub = mb.Friction("rub", ground.point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law)
+    >>> scene = mb.Scene(mb.System(block, slide, rub), {"block.vx": 3.0}, [0.0, 0.1])
+    >>> run = mb.simulate(scene, mb.CVODES())
+    >>> run["block.vx"].round(3)
+    array([3. , 2.8])
 
     References
     ----------
@@ -150,6 +174,18 @@ class Friction(PairForce):
         between the bodies, not negative [N]
     law : FrictionLaw
         `Coulomb(...)` or `Bristle(...)`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, block = mb.Ground(), mb.Body("block", 1.0, 0.1, mb.Planar())
+    >>> slide = mb.Prismatic("slide", ground.point(0, 0), block.point(0, 0), axis=(1, 0, 0))
+    >>> law = mb.Coulomb(0.2, 0.01)
+    >>> rub = mb.Friction("rub", ground.point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law)
+    >>> scene = mb.Scene(mb.System(block, slide, rub), {"block.vx": 3.0}, [0.0, 1.0])
+    >>> run = mb.simulate(scene, mb.CVODES())
+    >>> run["block.vx"].round(3)
+    array([3., 1.])
     """
 
     axis: tuple[Expr, ...]

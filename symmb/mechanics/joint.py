@@ -25,7 +25,17 @@ _SPATIAL: tuple[type[Pose], ...] = (Spatial,)
 
 
 class Revolute(TurningJoint):
-    """Hinge: the points coincide, the axes stay parallel."""
+    """Hinge: the points coincide, the axes stay parallel.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", 1.0, 1 / 3, mb.Planar())
+    >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-1, 0))
+    >>> run = mb.simulate(mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), {"hinge.angle": 0.0}, [0.0, 0.5]))
+    >>> run(hinge.angle).round(4), run(hinge.angle_rate).round(4)
+    (array([ 0.    , -0.8948]), array([ 0.    , -3.3881]))
+    """
 
     coordinate = "angle"
     without = "Its points coincide, so that nothing slides. Use angle and angle_rate."
@@ -35,7 +45,18 @@ class Revolute(TurningJoint):
 
 
 class Cylindrical(TurningJoint, SlidingJoint):
-    """The bodies turn about and slide along a common axis."""
+    """The bodies turn about and slide along a common axis.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", 2.0, (1, 1, 1), mb.Spatial())
+    >>> joint = mb.Cylindrical("joint", mb.Ground().point(0, 0, 0), block.point(0, 0, 0), axis=(0, 0, 1))
+    >>> start = {"joint.angle_rate": 2.0, "joint.displacement_rate": 0.5}
+    >>> run = mb.simulate(mb.Scene(mb.System(block, joint), start, [0.0, 1.0], {"angle": joint.angle}))
+    >>> run["angle"].round(6), run(joint.displacement).round(6)
+    (array([0., 2.]), array([0. , 0.5]))
+    """
 
     poses = (_SPATIAL, _SPATIAL)
     handles = ("angle", "displacement")
@@ -46,7 +67,17 @@ class Cylindrical(TurningJoint, SlidingJoint):
 
 @dataclass(frozen=True, eq=False)
 class Screw(TurningJoint, SlidingJoint):
-    """A cylindrical joint that advances by `pitch` [m] along its axis with every turn."""
+    """A cylindrical joint that advances by `pitch` [m] along its axis with every turn.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", 2.0, (1, 1, 1), mb.Spatial())
+    >>> screw = mb.Screw("screw", mb.Ground().point(0, 0, 0), block.point(0, 0, 0), pitch=0.1)
+    >>> run = mb.simulate(mb.Scene(mb.System(block, screw), {"screw.displacement_rate": 0.1}, [0.0, 1.0]))
+    >>> run["block.omega_z"].round(4)
+    array([6.2832, 6.2832])
+    """
 
     poses: ClassVar = (_SPATIAL, _SPATIAL)
     handles: ClassVar = ("angle", "displacement")
@@ -60,7 +91,18 @@ class Screw(TurningJoint, SlidingJoint):
 
 
 class Prismatic(SlidingJoint):
-    """Slider: the frames are locked parallel, point b stays on the axis through point a."""
+    """Slider: the frames are locked parallel, point b stays on the axis through point a.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", 2.0, (1, 1, 1), mb.Spatial())
+    >>> slide = mb.Prismatic("slide", mb.Ground().point(0, 0, 0), block.point(0, 0, 0), axis=(1, 0, 0))
+    >>> push = mb.Actuator("push", slide, 4.0)
+    >>> run = mb.simulate(mb.Scene(mb.System(block, slide, push), times=[0.0, 1.0]))
+    >>> run(slide.displacement).round(6), run(slide.displacement_rate).round(6)
+    (array([0., 1.]), array([0., 2.]))
+    """
 
     coordinate = "displacement"
     without = "Its frames are locked parallel, so that nothing turns. Use displacement and displacement_rate."
@@ -74,7 +116,18 @@ class Prismatic(SlidingJoint):
 
 
 class Weld(AxisJoint):
-    """The points coincide and the frames are locked parallel, `axis` onto `axis_b`."""
+    """The points coincide and the frames are locked parallel, `axis` onto `axis_b`.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", 2.0, (1, 1, 1), mb.Spatial())
+    >>> weld = mb.Weld("weld", mb.Ground().point(0, 0, 0), block.point(0, 0, 1))
+    >>> system = mb.System(block, weld, mb.Gravity(0, 0, -10.0))
+    >>> run = mb.simulate(mb.Scene(system, times=[0.0, 1.0]))
+    >>> run(system.reaction("weld").fz).round(6)
+    array([20., 20.])
+    """
 
     aligns = True
     without = "It holds its bodies together, so that nothing turns and nothing slides."
@@ -88,7 +141,17 @@ class Weld(AxisJoint):
 
 
 class Universal(AxisJoint):
-    """Hooke joint: the points coincide, and `axis` of body a is normal to `axis_b` of body b, which must be given."""
+    """Hooke joint: the points coincide, and `axis` of body a is normal to `axis_b` of body b, which must be given.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", 2.0, (1, 1, 1), mb.Spatial())
+    >>> ground = mb.Ground()
+    >>> joint = mb.Universal("joint", ground.point(0, 0, 0), block.point(0, 0, 0), axis=(1, 0, 0), axis_b=(0, 1, 0))
+    >>> mb.System(block, joint).Phi.shape
+    (4, 1)
+    """
 
     poses = (_SPATIAL, _SPATIAL)
     without = (
@@ -110,7 +173,17 @@ class Universal(AxisJoint):
 
 
 class PlanarJoint(AxisJoint):
-    """Point b stays in the plane through point a whose normal is `axis`; the normals stay parallel."""
+    """Point b stays in the plane through point a whose normal is `axis`; the normals stay parallel.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", 2.0, (1, 1, 1), mb.Spatial())
+    >>> table = mb.PlanarJoint("table", mb.Ground().point(0, 0, 0), block.point(0, 0, 0), axis=(0, 0, 1))
+    >>> run = mb.simulate(mb.Scene(mb.System(block, table), {"block.vx": 1.0}, [0.0, 2.0]))
+    >>> run["block.x"].round(6)
+    array([0., 2.])
+    """
 
     poses = (_SPATIAL, _SPATIAL)
     aligns = True
@@ -122,7 +195,17 @@ class PlanarJoint(AxisJoint):
 
 
 class PointOnLine(AxisJoint):
-    """Point b stays on the line through point a along `axis`; orientations are free."""
+    """Point b stays on the line through point a along `axis`; orientations are free.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    >>> wire = mb.PointOnLine("wire", mb.Ground().point(0, 0, 0), bead.point(0, 0, 0), axis=(1, 0, -1))
+    >>> run = mb.simulate(mb.Scene(mb.System(bead, wire, mb.Gravity(0, 0, -10.0)), times=[0.0, 1.0]))
+    >>> run["bead.z"].round(6)
+    array([ 0. , -2.5])
+    """
 
     poses = (ORIENTED, _ANY)
 
@@ -143,7 +226,16 @@ class PointOnLine(AxisJoint):
 
 
 class Spherical(Joint):
-    """Ball joint: the points coincide."""
+    """Ball joint: the points coincide.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> top = mb.Body("top", 1.0, (0.1, 0.1, 0.2), mb.Spatial())
+    >>> ball = mb.Spherical("ball", mb.Ground().point(0, 0, 0), top.point(0, 0, -0.5))
+    >>> mb.System(top, ball).Phi.shape
+    (3, 1)
+    """
 
     poses = (_ANY, _ANY)
     without = (
@@ -162,6 +254,16 @@ class Distance(Joint):
     The rod pulls and pushes. It stands for a rope only while its multiplier stays positive: make
     `system.lam("name")[0]` an output and look at its sign. A `NonlinearSpring` pulls only, with a law such as
     `lambda d, v: ca.fmax(k * (d - length), 0)`.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> rod = mb.Distance("rod", mb.Ground().point(0, 0, 0), bob.point(0, 0, 0), 1.0)
+    >>> system = mb.System(bob, rod, mb.Gravity(0, 0, -9.81))
+    >>> run = mb.simulate(mb.Scene(system, {"bob.x": 0.0, "bob.y": 0.0}, [0.0, 1.0], guess={"bob.z": -1.0}))
+    >>> run(system.lam("rod")).round(6)
+    array([9.81, 9.81])
     """
 
     poses: ClassVar = (_ANY, _ANY)
@@ -186,6 +288,18 @@ class Gear(AxisJoint):
 
     The angles are 0 where the frames are parallel to the world's. With a negative ratio the bodies turn in opposite
     directions.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground = mb.Ground()
+    >>> a, b = (mb.Body(name, 1.0, 0.1, mb.Planar()) for name in "ab")
+    >>> pin_a = mb.Revolute("pin_a", ground.point(0, 0), a.point(0, 0))
+    >>> pin_b = mb.Revolute("pin_b", ground.point(3, 0), b.point(0, 0))
+    >>> gear = mb.Gear("gear", a.point(0, 0), b.point(0, 0), ratio=-0.5)
+    >>> run = mb.simulate(mb.Scene(mb.System(a, b, pin_a, pin_b, gear), {"a.omega": 2.0}, [0.0, 1.0]))
+    >>> run["b.omega"].round(6)
+    array([-1., -1.])
     """
 
     turns: ClassVar[bool] = True

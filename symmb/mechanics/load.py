@@ -26,6 +26,15 @@ class NonlinearSpring(PairForce):
     pull : callable
         (length [m], rate [m/s]), both SX, -> force that pulls the points together [N]; such as `GasSpring(...)`,
         `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.NonlinearSpring("spring", mb.Ground().point(0, 0), bob.point(0, 0), lambda d, v: 3 * d**3 + v)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0])
+    >>> mb.simulate(scene, mb.CVODES())["bob.x"].round(4)
+    array([1.    , 0.3262])
     """
 
     pull: Callable[[ca.SX, ca.SX], Expr]
@@ -65,6 +74,13 @@ class GasSpring:
         between the points at which pressure and volume are given [m]
     exponent : Expr
         n, polytropic exponent: 1 for slow and 1.4 for fast changes of air [-]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> gas = mb.GasSpring(pressure=5e5, volume=1e-3, area=0.01, length=0.5)
+    >>> gas(0.5, 0.0)
+    SX(-5000)
     """
 
     pressure: Expr
@@ -106,6 +122,13 @@ class Orifice:
         Cd [-]
     speed : Expr
         below which the flow is laminar [m/s]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> oil = mb.Orifice(area=0.01, opening=1e-4)
+    >>> oil(0.1, 0.5)
+    SX(22193.9)
     """
 
     area: Expr
@@ -145,6 +168,16 @@ class Soil(ForceElement):
         across the normal [N/m], [N s/m]
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
         [N m/rad], [N m s/rad], as of a `Bushing`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> foot = mb.Body("foot", 2.0, 0.1, mb.Planar())
+    >>> law = mb.KelvinVoigt(1e3, 1e2)
+    >>> soil = mb.Soil("soil", mb.Ground().point(0, 0), foot.point(0, 0), (0, 1, 0), law, 500.0, 50.0, 10.0)
+    >>> scene = mb.Scene(mb.System(foot, soil, mb.Gravity(0, -10.0)), guess={"foot.y": -0.01}, equilibrium=True)
+    >>> mb.simulate(scene)["foot.y"].round(4)
+    array([-0.02])
     """
 
     name: str

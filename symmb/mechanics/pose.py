@@ -113,7 +113,15 @@ def _frame(
 
 
 class Planar(Pose):
-    """Motion in the xy plane: q = (x, y, theta), v = q', theta [rad] positive about +z."""
+    """Motion in the xy plane: q = (x, y, theta), v = q', theta [rad] positive about +z.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", mass=2.0, inertia=0.5, pose=mb.Planar())
+    >>> rod.x, rod.y, rod.theta, rod.omega
+    (SX(rod.x), SX(rod.y), SX(rod.theta), SX(rod.omega))
+    """
 
     rigid_coordinates = ("x", "y", "theta")
     rigid_velocities = ("vx", "vy", "omega")
@@ -128,7 +136,16 @@ class Planar(Pose):
 
 
 class Spatial(Pose):
-    """Free motion in space: q = (r, e), v = (r', omega), e a unit quaternion, scalar first, omega in body axes."""
+    """Free motion in space: q = (r, e), v = (r', omega), e a unit quaternion, scalar first, omega in body axes.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> top = mb.Body("top", mass=1.0, inertia=(0.1, 0.1, 0.2), pose=mb.Spatial())
+    >>> system = mb.System(top)
+    >>> system.q.numel(), system.v.numel()
+    (7, 6)
+    """
 
     rigid_coordinates = ("x", "y", "z", "e0", "e1", "e2", "e3")
     rigid_velocities = ("vx", "vy", "vz", "omega_x", "omega_y", "omega_z")
@@ -145,7 +162,15 @@ class Spatial(Pose):
 
 
 class Particle(Pose):
-    """Translation in space without rotation: q = (x, y, z), v = q'."""
+    """Translation in space without rotation: q = (x, y, z), v = q'.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", mass=1.0, pose=mb.Particle())
+    >>> bob.x, bob.vz
+    (SX(bob.x), SX(bob.vz))
+    """
 
     rigid_coordinates = ("x", "y", "z")
     rigid_velocities = ("vx", "vy", "vz")

@@ -60,6 +60,19 @@ class Scene:
     ------
     DeclarationError
         all faults at once
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> print(scene)
+    Scene('scene', 1 outputs at 3 times, 0 to 2 s)
+    >>> mb.simulate(scene)["x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
     """
 
     system: System

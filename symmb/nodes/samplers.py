@@ -40,7 +40,16 @@ class Random:
 
 @dataclass(frozen=True)
 class Sobol:
-    """The first n points of a scrambled Sobol' sequence (Sobol' 1967; Owen 1998)."""
+    """The first n points of a scrambled Sobol' sequence (Sobol' 1967; Owen 1998).
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> mb.MonteCarlo(1024, sampler=mb.Sobol())
+    MonteCarlo(1024, sampler=Sobol())
+    >>> mb.Sobol().points(2, 4, seed=0).shape
+    (2, 4)
+    """
 
     def points(self, n: int, d: int, seed: int) -> Array:
         """(n, d) points."""
@@ -53,7 +62,16 @@ class Sobol:
 
 @dataclass(frozen=True)
 class LatinHypercube:
-    """One point in each of n slices of every parameter (McKay, Beckman and Conover 1979)."""
+    """One point in each of n slices of every parameter (McKay, Beckman and Conover 1979).
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> mb.MonteCarlo(1000, sampler=mb.LatinHypercube())
+    MonteCarlo(1000, sampler=LatinHypercube())
+    >>> mb.LatinHypercube().points(2, 3, seed=0).shape
+    (2, 3)
+    """
 
     def points(self, n: int, d: int, seed: int) -> Array:
         """(n, d) points."""

@@ -28,6 +28,16 @@ class Expansion:
     alpha : (n_b, d) degrees of the products, the constant first; phi_n(1) = 1
     coefficients : (n_b, n_t, n_y)
     parameters : d names, in the order of the columns of ``alpha``
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> square = mb.FunctionSimulator(lambda a: [[a**2]], {"a": 1.0}, [0.0], ["y"])
+    >>> bounds = mb.propagate(square, mb.PolynomialChaos(order=2), mb.Box(a=(0.0, 2.0)))
+    >>> bounds.expansion.coefficients[:, 0, 0].round(6)
+    array([1.333333, 2.      , 0.666667])
+    >>> bounds.expansion.values([[0.0], [1.0]])[:, 0, 0].round(6)
+    array([1., 4.])
     """
 
     alpha: MultiIndices
@@ -83,6 +93,15 @@ class Moments:
     parameters : d names
     mean, variance : (n_t, n_y)
     first, total : (d, n_t, n_y)
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> square = mb.FunctionSimulator(lambda a: [[a**2]], {"a": 1.0}, [0.0], ["y"])
+    >>> bounds = mb.propagate(square, mb.PolynomialChaos(order=2), mb.Box(a=(0.0, 2.0)))
+    >>> moments = bounds.moments()
+    >>> moments.mean.round(6), moments.variance.round(6)
+    (array([[1.333333]]), array([[1.422222]]))
     """
 
     t: Array

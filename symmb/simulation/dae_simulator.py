@@ -83,6 +83,19 @@ class DAESimulator:
         `second_look`
     nominal : (n_t, n_y) array
         outputs of the nominal run; None before `second_look`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> simulator = mb.DAESimulator(scene)
+    >>> simulator.run([[3.9], [4.1]]).Y[:, -1].round(4)
+    array([[-0.6909],
+           [-0.6152]])
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:

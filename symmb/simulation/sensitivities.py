@@ -45,6 +45,18 @@ class Sensitivities(Result, files.Saved):
         the nominal run
     values : (n_t, n_y, n_p)
         dy/dp, in units of the output over those of the parameter
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> found = mb.sensitivities(scene)
+    >>> found["x", "k"].round(4)
+    array([ 0.    , -0.2273,  0.3784])
     """
 
     name: str

@@ -59,6 +59,18 @@ class Sweep(Result, files.Saved):
         whether a run is valid
     messages : tuple of str
         why each of the others is not, in order
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> runs = mb.sweep(scene, {"k": [3.0, 4.0, 5.0]})
+    >>> runs["x"].shape, runs["x"][:, -1].round(4)
+    ((3, 3), array([-0.9484, -0.6536, -0.2379]))
     """
 
     name: str

@@ -72,6 +72,18 @@ class Trajectory(Result, files.Saved):
         what the start and the solver cannot vouch for; `doubts` are all
     run_examination
         the examination of the run between its output times as well; None if it was read
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> run = mb.simulate(scene)
+    >>> run["x"].round(4), run(bob.x**2).round(4), run.parameters
+    (array([ 1.    , -0.4161, -0.6536]), array([1.    , 0.1732, 0.4272]), {'k': 4.0})
     """
 
     scene: Scene | None

@@ -42,6 +42,14 @@ class Beam:
     DeclarationError
         If there are fewer than two points, neighbours coincide, the orientation is along the beam, or the sections
         do not match the points or each other (with shear or without).
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> steel = mb.Material(E=2.1e11, nu=0.3, density=7850.0)
+    >>> beam = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), steel, elements=8)
+    >>> mb.FiniteElements.beams(beam).positions.shape
+    (9, 3)
     """
 
     points: npt.ArrayLike

@@ -40,6 +40,15 @@ class FiniteElements:
         the point masses by which the inertia of the deformed body is integrated
     axial : AxialForces
         of beams, for geometric stiffening
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> steel = mb.Material(E=2.1e11, nu=0.3, density=7850.0)
+    >>> beam = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), steel, elements=8)
+    >>> mesh = mb.FiniteElements.beams(beam)
+    >>> mesh.positions.shape, mesh.K.shape
+    ((9, 3), (54, 54))
     """
 
     positions: Array

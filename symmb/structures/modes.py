@@ -99,6 +99,15 @@ class Modes:
         If an array is misshaped or not finite, J0 or J2 is not symmetric, or mass, stiffness or damping has the wrong
         sign.
 
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> steel = mb.Material(E=2.1e11, nu=0.3, density=7850.0)
+    >>> beam = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), steel, elements=8)
+    >>> modes = mb.FiniteElements.beams(beam).modes(count=2)
+    >>> (modes.stiffness**0.5).round(0)
+    array([1152., 1152.])
+
     References
     ----------
     A. A. Shabana, Dynamics of Multibody Systems, 4th ed., Cambridge 2013, ch. 5.

@@ -58,6 +58,19 @@ class Calibration(Result, files.Saved):
         what the data do not determine, in sentences
     evaluations : int
         runs with derivatives
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> data = {"x": ([0.5, 1.0, 1.5, 2.0], [0.5403, -0.4161, -0.9900, -0.6536])}
+    >>> fit = mb.calibrate(scene, data, ["k"])
+    >>> round(fit.parameters["k"], 2)
+    4.0
     """
 
     name: str

@@ -55,6 +55,18 @@ class Comparison(Result, files.Saved):
         why symmb chose this solver, if it did
     doubts : tuple of str
         what cannot be trusted about the runs, in sentences
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> comparison = mb.compare(scene, [mb.Taylor(2), mb.Vertex()])
+    >>> [row.evaluations for row in comparison.rows]
+    [3, 2]
     """
 
     scene: str

@@ -55,6 +55,17 @@ class RootLocus(files.Saved):
         where frequencies cross, and where shapes are exchanged
     doubts : tuple of str
         what cannot be trusted
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> locus = mb.root_locus(mb.Scene(system), "k", (1.0, 9.0), count=3)
+    >>> locus.eigenvalues.imag.max(axis=1).round(4)
+    array([1.    , 2.2361, 3.    ])
     """
 
     name: str

@@ -66,6 +66,18 @@ class Tolerances(Result):
         nominal values of the parameters of the box
     remarks : sentences
         why no larger box was found, if no limit is near
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> found = mb.tolerances(scene, {"x": (-0.7, None)})
+    >>> round(found.factor, 2)
+    1.25
     """
 
     box: Box
