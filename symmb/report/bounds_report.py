@@ -91,7 +91,7 @@ def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
     """The runs that attain the bound that is closest to a limit, or the widest bounds; the nominal run if none does."""
     worst = None if check is None else check.worst
     output, time = (None, None) if worst is None else (worst.output, worst.time)
-    text = "The nominal run, and those that attain the bounds:"
+    text = "The nominal run, and the runs of the study that come closest to the bounds:"
     try:
         exhibit = of_bounds(bounds, output, time, None)
     except DeclarationError as error:
