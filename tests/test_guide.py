@@ -8,8 +8,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "examples" / "guide").glob("*.md"))
-CODE = re.compile(r"^```(?:python|\{code-cell\} python)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+CODE = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 WITH_CODE = [page for page in PAGES if CODE.search(page.read_text(encoding="utf-8"))]
+"""Notebooks, which have cells in the place of blocks, run where the site is built: `test_site.py`."""
 
 
 @pytest.mark.slow

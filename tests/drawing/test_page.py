@@ -34,7 +34,7 @@ GALLERY = [path.stem for path in sorted(EXAMPLES.glob("*.py")) if "mb.view(run" 
 
 SHORT = {"excavator", "planetary_gear"}
 SUBJECTS = [
-    *shipped_names(),
+    *(pytest.param(name, marks=[pytest.mark.long] * (name == "artillery")) for name in shipped_names()),
     *(name if name in SHORT else pytest.param(name, marks=pytest.mark.long) for name in GALLERY),
 ]
 
