@@ -67,6 +67,15 @@ class Stability(files.Saved):
     corners : dict
         relative half width of the box -> (corners that fail, corners)
     advice : str
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), start={"ball.vx": 2.0}, times=[0.0, 1.0])
+    >>> study = mb.stability(fall, seconds=0.5)  # so that few settings are tried
+    >>> study.trials[0].family
+    'DormandPrince'
     """
 
     scene: str
@@ -220,6 +229,17 @@ def stability(
         If there is nothing to integrate, there are impacts, or no solver finishes
     KeyboardInterrupt
         If it is interrupted: `partial` then holds the Stability of the runs so far
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, mass = mb.Ground(), mb.Body("mass", mass=1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", ground.point(0, 0), mass.point(0, 0), 40.0, length=0.5)
+    >>> times = [0.0, 0.5, 1.0]
+    >>> scene = mb.Scene(mb.System(mass, spring), start={"mass.x": 1.0}, times=times, name="mass on a spring")
+    >>> study = mb.stability(scene, seconds=0.5)  # so that few settings are tried: print(study) advises
+    >>> study.scene
+    'mass on a spring'
     """
     scene = scene_of(scene)
     require_positive("stability", "seconds", seconds)
