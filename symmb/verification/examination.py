@@ -28,6 +28,8 @@ _ROUNDING = 1e-14
 """Share of the largest energy up to which a change of energy may be rounding."""
 _FALLS = 0.5
 """Share to which a drift of energy that is due to the tolerance falls at a tenth of it: to 0.1 by most solvers."""
+_OF_WORK = 1e-9
+"""Share of the work up to which its sum is off at the smallest tolerances: by CVODES 2e-10, which falls no further."""
 _SOUND = 1e-6
 """Violation of positions, over the size of the scene, up to which a state is on its constraints."""
 _AGAIN = CVODES(rtol=1e-8, stiff=True)
@@ -189,9 +191,11 @@ class Examination:
     def _falls_with_tolerance(self) -> bool:
         """Whether a run at a tenth of the tolerance has much less change of energy, and the same outputs.
 
-        So it is where forces in balance do far more work than the motion has kinetic energy. On a wrong branch the
-        change stays.
+        So it is where forces in balance do far more work than the motion has kinetic energy, down to the digits that
+        sums of work have. On a wrong branch the change stays.
         """
+        if _change(self._energy) <= _OF_WORK * float(np.abs(self._energy.work).max()):
+            return True
         (dae, y), p, t = (self.way.bodies.dae, self.way.bodies.y), self.p, self.t
         work = dae.power is not None or dae.impacts is not None
         run = self.way.solver.tighter().integration(dae, t, work=work).run(self.x[:1], p[None])[0]
