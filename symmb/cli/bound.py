@@ -3,10 +3,13 @@
 import argparse
 import shlex
 from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import shown
+from symmb.bounds import LimitCheck
 from symmb.cli import specs
 from symmb.cli.result_path import result_path
 from symmb.cli.scene_file import load_subject
@@ -41,13 +44,11 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
 def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     method = specs.method(options.method)
     solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, csv_file = result_path(options.json, ".json"), result_path(options.csv, ".csv")
-    picture, drawing = result_path(options.plot, *PICTURES), result_path(options.view, *FORMATS)
-    report = result_path(options.report, ".html")
+    paths = _Paths.of(options)
     limits = _limits(options)
     subject, own = load_subject(options.scene)
     box = _box(options, own)
-    if drawing is not None and not isinstance(subject, mb.Scene):
+    if paths.view is not None and not isinstance(subject, mb.Scene):
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)
     check = bounds.check(limits) if limits else None
@@ -55,20 +56,44 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     contributions = bounds.contributions() if bounds.range_of else None  # others would need a study of their own
     if contributions is not None:
         print("", contributions, sep="\n")
-    if json_file:
-        save_json(json_file, bounds.to_json() | ({"limits": check.to_json()} if check else {}))
-    if csv_file:
-        bounds.save(csv_file)
-    if picture:
-        (check or bounds).plot(picture)
-    if drawing is not None:
-        mb.view(bounds, drawing)
-    if report is not None:
+    paths.write(bounds, check)
+    if paths.report is not None:
         command = shlex.join(["symmb", *options.words])
-        write_bounds(bounds, report, limits or None, command=command, contributions=contributions)
+        write_bounds(bounds, paths.report, limits or None, command=command, contributions=contributions)
     if check is None or check.kept:
         return bounds.doubts
     return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")
+
+
+class _Paths(NamedTuple):
+    """Files of results; None for one that is not asked for."""
+
+    json: Path | None
+    csv: Path | None
+    picture: Path | None
+    view: Path | None
+    report: Path | None
+
+    @classmethod
+    def of(cls, options: argparse.Namespace) -> "_Paths":
+        return cls(
+            result_path(options.json, ".json"),
+            result_path(options.csv, ".csv"),
+            result_path(options.plot, *PICTURES),
+            result_path(options.view, *FORMATS),
+            result_path(options.report, ".html"),
+        )
+
+    def write(self, bounds: mb.Bounds, check: LimitCheck | None) -> None:
+        """Write what is asked for, but the report."""
+        if self.json is not None:
+            save_json(self.json, bounds.to_json() | ({"limits": check.to_json()} if check else {}))
+        if self.csv is not None:
+            bounds.save(self.csv)
+        if self.picture is not None:
+            (check or bounds).plot(self.picture)
+        if self.view is not None:
+            mb.view(bounds, self.view)
 
 
 def _limits(options: argparse.Namespace) -> dict[str, tuple[float | None, float | None]]:

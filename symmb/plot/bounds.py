@@ -69,15 +69,10 @@ def plot_bounds(
     least = rounding(np.stack([band.lower, band.upper]), units)
     every = range(len(names) if ax is not None else min(len(names), MOST_PANELS))
     shown = [*every] if chosen is None else [*chosen]
-    own_names = [f"{names[i]} − nominal" if deviation else names[i] for i in shown]
-    own_units = [units[i] for i in shown] if units else []
+    own_names, own_units = _own_labels(names, units, shown, deviation)
     origin = nominal if deviation and nominal is not None else np.zeros_like(band.lower)
     colour = colour_of(family)
-    pairs: tuple[tuple[tuple[Array, Array] | None, str | None, dict[str, Any]], ...] = (
-        ((band.lower, band.upper), None, {"linewidth": 1.1}),
-        (outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}),
-        (inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}),
-    )
+    pairs = _pairs(band, outer, inner)
     if ax is None:
         figure = new_figure(HEAD_HEIGHT + 0.2 + ROW_HEIGHT * n_rows(len(shown)))
         panels = new_panels(figure, t, labels(own_names, own_units))
@@ -85,12 +80,11 @@ def plot_bounds(
         panels = given_panels("Bounds.plot", ax, t, own_names, own_units)
         figure = root(panels[0])
     for axes, i in zip(panels, shown, strict=True):
-        filled = along(t, band.lower[:, i] - origin[:, i]), along(t, band.upper[:, i] - origin[:, i])
-        axes.fill_between(abscissa(t), *filled, color=colour, alpha=_TINT, linewidth=0, label=band.label)
-        for pair, label, style in pairs:
-            if pair is not None:
-                ends = (end[:, i] - origin[:, i] for end in pair)
-                _draw_pair(axes, t, *ends, label=label, color=colour, **style)
+        low, high = (along(t, end[:, i] - origin[:, i]) for end in (band.lower, band.upper))
+        axes.fill_between(abscissa(t), low, high, color=colour, alpha=_TINT, linewidth=0, label=band.label)
+        for (lower, upper), label, style in pairs:
+            own = lower[:, i] - origin[:, i], upper[:, i] - origin[:, i]
+            _draw_pair(axes, t, *own, label=label, color=colour, **style)
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])
             axes.plot(abscissa(t), run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")
@@ -102,6 +96,28 @@ def plot_bounds(
         if chosen is None and len(shown) < len(names):
             figure.suptitle(f"the first {len(shown)} of {len(names)} outputs", fontsize=10)
     return save(figure, path)
+
+
+def _own_labels(
+    names: Sequence[str], units: Sequence[str], shown: Sequence[int], deviation: bool
+) -> tuple[list[str], list[str]]:
+    """Names and units of the panels."""
+    own = [f"{names[i]} − nominal" if deviation else names[i] for i in shown]
+    return own, [units[i] for i in shown] if units else []
+
+
+def _pairs(
+    band: Band, outer: tuple[Array, Array] | None, inner: tuple[Array, Array] | None
+) -> list[tuple[tuple[Array, Array], str | None, dict[str, Any]]]:
+    """Lower and upper (n_t, n_y) of what is drawn, labels, and styles of lines."""
+    pairs: list[tuple[tuple[Array, Array], str | None, dict[str, Any]]] = [
+        ((band.lower, band.upper), None, {"linewidth": 1.1})
+    ]
+    if outer is not None:
+        pairs.append((outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}))
+    if inner is not None:
+        pairs.append((inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}))
+    return pairs
 
 
 def draw_bounds(
