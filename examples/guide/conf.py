@@ -13,6 +13,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import takewhile
 from pathlib import Path
+from urllib.request import urlopen
 
 import symmb
 
@@ -26,7 +27,7 @@ DRAWN.mkdir(parents=True, exist_ok=True)
 os.environ["TQDM_DISABLE"] = "1"  # notebooks show results alone
 
 project, author, copyright = "symmb", "The symmb authors", "The symmb authors"
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.intersphinx", "numpydoc"]
 myst_enable_extensions = ["html_image"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
@@ -48,6 +49,27 @@ autodoc_preserve_defaults = True
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
 python_maximum_signature_line_length = 90
+
+OTHERS = {
+    "numpy": "https://numpy.org/doc/stable/",
+    "python": "https://docs.python.org/3/",
+    "scipy": "https://docs.scipy.org/doc/scipy/",
+    "sympy": "https://docs.sympy.org/latest/",
+    "xarray": "https://docs.xarray.dev/en/stable/",
+}
+"""Sites whose pages this one links to. CasADi's has no inventory of its names."""
+
+
+def answers(site: str) -> bool:
+    """Whether a site gives its inventory. Without a network the site is built without such links."""
+    try:
+        with urlopen(f"{site}objects.inv", timeout=5) as reply:
+            return reply.status == 200
+    except OSError:
+        return False
+
+
+intersphinx_mapping = {name: (site, None) for name, site in OTHERS.items() if answers(site)}
 
 GROUPS = {
     "Models": "declaring starting",
