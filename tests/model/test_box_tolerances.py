@@ -129,6 +129,20 @@ def test_damaged_tables_are_told(tmp_path, text, why):
         mb.Box.read(tmp_path / "a.csv")
 
 
+def test_nominal_values_of_a_table_are_those_of_the_model(tmp_path):
+    (tmp_path / "a.csv").write_text("name,nominal,plus,minus\nhandle,0.041,1e-4,1e-4\n", encoding="utf-8")
+    assert mb.Box.read(tmp_path / "a.csv", mb.Parameters(handle=0.041 * (1 + 1e-10), k=1.0)).names == ("handle",)
+    for nominal, why in (
+        ({"handle": 0.04}, r"a.csv: the nominal value of 'handle' is 0.041 there, and 0.04 in the model"),
+        ({"handel": 0.041}, "unknown parameter 'handle'. Did you mean 'handel'"),
+        ({"handle": "b"}, "parameters must be nominal values by name"), (3.0, "parameters must be nominal values"),
+    ):  # fmt: skip
+        with pytest.raises(mb.DeclarationError, match=why):
+            mb.Box.read(tmp_path / "a.csv", nominal)
+    (tmp_path / "a.csv").write_text("name,nominal,plus\na,0,1\n", encoding="utf-8")
+    assert mb.Box.read(tmp_path / "a.csv", {"a": 0.0}).bounds == ((-1.0, 1.0),)
+
+
 def test_other_files_are_told(tmp_path):
     (tmp_path / "a.toml").write_text("a = 3\n")
     (tmp_path / "b.toml").write_text("a = \n")
