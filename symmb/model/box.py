@@ -1,7 +1,7 @@
 """The box of interval parameters and its map to the unit box [-1, 1]^d."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -216,6 +216,19 @@ class Box:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of the parameters, so that `dict(box)` has their intervals."""
+        return self.names
+
+    def __getitem__(self, name: str) -> tuple[float, float]:
+        """The interval (lower, upper) of a parameter."""
+        if not isinstance(name, str) or name not in self.names:
+            raise DeclarationError(f"Box: no interval of {shown(name)}.{did_you_mean(name, self.names)}")
+        return self.bounds[self.names.index(name)]
 
     def __repr__(self) -> str:
         inside = ", ".join(
