@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from symmb._names import counted
 from symmb._types import Array, Executor
 from symmb.black_boxes import Noisy, SecondLook, Simulator
 from symmb.bounds.check_runs import check_doubts
@@ -32,8 +33,7 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
     ``evaluations`` leaves these runs out; a remark tells their number.
     """
     doubts, n = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
-    runs = "further run" if n == 1 else "further runs"
-    told = (f"{n} {runs} checked these bounds: evaluations leave them out.",) if n else ()
+    told = (f"{counted(n, 'further run')} checked these bounds: evaluations leave them out.",) if n else ()
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *told))
 
 

@@ -46,7 +46,9 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Int
 def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
     if text.strip().endswith("%"):
         percent = _number_or_text(text.strip().removesuffix("%"))
-        share = -1.0 if isinstance(percent, str) else percent / 100
+        if isinstance(percent, str):
+            raise DeclarationError(f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.")
+        share = percent / 100
         if not 0 <= share < 1 or not nominal:
             raise DeclarationError(
                 f"{owner}: the share {text!r} of {name!r} must be from 0 % to below 100 % of a value that is not 0."

@@ -70,6 +70,7 @@ def test_tolerances_of_every_kind_become_intervals():
         ("2 2768-v", "class v .* above 3 to 4000"),
         ("3000 ISO 2768-f", "class f .* from 0.5 to 2000"), ("0.4 ISO 2768-m", "class m .* from 0.5 to 4000"),
         ("5000 ISO 2768-c", "from 0.5 to 4000"), ("1_0%", "share"),
+        ("± 1 %", "is no share. Write .1%.: it holds for both sides"),
     ],
 )  # fmt: skip
 def test_what_is_no_tolerance_is_told(tolerance, why):
