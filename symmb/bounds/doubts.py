@@ -5,18 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from symmb._names import counted
 from symmb._types import Array, Executor
 from symmb.black_boxes import Noisy, SecondLook, Simulator
 from symmb.bounds.check_runs import check_doubts
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import ROUNDING, Bounds
-from symmb.model import Box
+from symmb.model import Box, unused_parameters
 from symmb.nodes import grid
 from symmb.simulation import DAESimulator
 
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
+    bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *_unused_doubts(simulator, box)))
     if bounds.kind == "enclosure":
         return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator, box, bounds.seconds)))
     own, remarks = _second_look(simulator, box, bounds)
@@ -31,8 +33,20 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
     ``evaluations`` leaves these runs out; a remark tells their number.
     """
     doubts, n = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
-    told = (f"{n} further runs checked these bounds: evaluations leave them out.",) if n else ()
+    told = (f"{counted(n, 'further run')} checked these bounds: evaluations leave them out.",) if n else ()
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *told))
+
+
+def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
+    """Parameters with intervals on which nothing of a scene depends: mostly their nominal values were taken."""
+    if not isinstance(simulator, DAESimulator) or simulator.scene is None:  # as in a copy from a pickle
+        return ()
+    varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
+    return tuple(
+        f"{name} is in the box, but nothing in the scene depends on it. "
+        f'p["{name}"] is a number; p.{name} is the symbol.'
+        for name in unused_parameters(simulator.scene, varied)
+    )
 
 
 def _doubts_of_proofs(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import shown
+from symmb.black_boxes import Simulator
 from symmb.bounds import LimitCheck
 from symmb.cli import specs
 from symmb.cli.result_path import result_path
@@ -47,7 +48,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     paths = _Paths.of(options)
     limits = _limits(options)
     subject, own = load_subject(options.scene)
-    box = _box(options, own)
+    box = _box(options, subject, own)
     if paths.view is not None and not isinstance(subject, mb.Scene):
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)
@@ -105,7 +106,7 @@ def _limits(options: argparse.Namespace) -> dict[str, tuple[float | None, float 
     return limits
 
 
-def _box(options: argparse.Namespace, own: mb.Box | None) -> mb.Box:
+def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:
     """The intervals of --box and of --tolerances, or those of the scene where both are left out."""
     given: dict[str, tuple[float, float]] = {}
     for name, (low, high) in _ranges("--box", options.box).items():
@@ -113,7 +114,8 @@ def _box(options: argparse.Namespace, own: mb.Box | None) -> mb.Box:
             raise DeclarationError(f"--box: the interval of {name!r} needs both ends, as {name}=1:2.")
         given[name] = low, high
     if options.tolerances is not None:
-        table = mb.Box.read(options.tolerances)
+        nominal = subject.system.parameters if isinstance(subject, mb.Scene) else subject.parameters
+        table = mb.Box.read(options.tolerances, nominal)
         return table | mb.Box(**given) if given else table
     if given:
         return mb.Box(**given)

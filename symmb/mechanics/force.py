@@ -169,6 +169,16 @@ class SpringDamper(PairForce):
     damping: Expr = 0.0
     length: Expr = 0.0
 
+    @property
+    def title(self) -> str:
+        """That of a `Spring` or a `Damper` where the other part is left out."""
+        without_damping, without_stiffness = (
+            isinstance(law, int | float) and law == 0 for law in (self.damping, self.stiffness)
+        )
+        if without_damping == without_stiffness:
+            return super().title
+        return f"{'Spring' if without_damping else 'Damper'} {self.name!r}"
+
     def _pull(self, force: ca.SX) -> tuple[Load, ...]:
         return (force_at(self.point_a, force), force_at(self.point_b, -force))
 

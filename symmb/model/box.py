@@ -1,7 +1,7 @@
 """The box of interval parameters and its map to the unit box [-1, 1]^d."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -138,7 +138,7 @@ class Box:
         )
 
     @classmethod
-    def read(cls, path: str | PathLike[str]) -> "Box":
+    def read(cls, path: str | PathLike[str], parameters: Mapping[str, SupportsFloat] | None = None) -> "Box":
         """The intervals of a table of tolerances.
 
         A CSV file has a head with `name`, `nominal`, `plus` and `minus`. The latter are the distances of the ends from
@@ -146,16 +146,25 @@ class Box:
         what `plus_minus` takes as a text, such as 1% or 40 H7. In a TOML file each parameter is a table with these
         keys.
 
+        Parameters
+        ----------
+        path : path of the file
+        parameters : mapping of name to nominal value, with which the nominal values of the table must agree
+
         Raises
         ------
         DeclarationError
-            If the file is no such table.
+            If the file is no such table, or a nominal value is not that of the parameter.
         FileError
             If it cannot be read.
         """
         if not isinstance(path, str | PathLike):
             raise DeclarationError(f"Box.read: path must be that of a file, got {shown(path)}.")
-        return cls(**intervals_in_file(Path(path)))
+        if parameters is not None and not (
+            isinstance(parameters, Mapping) and all(map(is_finite_number, parameters.values()))
+        ):
+            raise DeclarationError(f"Box.read: parameters must be nominal values by name, got {shown(parameters)}.")
+        return cls(**intervals_in_file(Path(path), parameters))
 
     def __or__(self, other: "Box") -> "Box":
         """The intervals of both boxes. A parameter of both must have the same interval in them."""
@@ -207,6 +216,19 @@ class Box:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of the parameters, so that `dict(box)` has their intervals."""
+        return self.names
+
+    def __getitem__(self, name: str) -> tuple[float, float]:
+        """The interval (lower, upper) of a parameter."""
+        if not isinstance(name, str) or name not in self.names:
+            raise DeclarationError(f"Box: no interval of {shown(name)}.{did_you_mean(name, self.names)}")
+        return self.bounds[self.names.index(name)]
 
     def __repr__(self) -> str:
         inside = ", ".join(

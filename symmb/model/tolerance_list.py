@@ -6,7 +6,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat
 
 from symmb._errors import DeclarationError, FileError, text_of
 from symmb._names import did_you_mean
@@ -15,7 +15,7 @@ from symmb.model.iso_grades import sizes_of_grade
 
 Interval = tuple[float, float]
 _SAME = 1e-9
-"""Share by which a nominal value may differ from the size that is told with a grade, by rounding."""
+"""Share by which a nominal value may differ from that of a table, or from the size told with a grade, by rounding."""
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
 _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
 
@@ -46,7 +46,9 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Int
 def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
     if text.strip().endswith("%"):
         percent = _number_or_text(text.strip().removesuffix("%"))
-        share = -1.0 if isinstance(percent, str) else percent / 100
+        if isinstance(percent, str):
+            raise DeclarationError(f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.")
+        share = percent / 100
         if not 0 <= share < 1 or not nominal:
             raise DeclarationError(
                 f"{owner}: the share {text!r} of {name!r} must be from 0 % to below 100 % of a value that is not 0."
@@ -65,12 +67,12 @@ def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
     return unit * lower, unit * upper
 
 
-def intervals_in_file(path: Path) -> dict[str, Interval]:
-    """The intervals that a CSV or TOML table tells.
+def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None = None) -> dict[str, Interval]:
+    """The intervals that a CSV or TOML table tells, whose nominal values must be those of the parameters, if given.
 
     Raises
     ------
-    DeclarationError    if it is no such table
+    DeclarationError    if it is no such table, or is one of other nominal values
     FileError           if it cannot be read
     """
     owner = f"Box.read: {path.name}"
@@ -90,7 +92,7 @@ def intervals_in_file(path: Path) -> dict[str, Interval]:
             raise DeclarationError(f"{owner}: each row needs the name of a parameter.")
         if name in intervals:
             raise DeclarationError(f"{owner}: {name!r} stands there twice.")
-        intervals[name] = _of_row(owner, name, row)
+        intervals[name] = _of_row(owner, name, row, parameters)
     if not intervals:
         raise DeclarationError(f"{owner} has no rows.")
     return intervals
@@ -124,11 +126,13 @@ def _rows_of_toml(owner: str, text: str) -> Iterator[dict[str, Any]]:
         yield {"name": name, **row}
 
 
-def _of_row(owner: str, name: str, row: Mapping[str, Any]) -> Interval:
+def _of_row(owner: str, name: str, row: Mapping[str, Any], parameters: Mapping[str, SupportsFloat] | None) -> Interval:
     for key in row:
         if key not in _COLUMNS:
             raise DeclarationError(f"{owner}: no column {key!r} is read.{did_you_mean(key, _COLUMNS)}")
     nominal = _number(owner, name, "nominal", row.get("nominal"))
+    if parameters is not None:
+        _require_nominal(owner, name, nominal, parameters)
     if "tolerance" in row:
         if "plus" in row or "minus" in row:
             raise DeclarationError(f"{owner}: {name!r} has a tolerance, and plus or minus: give one of both.")
@@ -143,6 +147,17 @@ def _of_row(owner: str, name: str, row: Mapping[str, Any]) -> Interval:
             "lie on one side, move the nominal value between them."
         )
     return interval_of(owner, name, nominal, (-minus, plus))
+
+
+def _require_nominal(owner: str, name: str, nominal: float, parameters: Mapping[str, SupportsFloat]) -> None:
+    """DeclarationError if the nominal value of a table is not that of the parameter."""
+    if name not in parameters:
+        raise DeclarationError(f"{owner}: unknown parameter {name!r}.{did_you_mean(name, parameters)}")
+    own = float(parameters[name])
+    if not abs(own - nominal) <= _SAME * abs(nominal):
+        raise DeclarationError(
+            f"{owner}: the nominal value of {name!r} is {nominal:.12g} there, and {own:.12g} in the model."
+        )
 
 
 def _number(owner: str, name: str, column: str, value: Any) -> float:

@@ -167,3 +167,11 @@ def test_the_number_of_check_runs_is_told(method, d):
 def test_methods_with_an_estimate_have_no_check_runs():
     bounds = mb.propagate(*function(lambda a, b: a + b**2)[:1], mb.PolynomialChaos(), function(lambda a, b: a)[1])
     assert not any("checked these bounds" in remark for remark in bounds.remarks)
+
+
+@pytest.mark.parametrize(("n", "told"), [(1, "1 further run checked"), (2, "2 further runs checked")])
+def test_one_check_run_is_told_in_the_singular(monkeypatch, n, told):
+    monkeypatch.setattr("symmb.bounds.doubts.check_doubts", lambda *_: ((), n))
+    simulator, box = function(lambda a: a, 1)
+    bounds = mb.propagate(simulator, mb.Vertex(), box)
+    assert f"{told} these bounds: evaluations leave them out." in bounds.remarks

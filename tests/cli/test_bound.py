@@ -79,6 +79,12 @@ def test_wrong_words_are_told_in_one_sentence(folder, capsys, words, why):
     assert why in error and error.startswith("symmb bound: ") and error.count("\n") == 1
 
 
+def test_table_of_other_nominal_values_is_refused(folder, capsys):
+    (folder / "t.csv").write_text("name,nominal,plus\nspeed,1.1,0.2\n")
+    assert main(["bound", "roll.py", "--tolerances", "t.csv"]) == 2
+    assert "the nominal value of 'speed' is 1.1 there, and 1 in the model" in capsys.readouterr().err
+
+
 def test_a_scene_without_a_box_needs_one(folder, capsys):
     (folder / "roll.py").write_text(SCENE.replace(", box=mb.Box(speed=(0.9, 1.1))", ""))
     assert main(["bound", "roll.py"]) == 2 and "--box NAME=1:2" in capsys.readouterr().err

@@ -57,3 +57,19 @@ def test_equal_by_value_and_picklable():
     assert Box(a=(0, 1)) == Box(a=(0.0, 1.0)) != Box(a=(0, 2))
     assert pickle.loads(pickle.dumps(Box(a=(0, 1)))) == Box(a=(0, 1))
     assert repr(Box(a=(0, 1), b=(0.95, 1.05))) == "Box(a=(0, 1), b=(0.95, 1.05))"
+
+
+def test_intervals_by_name():
+    box = Box(l1=(0.95, 1.05), m=(2.0, 4.0))
+    assert box["m"] == (2.0, 4.0) and "l1" in box and "q" not in box
+    assert [*box] == list(box) == list(box.keys()) == np.array(box).tolist() == ["l1", "m"]
+    first, second = box
+    assert (first, second, len(box)) == ("l1", "m", 2)
+    assert dict(box) == {"l1": (0.95, 1.05), "m": (2.0, 4.0)} and Box(**box) == box
+
+
+@pytest.mark.parametrize("name", ["l2", 0, slice(None), None, np.zeros(2)], ids=repr)
+def test_unknown_interval_is_told(name):
+    box = Box(l1=(0.95, 1.05), m=(2.0, 4.0))
+    with pytest.raises(DeclarationError, match=r"Box: no interval of .*\. (Did you mean 'l1'\?|Known are: l1, m\.)"):
+        box[name]

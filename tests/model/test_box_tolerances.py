@@ -70,6 +70,7 @@ def test_tolerances_of_every_kind_become_intervals():
         ("2 2768-v", "class v .* above 3 to 4000"),
         ("3000 ISO 2768-f", "class f .* from 0.5 to 2000"), ("0.4 ISO 2768-m", "class m .* from 0.5 to 4000"),
         ("5000 ISO 2768-c", "from 0.5 to 4000"), ("1_0%", "share"),
+        ("± 1 %", "is no share. Write .1%.: it holds for both sides"),
     ],
 )  # fmt: skip
 def test_what_is_no_tolerance_is_told(tolerance, why):
@@ -127,6 +128,20 @@ def test_damaged_tables_are_told(tmp_path, text, why):
     (tmp_path / "a.csv").write_text(text, encoding="utf-8")
     with pytest.raises(mb.DeclarationError, match=why):
         mb.Box.read(tmp_path / "a.csv")
+
+
+def test_nominal_values_of_a_table_are_those_of_the_model(tmp_path):
+    (tmp_path / "a.csv").write_text("name,nominal,plus,minus\nhandle,0.041,1e-4,1e-4\n", encoding="utf-8")
+    assert mb.Box.read(tmp_path / "a.csv", mb.Parameters(handle=0.041 * (1 + 1e-10), k=1.0)).names == ("handle",)
+    for nominal, why in (
+        ({"handle": 0.04}, r"a.csv: the nominal value of 'handle' is 0.041 there, and 0.04 in the model"),
+        ({"handel": 0.041}, "unknown parameter 'handle'. Did you mean 'handel'"),
+        ({"handle": "b"}, "parameters must be nominal values by name"), (3.0, "parameters must be nominal values"),
+    ):  # fmt: skip
+        with pytest.raises(mb.DeclarationError, match=why):
+            mb.Box.read(tmp_path / "a.csv", nominal)
+    (tmp_path / "a.csv").write_text("name,nominal,plus\na,0,1\n", encoding="utf-8")
+    assert mb.Box.read(tmp_path / "a.csv", {"a": 0.0}).bounds == ((-1.0, 1.0),)
 
 
 def test_other_files_are_told(tmp_path):

@@ -70,7 +70,15 @@ FAULTS = {
     ),
     "an infinite stiffness": (
         lambda: [mb.Spring("s", GROUND.point(0, 0), ROD1.point(0, 0), np.inf)],
-        "SpringDamper 's': stiffness: contains NaN or infinity",
+        "^Spring 's': stiffness: contains NaN or infinity",
+    ),
+    "an infinite damping": (
+        lambda: [mb.Damper("d", GROUND.point(0, 0), ROD1.point(0, 0), np.inf)],
+        "^Damper 'd': damping: contains NaN or infinity",
+    ),
+    "both in a strut": (
+        lambda: [mb.SpringDamper("s", GROUND.point(0, 0), ROD1.point(0, 0), 1.0, np.inf)],
+        "^SpringDamper 's': damping: contains NaN or infinity",
     ),
     "a NaN in a point": (
         lambda: [mb.Revolute("elbow", GROUND.point(0, 0), ROD1.point(np.nan, 0))],
@@ -134,7 +142,7 @@ FAULTS = {
     ),
     "a spring within one body": (
         lambda: [ROD1, mb.Spring("s", ROD1.point(0, 0), ROD1.point(1, 0), 1.0)],
-        "SpringDamper 's': both points are on body 'rod1'",
+        "^Spring 's': both points are on body 'rod1'",
     ),
     "a bushing with two stiffnesses": (
         lambda: [TOP, mb.Bushing("b", GROUND.point(0, 0), TOP.point(0, 0), (1, 2))],
