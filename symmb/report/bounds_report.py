@@ -18,6 +18,7 @@ from symmb.report.assumptions import again, assumed, called, seed
 from symmb.report.document import section
 from symmb.simulation import DAESimulator, simulate
 
+_NO_CONTRIBUTIONS = "The polynomials of the study do not show them: `bounds.contributions()` takes further runs."
 Limits = Mapping[str, tuple[float | None, float | None]]
 
 
@@ -53,7 +54,7 @@ def _parts(
     cases = _told(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
     yield section("Worst cases", cases, _told(lambda: _motion(bounds, scene, check)) if scene else "")
     if bounds.range_of:  # other methods would be followed by a study of their own
-        shares = _told(lambda: (contributions or bounds.contributions())._repr_html_())
+        shares = _told(lambda: _contributions(bounds, contributions))
         yield section("What each parameter contributes", shares, style="contributions")
     yield section("Curves", html.picture(plot.png(bounds.plot())))
     if scene is not None:
@@ -64,6 +65,13 @@ def _parts(
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
     yield section("What it cost", document.note(_cost(bounds)))
     yield again(command or _python(bounds, scene, check))
+
+
+def _contributions(bounds: Bounds, known: Contributions | None) -> str:
+    """Those that are known, or those of the polynomials of the study."""
+    if known is None and bounds._contributions_take_runs():
+        return document.note(_NO_CONTRIBUTIONS)
+    return (known or bounds.contributions())._repr_html_()
 
 
 def _told(part: Callable[[], str]) -> str:

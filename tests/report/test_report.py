@@ -124,6 +124,29 @@ def test_a_black_box_has_neither_drawing_nor_equations(tmp_path):
     assert "Bounds of FunctionSimulator(<lambda>)" in text_of(tmp_path / "r.html")
 
 
+@pytest.mark.parametrize(
+    ("function", "is_shown"),
+    [
+        (lambda k: np.exp(-k * T), True),
+        (lambda k: np.exp(-k * T) / (k <= 1.05), False),
+        (lambda k: np.full_like(T, 3.7), True),
+    ],
+    ids=["smooth", "fails", "constant"],
+)
+def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
+    """Contributions are left out where they would take some; a constant output takes none."""
+    calls = []
+    simulator = mb.FunctionSimulator(lambda k: calls.append(k) or function(k), {"k": 1.0}, T, ["x"])
+    with np.errstate(divide="ignore"):
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
+        made = len(calls)
+        bounds.report(tmp_path / "r.html", {"x": (None, 4)})
+    text = text_of(tmp_path / "r.html")
+    assert len(calls) == made
+    assert ("no further runs" in text) == is_shown
+    assert ("`bounds.contributions()` takes further runs" in text) != is_shown
+
+
 @pytest.mark.parametrize("suffix", [".npz", ".json", ".csv"])
 def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     bounds = mb.propagate(rolling(), mb.PolynomialChaos())
