@@ -1,6 +1,6 @@
 """What each uncertain parameter contributes to the bounds, and to the variance."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -118,7 +118,22 @@ class Contributions(Result, files.Saved):
         return "\n\n".join([self._head(), *("\n".join(aligned(rows)) for rows in self._tables())])
 
     def _repr_html_(self) -> str:
-        return html.page(html.text(self._head()), *map(html.table, self._tables()), html.picture(plot.png(self.plot())))
+        return self._as_html(self._tables(), None)
+
+    def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
+        """Tables and a picture of some outputs, by numbers of outputs.
+
+        Parameters
+        ----------
+        columns          the outputs
+        rows             numbers of times by output; default: where it is widest
+        """
+        tables = [self._rows(k, rows.get(k, int(self.width[:, k].argmax()))) for k in columns]
+        return self._as_html(tables, [self.names[k] for k in columns])
+
+    def _as_html(self, tables: list[list[list[str]]], outputs: list[str] | None) -> str:
+        picture = html.picture(plot.png(self.plot(outputs=outputs)))
+        return html.page(html.text(self._head()), *map(html.table, tables), picture)
 
     def plot(
         self,
