@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Mask
-from symmb.bounds.contributions import Contributions, contributions_of
+from symmb.bounds.contributions import Contributions, contributions_of, takes_runs
 from symmb.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bounds.responses import Responses, Runs
 from symmb.bounds.time_windows import is_doubtful
@@ -57,6 +57,12 @@ class Answers:
             If too many of these runs fail.
         """
         return contributions_of(self._responses("Bounds.contributions"))
+
+    def _contributions_take_runs(self) -> bool:
+        """Whether `contributions` makes further runs."""
+        if not self.range_of and self.study is not None:
+            return True
+        return takes_runs(self._responses("Bounds.contributions"))
 
     def quantiles(
         self,

@@ -1,6 +1,6 @@
 """What each uncertain parameter contributes to the bounds, and to the variance."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 _POOR = 0.5
 """Error over the largest width alone from which on these widths are taken from runs along lines."""
+_ROUNDING = 1e-9
+"""Share of an output's largest value below which errors are rounding."""
 _SAMPLES = 2048
 """Samples of each matrix from which shares of pieces are taken."""
 _SAMPLING = 0.03
@@ -116,7 +118,22 @@ class Contributions(Result, files.Saved):
         return "\n\n".join([self._head(), *("\n".join(aligned(rows)) for rows in self._tables())])
 
     def _repr_html_(self) -> str:
-        return html.page(html.text(self._head()), *map(html.table, self._tables()), html.picture(plot.png(self.plot())))
+        return self._as_html(self._tables(), None)
+
+    def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
+        """Tables and a picture of some outputs, by numbers of outputs.
+
+        Parameters
+        ----------
+        columns          the outputs
+        rows             numbers of times by output; default: where it is widest
+        """
+        tables = [self._rows(k, rows.get(k, int(self.width[:, k].argmax()))) for k in columns]
+        return self._as_html(tables, [self.names[k] for k in columns])
+
+    def _as_html(self, tables: list[list[list[str]]], outputs: list[str] | None) -> str:
+        picture = html.picture(plot.png(self.plot(outputs=outputs)))
+        return html.page(html.text(self._head()), *map(html.table, tables), picture)
 
     def plot(
         self,
@@ -186,7 +203,7 @@ def contributions_of(responses: Responses) -> Contributions:
     """Ranges over lines and faces through the nominal point, and shares of the variance."""
     d, width, without = len(responses.box), responses.upper - responses.lower, replace(responses, surrogate=None)
     alone, error, runs = _widths(responses, is_alone=True)
-    if responses.surrogate is not None and responses.runs is not None and _is_poor(2 * error, alone):
+    if responses.surrogate is not None and responses.runs is not None and _is_poor(responses, 2 * error, alone):
         alone, error, runs = _widths(without, is_alone=True)
     others, of_others, more = _widths(responses, is_alone=False)
     whole = width
@@ -204,8 +221,18 @@ def contributions_of(responses: Responses) -> Contributions:
     return Contributions(*own, *estimates, share_estimate, runs, responses.method, responses.remarks)
 
 
-def _is_poor(error: Array, alone: Array) -> bool:
-    """Whether an error (n_t, n_y) hides what parameters contribute, (d, n_t, n_y)."""
+def takes_runs(responses: Responses) -> bool:
+    """Whether contributions take further runs: no polynomials are good enough, or their error hides these."""
+    if responses.surrogate is None or responses.runs is None:
+        return responses.surrogate is None
+    alone, error, _ = _widths(responses, is_alone=True)
+    return responses.made > 0 or _is_poor(responses, 2 * error, alone)
+
+
+def _is_poor(responses: Responses, error: Array, alone: Array) -> bool:
+    """Whether an error (n_t, n_y) hides what parameters contribute, (d, n_t, n_y). Rounding does not count."""
+    largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
+    error = np.where(error > _ROUNDING * largest, error, 0.0)
     size = np.sqrt(np.square(alone).mean(axis=1)).max(axis=0, initial=0.0)
     return bool((np.sqrt(np.square(error).mean(axis=0)) > _POOR * size).any())
 

@@ -73,6 +73,11 @@ class KeptLimit:
     margin: Array
 
     @property
+    def row(self) -> int:
+        """Number of the time of the least margin."""
+        return int(self.margin.argmin())
+
+    @property
     def text(self) -> str:
         """The limit as an inequality."""
         low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
@@ -130,8 +135,7 @@ class LimitCheck(Result):
 
     def _least(self, limit: KeptLimit) -> tuple[float, float]:
         """The least margin of a limit, and its time [s]."""
-        i = int(limit.margin.argmin())
-        return float(limit.margin[i]), float(self.t[i])
+        return float(limit.margin[limit.row]), float(self.t[limit.row])
 
     def to_json(self) -> dict[str, dict[str, Any]]:
         """The result of each output, why, its least margin with the time, and its limits, None where there is none."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,11 @@ from symmb.report.assumptions import again, assumed, called, seed
 from symmb.report.document import section
 from symmb.simulation import DAESimulator, simulate
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_NO_CONTRIBUTIONS = "The polynomials of the study do not show them: `bounds.contributions()` takes further runs."
+_AT_MARGIN = "Outputs with limits: at the time of their least margin. Others: where they are widest."
 Limits = Mapping[str, tuple[float | None, float | None]]
 
 
@@ -53,9 +59,9 @@ def _parts(
     cases = _told(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
     yield section("Worst cases", cases, _told(lambda: _motion(bounds, scene, check)) if scene else "")
     if bounds.range_of:  # other methods would be followed by a study of their own
-        shares = _told(lambda: (contributions or bounds.contributions())._repr_html_())
+        shares = _told(lambda: _contributions(bounds, check, contributions))
         yield section("What each parameter contributes", shares, style="contributions")
-    yield section("Curves", html.picture(plot.png(bounds.plot())))
+    yield section("Curves", html.picture(plot.png(_curves(bounds, check))))
     if scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
         yield section("The mechanism", at_start, _told(lambda: html.picture(start_picture(scene))), style="still")
@@ -64,6 +70,32 @@ def _parts(
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
     yield section("What it cost", document.note(_cost(bounds)))
     yield again(command or _python(bounds, scene, check))
+
+
+def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
+    """Numbers of the outputs that pictures and tables of parameters show: those with limits first."""
+    names = [*([] if check is None else (limit.output for limit in check.limits)), *bounds.names]
+    return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
+
+
+def _curves(bounds: Bounds, check: LimitCheck | None) -> "Figure":
+    shown = _shown(bounds, check)
+    if check is None or len(shown) == len(bounds.names):
+        return bounds.plot()
+    return bounds.plot(outputs=[bounds.names[k] for k in shown], title=f"{len(shown)} of {len(bounds.names)} outputs")
+
+
+def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None) -> str:
+    """Those that are known, or those of the polynomials of the study; at the least margin of outputs with limits."""
+    if known is None and bounds._contributions_take_runs():
+        return document.note(_NO_CONTRIBUTIONS)
+    found, shown = known or bounds.contributions(), _shown(bounds, check)
+    rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
+    notes = [_AT_MARGIN] if rows else []
+    if left := len(bounds.names) - len(shown):
+        notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
+    order = shown if left else range(len(bounds.names))
+    return "".join(map(document.note, notes)) + found.some_as_html(order, rows)
 
 
 def _told(part: Callable[[], str]) -> str:

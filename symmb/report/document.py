@@ -38,11 +38,12 @@ details { margin: 28px 0 0; } summary { cursor: pointer; font-weight: 600; font-
 .contributions table { display: inline-table; margin-right: 28px; vertical-align: top; }
 @media (max-width: 640px) { body { padding: 12px 14px 32px; } th, td { padding: 3px 6px; } iframe { height: 640px; } }
 @media print { body { max-width: none; padding: 0; font-size: 10pt; print-color-adjust: exact; }
-  h1 { font-size: 17pt; } h2 { font-size: 12.5pt; margin-top: 14pt; break-after: avoid; }
+  h1 { font-size: 17pt; } h2 { font-size: 12.5pt; margin-top: 14pt; }
+  h2, .note:not(:last-child), pre:not(:last-child) { break-after: avoid; }
   pre { font-size: 7.5pt; } table { font-size: 6.8pt; } th, td { padding: 2pt 3pt; }
-  tr, img, .still, .contributions table, .doubt { break-inside: avoid; }
+  tr, img, .still, .contributions table, .contributions pre, .doubt { break-inside: avoid; }
   .contributions table { font-size: 6.2pt; margin-right: 8pt; }
-  .note { font-size: 8.5pt; } summary { font-size: 12.5pt; } details > :not(summary) { display: none; }
+  .note { font-size: 8.5pt; } details { display: none; }
   .limits pre { font-size: 10pt; } .still img { max-height: 105mm; }
   div { overflow: visible !important; } iframe { display: none; } .printed { display: block; } }
 """

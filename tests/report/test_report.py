@@ -124,6 +124,60 @@ def test_a_black_box_has_neither_drawing_nor_equations(tmp_path):
     assert "Bounds of FunctionSimulator(<lambda>)" in text_of(tmp_path / "r.html")
 
 
+@pytest.mark.parametrize(
+    ("function", "is_shown"),
+    [
+        (lambda k: np.exp(-k * T), True),
+        (lambda k: np.exp(-k * T) / (k <= 1.05), False),
+        (lambda k: np.full_like(T, 3.7), True),
+    ],
+    ids=["smooth", "fails", "constant"],
+)
+def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
+    """Contributions are left out where they would take some; a constant output takes none."""
+    calls = []
+    simulator = mb.FunctionSimulator(lambda k: calls.append(k) or function(k), {"k": 1.0}, T, ["x"])
+    with np.errstate(divide="ignore"):
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
+        made = len(calls)
+        bounds.report(tmp_path / "r.html", {"x": (None, 4)})
+    text = text_of(tmp_path / "r.html")
+    assert len(calls) == made
+    assert ("no further runs" in text) == is_shown
+    assert ("`bounds.contributions()` takes further runs" in text) != is_shown
+
+
+def test_contributions_are_at_the_least_margin(tmp_path):
+    """The widest time is another one, 2 s; 0 of these comes from k at 1 s, where the limit is close."""
+    t = np.array([0.0, 1.0, 2.0])
+    simulator = mb.FunctionSimulator(
+        lambda k, m: np.stack([[k, 5 + m, 3 * k + m], [k, m, 2 * m]], 1), {"k": 1.0, "m": 1.0}, t, ["x", "y"]
+    )
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
+    bounds.report(tmp_path / "r.html", {"x": (None, 7)})
+    text = text_of(tmp_path / "r.html")
+    assert "x at 1 s alone" in text and "x at 2 s alone" not in text and "y at 2 s alone" in text
+    assert "at the time of their least margin" in text
+    bounds.report(tmp_path / "r.html")
+    assert "x at 2 s alone" in text_of(tmp_path / "r.html") and "least margin" not in text_of(tmp_path / "r.html")
+
+
+def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
+    """Those with limits come first, in the pictures too, and the rest is named."""
+    names, drawn = [f"y{k}" for k in range(9)], []
+    simulator = mb.FunctionSimulator(lambda k: np.outer(k * T, np.arange(1.0, 10.0)), {"k": 1.0}, T, names)
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
+    for kind in (mb.Bounds, mb.Contributions):
+        own = kind.plot
+        monkeypatch.setattr(kind, "plot", lambda self, *a, _own=own, **k: drawn.append(k) or _own(self, *a, **k))
+    bounds.report(tmp_path / "r.html", {"y8": (None, 9)})
+    text = text_of(tmp_path / "r.html")
+    assert re.findall(r"(y\d) at 1 s alone", text) == ["y8", "y0", "y1", "y2", "y3", "y4"]
+    assert "3 of 9 outputs are left out: `print(bounds.contributions())` shows them." in text
+    several = [k["outputs"] for k in drawn if len(k.get("outputs") or []) > 1]
+    assert several == [["y8", "y0", "y1", "y2", "y3", "y4"]] * 2
+
+
 @pytest.mark.parametrize("suffix", [".npz", ".json", ".csv"])
 def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     bounds = mb.propagate(rolling(), mb.PolynomialChaos())

@@ -73,9 +73,11 @@ def test_on_paper(browser, path):
     browser.open(path)
     assert browser.run("document.documentElement.scrollWidth") <= PAPER
     hidden = browser.run(
-        "[...document.querySelectorAll('iframe, details > pre')].every(e => !e.getClientRects().length)"
+        "[...document.querySelectorAll('iframe, details, summary')].every(e => !e.getClientRects().length)"
     )
     assert hidden
+    heads = "[...document.querySelectorAll('h2, .contributions pre')]"  # none stands alone at the foot of a page
+    assert browser.run(f"{heads}.every(e => getComputedStyle(e).breakAfter === 'avoid')")
     assert browser.run("[...document.querySelectorAll('.printed img')].every(e => e.clientHeight > 100)")
     sheets = base64.b64decode(browser._call("Page.printToPDF", preferCSSPageSize=True)["data"])
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", sheets)) <= MOST_PAGES
