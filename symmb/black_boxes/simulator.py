@@ -25,6 +25,8 @@ Progress = Callable[[int, int], None]
 
 BLOCK = 128
 """Samples of a block: enough for vectorised loops, few enough that 12 outputs x 1001 times take 12 MB."""
+_SAME = 1e-14
+"""Difference of parameters that is rounding, over their size."""
 
 
 class Samples(Protocol):
@@ -325,15 +327,24 @@ class Attained:
     runs : number of runs
     blocks : samples (n, d) that run together, some of which attain these values
     lower_at, upper_at : (n_t, n_y) numbers of these blocks
+    nominal : (n_t, n_y) outputs of a run at the nominal parameters, to rounding; None if there was none
     """
 
-    def __init__(self, n_t: int, n_y: int) -> None:
+    def __init__(self, n_t: int, n_y: int, nominal_parameters: Array | None = None) -> None:
+        self._nominal_parameters = nominal_parameters
+        self.nominal: Array | None = None
         self.lower, self.upper, self.runs = np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf), 0
         self.blocks: list[Array] = []
         self.lower_at, self.upper_at = np.zeros((2, n_t, n_y), dtype=np.intp)
 
     def add(self, lower: Array, upper: Array, P: Array, Y: Array | None) -> None:
         """Add values (n_t, n_y) of samples P (n, d). With outputs Y (n, n_t, n_y) each sample is a block of its own."""
+        if self.nominal is None and self._nominal_parameters is not None and Y is not None:
+            distance = np.abs(P - self._nominal_parameters)
+            is_nominal = (distance <= _SAME * np.abs(self._nominal_parameters)).all(axis=1)
+            is_nominal &= np.isfinite(Y).all(axis=(1, 2))
+            if is_nominal.any():
+                self.nominal = np.array(Y[int(is_nominal.argmax())])
         for at, better, values in ((self.lower_at, lower < self.lower, Y), (self.upper_at, upper > self.upper, Y)):
             if not better.any():
                 continue
@@ -357,9 +368,9 @@ _STUDY: ContextVar[Attained | None] = ContextVar("study", default=None)
 
 
 @contextmanager
-def attained_by_runs(n_t: int, n_y: int) -> Iterator[Attained]:
+def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None) -> Iterator[Attained]:
     """What the runs of this block attain."""
-    attained = Attained(n_t, n_y)
+    attained = Attained(n_t, n_y, nominal_parameters)
     token = _STUDY.set(attained)
     try:
         yield attained

@@ -69,7 +69,8 @@ class Method(ABC):
                 raise DeclarationError(f"Box: no parameter '{name}'.{did_you_mean(name, simulator.parameters)}")
         require_callable("propagate: progress", progress, "done", "all")
         start = time.perf_counter()
-        with attained_by_runs(len(simulator.times), len(simulator.outputs)) as attained:
+        nominal = np.array(list(simulator.parameters.values()), dtype=float)
+        with attained_by_runs(len(simulator.times), len(simulator.outputs), nominal) as attained:
             try:
                 result = self._bounds(simulator, box, executor, progress)
             except KeyboardInterrupt as interrupt:
@@ -81,6 +82,8 @@ class Method(ABC):
         seconds = time.perf_counter() - start
         attaining = AttainingRuns.of(simulator, attained)
         details = {"seconds": seconds, "units": units_of(simulator), "box": box, "attaining": attaining}
+        if result.nominal is None:
+            details["nominal"] = attained.nominal
         return replace(result, lower=lower, upper=upper, **details)
 
     def planned_runs(self, d: int) -> int | None:

@@ -80,6 +80,8 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     assert box is not None
     bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
     nominal, values = getattr(simulator, "nominal", None), {k: float(v) for k, v in simulator.parameters.items()}
+    if nominal is None:  # a black box: the study may have made a run there
+        nominal = bounds.nominal
     known = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}
     if bounds.noise is None and bounds.kind == "sampled" and isinstance(simulator, Noisy):
         known["noise"] = simulator.noise

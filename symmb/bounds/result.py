@@ -417,7 +417,11 @@ class Bounds(Answers, Result, files.Saved):
         """
         require_truth("Bounds.plot", "deviation", deviation)
         if deviation and self.nominal is None:
-            raise DeclarationError("Bounds.plot: deviation needs the nominal run, which these bounds do not hold.")
+            raise DeclarationError(
+                "Bounds.plot: deviation needs the nominal run, which these bounds do not hold. Those by "
+                "PolynomialChaos() of a box with the nominal parameters in its middle hold it, and keep it in .npz and "
+                ".json files."
+            )
         figure = plot.plot_bounds(
             self.t,
             self.names,

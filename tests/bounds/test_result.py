@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -95,13 +96,15 @@ def test_print_tells_kind_cost_extremes_and_widths():
     expected = [
         lower.min(),
         TIMES[lower.argmin()],
+        bounds.nominal[lower.argmin(), 0],
         upper.max(),
         TIMES[upper.argmax()],
+        bounds.nominal[upper.argmax(), 0],
         width.max(),
         TIMES[width.argmax()],
     ]
-    np.testing.assert_allclose([float(n) for n in numbers[:6]], expected, rtol=1e-5)
-    assert float(numbers[6]) == pytest.approx(bounds.estimate.max(), rel=0.05)
+    np.testing.assert_allclose([float(n) for n in numbers[:8]], expected, rtol=1e-5)
+    assert float(numbers[8]) == pytest.approx(bounds.estimate.max(), rel=0.05)
     assert str(propagate(Wave(), Vertex(), BOX)).endswith("–")
 
 
@@ -115,6 +118,24 @@ def test_print_tells_the_nominal_run_of_a_scene_beside_the_extremes():
     assert [f"{float(n):g}" for n in str(bounds).splitlines()[-1].split()[1:9]] == "0 0 0 6 2 4 3 2".split()
     assert str(bounds).splitlines()[-2].count("nominal then") == 2
     assert bounds.to_xarray()["nominal"].dims == ("time", "output")
+
+
+@pytest.mark.parametrize("name", ["polynomials", "threads", "corners"])
+def test_a_run_of_a_black_box_at_the_nominal_parameters_is_kept(name):
+    """None is made for it: Vertex() has none. The middle of this box is 0.7 but for rounding."""
+    calls, t = [], np.array([0.0, 1.0, 2.0])
+    simulator = mb.FunctionSimulator(lambda k, m: calls.append(k) or np.exp(k * t) + m, {"k": 0.7, "m": 1.0}, t, ["x"])
+    method = mb.Vertex() if name == "corners" else mb.PolynomialChaos()
+    with ThreadPoolExecutor(2) as pool:
+        bounds = propagate(simulator, method, mb.Box(k=(0.6, 0.8)), executor=pool if name == "threads" else None)
+    if name == "corners":
+        assert bounds.nominal is None
+        with pytest.raises(mb.DeclarationError, match="nominal parameters in its middle"):
+            bounds.plot(deviation=True)
+        return
+    assert len(calls) == bounds.evaluations
+    np.testing.assert_allclose(bounds.nominal[:, 0], np.exp(0.7 * t) + 1, rtol=1e-13)
+    assert bounds.plot(deviation=True).axes and str(bounds).splitlines()[-2].count("nominal then") == 2
 
 
 def test_rounding_is_printed_as_0():
@@ -143,7 +164,7 @@ def test_the_picture(tmp_path):
     bounds = propagate(Wave(), PolynomialChaos(), BOX)
     (axes,) = bounds.plot(tmp_path / "b.png").axes
     assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
-    curves = [*(bounds.lower, bounds.upper), *bounds.outer, *bounds.inner]
+    curves = [*(bounds.lower, bounds.upper), *bounds.outer, *bounds.inner, bounds.nominal]
     for line, curve in zip(axes.lines, curves, strict=True):
         np.testing.assert_array_equal(line.get_ydata(), curve[:, 0])
     (sampled,) = propagate(Wave(), Vertex(), BOX).plot().axes
