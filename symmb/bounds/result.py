@@ -303,12 +303,15 @@ class Bounds(Answers, Result, files.Saved):
         return LimitCheck(self.t, self.method, tuple(found), partial(self.plot, None), self._closest_to(found))
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
-        """The run that comes closest to one of some limits, if runs are known."""
-        if self.attaining is None:
-            return None
+        """The run that comes closest to one of some limits, if runs are known.
+
+        Limits are the same at all times, so that it is the worst case over all times, which files hold.
+        """
         limit = min(limits, key=lambda limit: float(limit.margin.min()))
         i, (lower, upper) = int(limit.margin.argmin()), self[limit.output]
         side = "lower" if lower[i] - limit.low < limit.high - upper[i] else "upper"
+        if self.attaining is None:
+            return next((case for case in self.worst_cases if (case.output, case.side) == (limit.output, side)), None)
         place = side, i, self.names.index(limit.output)
         return self._cases(self.attaining, [place])[0]
 

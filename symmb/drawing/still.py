@@ -1,6 +1,7 @@
 """Stills: an exhibit in one picture, painted with matplotlib from the back to the front."""
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
@@ -33,8 +34,11 @@ _WIDTH, _TALLEST, _FLATTEST = 7.0, 1.1, 0.45
 """Width of a still [inch], and its greatest and least height over its width."""
 _MARGIN = 0.06
 """Around the mechanism, over its size."""
-_NAME, _LABEL = 65, 110
-"""Most characters of the name, beside which the time stands, and of the label of a run."""
+_NAME, _LABEL, _LINES = 65, 104, 4
+"""Most characters of the name, beside which the time stands, and of a line of a run's label, and its most lines."""
+_EQUALS = "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}"
+_LINE = 0.5
+"""More above for each further line of a label, over the margin."""
 _FOOT = 2.2
 """More below, over the margin: arrows of axes and gravity stand there."""
 
@@ -82,7 +86,9 @@ def _limits(exhibit: Exhibit, pictures: Sequence[int]) -> tuple[Array, Array]:
     every = np.vstack(corners)
     low, high = every.min(axis=0), every.max(axis=0)
     margin = _MARGIN * max((high - low).max(), 8 * exhibit.drawing.unit)
-    return low - margin - [0, _FOOT * margin], high + margin + [0, margin * bool(exhibit.ghosts)]
+    lines = sum(len(_lines(ghost.label)) for ghost in exhibit.ghosts)
+    head = margin * (bool(exhibit.ghosts) + _LINE * max(lines - len(exhibit.ghosts), 0))
+    return low - margin - [0, _FOOT * margin], high + margin + [0, head]
 
 
 def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
@@ -104,17 +110,17 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
         seen = region.points[k] @ camera[:2].T
         axes.plot(*seen.T, ".", color=ELEMENTS["trace"], markersize=3, zorder=3)
     _furnish(axes, drawing, k)
-    for i, ghost in enumerate(exhibit.ghosts):
-        axes.annotate(
-            _cut(ghost.label, _LABEL),
-            (0.02, 0.975),
-            (0, -24 - 11 * i),
-            "axes fraction",
-            "offset points",
-            color=ghost.tint,
-            fontsize=8,
-            parse_math=False,
-        )
+    lines = [(ghost.tint, line) for ghost in exhibit.ghosts for line in _lines(ghost.label)]
+    for i, (tint, line) in enumerate(lines):
+        at, style = (0, -24 - 11 * i), {"color": tint, "fontsize": 8, "parse_math": False}
+        axes.annotate(line, (0.02, 0.975), at, "axes fraction", "offset points", **style)
+
+
+def _lines(label: str) -> list[str]:
+    """Lines of the label of a run; further ones are indented. A name stands beside its value."""
+    whole, style = label.replace(" = ", _EQUALS), {"subsequent_indent": "    ", "break_on_hyphens": False}
+    lines = wrap(whole, _LABEL, max_lines=_LINES, placeholder=" …", **style)
+    return [line.replace(_EQUALS, " = ") for line in lines]
 
 
 def _cut(text: str, length: int) -> str:

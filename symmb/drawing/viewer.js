@@ -310,20 +310,20 @@ function cameraMatrix() {
 
 function fit() {
   const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  const include = (p, margin) => view.axes.map(axis => dot(axis, p)).forEach((x, i) =>
+    [low[i], high[i]] = [Math.min(low[i], x - margin), Math.max(high[i], x + margin)]);
   for (const run of runs) {
     const n = run.t[1], step = Math.max(1, Math.floor(n / 60));
     for (let k = 0; k < n; k += step)
       for (const shape of run.shapes)
         for (const place of shape.places) {
           const tip = shape.form === "arrow" ? row(shape.direction, k, 3) : [0, 0, 0], p = add(position(run, place, k), tip);
-          const margin = shape.form === "solid" ? Math.hypot(...row(shape.direction, 0, 9)) / 1.2
-            : ["ball", "ring", "hull"].includes(shape.form) ? shape.size[0] : 4 * first.unit;
-          view.axes.forEach((axis, i) => {
-            low[i] = Math.min(low[i], dot(axis, p) - margin);
-            high[i] = Math.max(high[i], dot(axis, p) + margin);
-          });
+          include(p, shape.form === "solid" ? Math.hypot(...row(shape.direction, 0, 9)) / 1.2
+            : ["ball", "ring", "hull"].includes(shape.form) ? shape.size[0] : 4 * first.unit);
         }
   }
+  for (let i = 0, r = page.region; i < r?.points[1] * r?.count; i++) include(rowAt(r.points[0] + 3 * i, 3), 0.6 * first.unit);
+  for (let i = 0; i < swept?.[1]; i++) include([...rowAt(swept[0] + 2 * i, 2), 0], 0);
   if (low[0] > high[0]) { low.fill(-1); high.fill(1); }
   view.centre = view.axes.reduce((sum, axis, i) => add(sum, times(axis, (low[i] + high[i]) / 2)), [0, 0, 0]);
   view.height = 1.12 * Math.max(high[1] - low[1], (high[0] - low[0]) * canvas.height / canvas.width);

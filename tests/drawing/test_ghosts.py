@@ -7,6 +7,7 @@ import symmb as mb
 from models import artillery, double_pendulum
 from symmb.drawing import attaining_runs, of_bounds
 from symmb.drawing.exhibit import convex_hull, of_run
+from symmb.drawing.still import canvas, paint
 
 ATTAINED = 1e-9
 
@@ -52,6 +53,24 @@ def test_the_region_of_a_point_is_that_of_runs():
     wide = np.ptp(region.sweep, axis=0) - np.ptp(positions.reshape(-1, 2), axis=0)
     assert (wide > -1e-6).all()
     assert (wide < exhibit.drawing.unit).all()  # it consists of squares of half this side
+
+
+def test_a_still_tells_all_parameters_of_a_ghost():
+    """Its label has several lines, which are above the mechanism and inside the picture."""
+    p = mb.Parameters(**{f"initial_speed_{k}": 0.1 for k in range(9)})
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    box = mb.Box(**{name: (-0.1, 0.3) for name in p})
+    start = {"ball.vx": sum(getattr(p, name) for name in p)}
+    scene = mb.Scene(mb.System(ball, parameters=p), start, np.linspace(0, 1, 3), {"x": ball.x}, box)
+    exhibit = of_bounds(mb.propagate(scene, mb.Vertex()), "x", 1.0, None)
+    figure, axes = canvas(exhibit, [exhibit.picture], dpi=100)
+    paint(axes, exhibit, exhibit.picture)
+    figure.draw_without_rendering()
+    texts = [text for text in axes.texts if text.get_color() in {ghost.tint for ghost in exhibit.ghosts}]
+    assert all(sum(f"{name} = {end}" in text.get_text() for text in texts) == 1 for name in p for end in (-0.1, 0.3))
+    assert len(texts) > 4 and all(text.get_window_extent().x1 < figure.bbox.x1 for text in texts)
+    lowest = min(text.get_window_extent().y0 for text in texts)
+    assert axes.transData.transform([0, exhibit.drawing.unit])[1] < lowest
 
 
 def test_hulls():

@@ -161,6 +161,23 @@ def test_a_mirrored_picture_is_noticed(browser, pendulum):
     assert picked(browser, run, 0) != ["rod1", "rod2"]
 
 
+@pytest.mark.parametrize("pose", [mb.Planar(), mb.Spatial()], ids=str)
+def test_the_region_of_a_point_is_in_the_frame(browser, tmp_path, pose):
+    """A point that is far from all that is drawn: the page fits where it gets, as a still does."""
+    is_planar, p = isinstance(pose, mb.Planar), mb.Parameters(speed=1.0)
+    arm, along = mb.Body("arm", 1.0, 1.0 if is_planar else (1.0, 1.0, 1.0), pose=pose), "y" if is_planar else "z"
+    tip, start = arm.point(*([50, 0] if is_planar else [50, 0, 0])), {f"arm.v{along}": p.speed}
+    scene = mb.Scene(mb.System(arm, parameters=p), start, [0.0, 1.5, 3.0], {"x": tip.x}, mb.Box(speed=(0.5, 1.5)))
+    mb.view(mb.propagate(scene, mb.PolynomialChaos()), tmp_path / "p.html", point=tip)
+    browser.open(tmp_path / "p.html")
+    size = browser.run("[document.getElementById('view').clientWidth, document.getElementById('view').clientHeight]")
+    for way in (0.0, 0.75, 1.5, 4.5):
+        place = [50, way, 0] if is_planar else [50, 0, way]
+        seen = np.array(browser.run(f"symmb.project({place})")[:2])
+        assert ((0 <= seen) & (seen <= size)).all()
+    assert not browser.errors
+
+
 def test_pages_are_small(pendulum, tmp_path):
     viewer = Path(mb.__file__).parent / "drawing" / "viewer.js"
     assert len(viewer.read_text().splitlines()) <= 600

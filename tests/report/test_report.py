@@ -187,6 +187,7 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     assert "<iframe" not in (tmp_path / "r.html").read_text() and "The mechanism" not in found
     assert {"Limits", "Bounds", "Curves", "What is assumed"} <= {*found}
     assert ("Worst cases" in found) == ("What each parameter contributes" in found) == (suffix != ".csv")
+    assert (f"Worst case: {words(bounds.check({'x': (None, 2)}).worst)}" in text) == (suffix != ".csv")
     if suffix != ".csv":
         assert words(bounds._all_worst()[0]) in text and "0.9 1.1 1" in text
 
