@@ -422,8 +422,7 @@ class Bounds(Answers, Result, files.Saved):
         if deviation and self.nominal is None:
             raise DeclarationError(
                 "Bounds.plot: deviation needs the nominal run, which these bounds do not hold. Those by "
-                "PolynomialChaos() of a box with the nominal parameters in its middle hold it, and keep it in .npz and "
-                ".json files."
+                "PolynomialChaos() hold it where the nominal parameters are in the middle of the box."
             )
         figure = plot.plot_bounds(
             self.t,
@@ -443,9 +442,8 @@ class Bounds(Answers, Result, files.Saved):
     def report(self, path: str | Path, limits: Mapping[str, tuple[float | None, float | None]] | None = None) -> None:
         """Write a report: one .html file that opens offline, and prints.
 
-        It tells doubts, whether limits are kept, the bounds with their worst cases and curves, what they assume and
-        cost, and how to repeat them. Bounds of a scene show the mechanism too, in the runs that attain them, and its
-        equations; those by adaptive methods what each parameter contributes.
+        It tells doubts, whether limits are kept, the bounds, worst cases and curves, what they assume and cost, and
+        how to repeat them; of a scene also the mechanism and its equations; by adaptive methods also contributions.
 
         Parameters
         ----------
@@ -476,14 +474,13 @@ class Bounds(Answers, Result, files.Saved):
     def _about(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"
         times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
-        lines = [
+        return [
             f"Bounds by {self.method}, {times}",
             f"  kind         {self.kind} ({MEANING[self.kind]})",
             f"  evaluations  {self.evaluations}, {failed}",
+            *([failure_text(self.failed, 3, indent="    ")] if self.failed else []),
+            *([f"  range of     {self.range_of}"] if self.range_of else []),
         ]
-        if self.failed:
-            lines.append(failure_text(self.failed, 3, indent="    "))
-        return [*lines, f"  range of     {self.range_of}"] if self.range_of else lines
 
     def _head(self) -> list[str]:
         lines = [*self._about(), *(f"  doubtful     {doubt}" for doubt in self.doubts)]

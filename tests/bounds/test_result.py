@@ -130,7 +130,7 @@ def test_a_run_of_a_black_box_at_the_nominal_parameters_is_kept(name):
         bounds = propagate(simulator, method, mb.Box(k=(0.6, 0.8)), executor=pool if name == "threads" else None)
     if name == "corners":
         assert bounds.nominal is None
-        with pytest.raises(mb.DeclarationError, match="nominal parameters in its middle"):
+        with pytest.raises(mb.DeclarationError, match="nominal parameters are in the middle"):
             bounds.plot(deviation=True)
         return
     assert len(calls) == bounds.evaluations
