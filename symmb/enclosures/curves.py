@@ -86,7 +86,7 @@ class TimeStep:
         """
         problem, rounded = self.problem, self.x.error_on(patches.rho)
         more = rounded if radius is None else rounded + radius
-        x = [(centre, above(r + m)) for (centre, r), m in zip(patches.discs(self.x.c), more, strict=True)]
+        x = [discs.wider(own, m) for own, m in zip(patches.discs(self.x.c), more, strict=True)]
         errors = np.broadcast_to(problem.errors, problem.middle.shape)
         p = [
             discs.disc(float(m)) if j < 0 else patches.linear(m, r, 1 + j, error)

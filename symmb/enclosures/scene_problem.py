@@ -10,6 +10,7 @@ from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
+from symmb.enclosures.independent_velocities import Equations, equations_of
 from symmb.enclosures.problem import Problem, StartEquations
 from symmb.enclosures.tape import Tape
 from symmb.events import TimeSwitches, kinks
@@ -39,8 +40,9 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     times = np.asarray(simulator.times, dtype=float)
     if isinstance(simulator, DAESimulator):
         form = _formulation(method, simulator)
-        rates, outputs, scales = _equations(form)
-        start = _start(form)
+        equations = equations_of(form, times)
+        rates, scales = equations.rates, form.dae.state_sizes[equations.kept]
+        outputs, start = _outputs(form, equations), _start(form, equations)
         rates, valid, switch, names = _until_the_first_switch(
             method, form.dae, rates, times, _intervals(simulator, box)
         )
@@ -104,13 +106,12 @@ def _intervals(simulator: Simulator, box: Box) -> tuple[Array, Array, tuple[int,
 
 
 def _formulation(method: object, simulator: DAESimulator) -> Formulation:
-    """The formulation of a scene in which no row of constraints binds the states, if its motion is smooth."""
-    form = simulator.unconstrained
-    if form is None:
-        rows = ", ".join(dict.fromkeys(name.rpartition(".")[0] or name for name in simulator.dae.row_names))
+    """The formulation of a scene with the fewest rows of constraints, if its motion is smooth."""
+    form = simulator.least_constrained
+    if form.start.redundant and form.dae.n_r:
+        rows = ", ".join(form.start.redundant)
         raise PropagationError(
-            f"{method!r}: joints close loops or have no coordinates of their own ({rows}). Its proofs are of open "
-            "chains and trees alone. Use PolynomialChaos()."
+            f"{method!r}: rows of constraints depend on others ({rows}), which is not proved. Use PolynomialChaos()."
         )
     _require_smooth(method, form)
     if form.start.is_equilibrium:
@@ -174,21 +175,17 @@ _AFTER = 1e-9
 """Share of the horizon after the first time at which sides are chosen: at the first time itself a law may switch."""
 
 
-def _equations(form: Formulation) -> tuple[ca.Function, ca.Function, Array]:
-    """(x, p, t) -> x' and (x, p, t) -> y, and the sizes of the states."""
-    dae = form.dae
-    n = dae.n_q + dae.n_v + dae.n_s
-    x, p, t = ca.SX.sym("x", n), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
-    rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t)))) if n else ca.SX(0, 1)
-    f = common("rates", [x, p, t], [ca.densify(rates)])
-    return f, common("outputs", [x, p, t], [ca.densify(form.y(x, p, t))]), dae.state_sizes.copy()
+def _outputs(form: Formulation, equations: Equations) -> ca.Function:
+    """(x, p, t) -> y."""
+    x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+    return common("outputs", [x, p, t], [ca.densify(form.y(equations.whole(x, p, t), p, t))])
 
 
-def _start(form: Formulation) -> StartEquations:
+def _start(form: Formulation, equations: Equations) -> StartEquations:
     start, position = form.start, form.start.position
     p, t = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t")
     u = ca.SX.sym("u", start.state.numel_in(0))
-    residual, states = position.residual(u, p), start.state(u, p)
+    residual, states = position.residual(u, p), start.state(u, p)[equations.kept.tolist()]
 
     def solve(P: Array) -> Array:
         found, ok = position.solve(P)

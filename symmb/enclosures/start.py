@@ -23,6 +23,8 @@ from symmb.enclosures.tape import Tape
 _SHARE = 1e-17
 """Share of a state below which coefficients of its start are cut."""
 
+_NOISE = 1e-15
+"""Coefficients of scaled unknowns that are rounding, and would be large on ellipses."""
 _FINER, _FINEST = (1, 4, 16), 300
 """Patches over the usual ones of each variable, since a start solves equations whose pivots nearly cancel; and over
 those of all variables at most: it is made once.
@@ -105,7 +107,8 @@ def _unknowns(problem: Problem, order: int) -> Array:
     if not n_u:
         return np.zeros((0, *(order + 1,) * d))
     p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
-    return fit(_solutions(problem, p, counts), [order + 1] * d)
+    c = fit(_solutions(problem, p, counts), [order + 1] * d)
+    return np.where(np.abs(c) < _NOISE, 0.0, c)
 
 
 def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:
@@ -171,14 +174,14 @@ def _distance(step: TimeStep) -> Array:
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
     real = _patches(step, [1.0] * (d + 1))
     middle = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[1]
-    Y = np.linalg.inv(np.array([float(np.real(centre).mean()) for centre, _ in middle]).reshape(n, n).T)
+    Y = np.linalg.inv(np.array([float(np.real(a.centre).mean()) for a in middle]).reshape(n, n).T)
     g = above(np.abs(Y) @ off)
     e = above(2.0 * g)
     for _ in range(8):
         slopes = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
-        shape = np.broadcast_shapes(*(np.shape(centre) for centre, _ in slopes))
-        J = np.stack([np.broadcast_to(np.real(a[0]), shape).ravel() for a in slopes], axis=-1)
-        R = np.stack([np.broadcast_to(a[1], shape).ravel() for a in slopes], axis=-1)
+        shape = np.broadcast_shapes(*(np.shape(a.centre) for a in slopes))
+        J = np.stack([np.broadcast_to(np.real(a.centre), shape).ravel() for a in slopes], axis=-1)
+        R = np.stack([np.broadcast_to(a.swing, shape).ravel() for a in slopes], axis=-1)
         J, R = (a.reshape(-1, n, n).swapaxes(1, 2) for a in (J, R))
         D = np.abs(np.eye(n) - Y @ J) + np.abs(Y) @ (above(R) + of_sum(n + 3) * np.abs(J)) + of_sum(n + 3)
         new = above(g + above(D.max(axis=0)) @ e)

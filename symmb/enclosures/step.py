@@ -121,10 +121,10 @@ class _Curvature:
                 self._radius, self._change, least = radius, change, mean
 
     def _changes(self, radius: Array) -> Array:
-        """Largest radii (n, n) of the Jacobian's discs over states within a radius (n,)."""
+        """Largest radii (n, n) of the Jacobian's discs, at any place of a patch, over states within a radius (n,)."""
         tape, n = self._step.problem.jacobian_tape, self._step.problem.n
         entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
-        return np.array([float(np.where(np.isnan(r), np.inf, r).max()) for _, r in entries]).reshape(n, n).T
+        return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
 
 
 _SHRUNK = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)

@@ -148,10 +148,9 @@ class DAESimulator:
         return self._joints if self._joints is not None and self.solver.takes_any_coordinates else self.bodies
 
     @property
-    def unconstrained(self) -> Formulation | None:
-        """Equations, start and outputs in coordinates that no row of constraints binds, if there are any."""
-        forms = (self.bodies, self._joints, self._spare)
-        return next((form for form in forms if form is not None and not form.dae.n_r), None)
+    def least_constrained(self) -> Formulation:
+        """Equations, start and outputs in the coordinates that the fewest rows of constraints bind."""
+        return min(filter(None, (self.bodies, self._joints, self._spare)), key=lambda form: form.dae.n_r)
 
     @property
     def coordinates(self) -> str:

@@ -29,6 +29,7 @@ from symmb.symbolic.jets import HIGHEST_ORDER, jet_function, jets
 from symmb.symbolic.latex import latex
 from symmb.symbolic.linear import (
     MassBlocks,
+    explicit_solver,
     general_solver,
     independent,
     is_singular,

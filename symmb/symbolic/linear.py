@@ -1,10 +1,12 @@
 """Symbolic solution of M a + G' lam = f, G a = g in range space; constraints lend inertia to bodies without mass."""
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
+from symmb._types import Array
 from symmb.symbolic.geometry import is_zero
 
 _SMALL = 6
@@ -151,6 +153,58 @@ def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
     sample to sample."""
     factors = ca.qr_sparse(A)
     return lambda r: ca.densify(ca.qr_solve(ca.densify(r), *factors))
+
+
+_EXPLICIT = 3
+"""Rows of a matrix up to which its inverse is written by its determinant."""
+
+
+def explicit_solver(A: ca.SX, at: Array | None = None) -> Callable[[ca.SX], ca.SX]:
+    """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
+
+    Quotients have one denominator for each block, which shows where A is singular. Blocks of equations that can be
+    solved one after the other are. Larger ones are halved, and `at` (n, n), values of A somewhere, orders their rows so
+    that the parts are regular there; a positive definite A needs no order.
+    """
+    A = ca.sparsify(A)
+    _, rows, columns, starts, *_ = A.sparsity().btf() if A.shape[0] else (0, [], [], [0])
+    blocks = [(rows[i:j], columns[i:j]) for i, j in pairwise(starts)] if ca.sprank(A) == A.shape[0] else []
+    if at is None or not blocks:
+        blocks = [([*range(A.shape[0])], [*range(A.shape[0])])]
+    else:
+        blocks = [([own[k] for k in _order(at[np.ix_(own, of)])], of) for own, of in blocks]
+    inverses = [_halved(ca.densify(A[own, of])) for own, of in blocks]
+
+    def solve(r: ca.SX) -> ca.SX:
+        z = ca.SX.zeros(*r.shape)
+        for (own, of), inverse in zip(blocks, inverses, strict=True):
+            z[of, :] = inverse @ (r[own, :] - A[own, :] @ z)
+        return z
+
+    return solve
+
+
+def _order(A: Array) -> list[int]:
+    """Rows of a matrix in the order in which elimination with pivots takes them."""
+    from scipy.linalg import lu_factor
+
+    order = list(range(len(A)))
+    for i, j in enumerate(lu_factor(A)[1]):
+        order[i], order[j] = order[j], order[i]
+    return order
+
+
+def _halved(A: ca.SX) -> ca.SX:
+    """The inverse of A (n, n), from those of a part and of its Schur complement if it is large."""
+    n = A.shape[0]
+    if n <= _EXPLICIT:
+        return ca.inv_minor(A) if n else A
+    k = n // 2
+    a, b, c, d = A[:k, :k], A[:k, k:], A[k:, :k], A[k:, k:]
+    first = _halved(a)
+    right, below = first @ b, c @ first
+    last = _halved(d - below @ b)
+    return ca.blockcat([[first + right @ last @ below, -right @ last], [-last @ below, last]])
 
 
 def saddle_solver(

@@ -102,6 +102,20 @@ def at_points(name: str, exact, count: int) -> tuple[int, int, int]:
     return total, refused, wrong
 
 
+def _in_circle(rng: np.random.Generator) -> np.ndarray:
+    return rng.choice([0.0, 0.7, 1.0], GROUP) * np.exp(2j * np.pi * rng.random(GROUP)) * (1 - 1e-15)
+
+
+def _with_slopes(centres: np.ndarray, reach: np.ndarray, rng: np.random.Generator) -> discs.Disc:
+    """Discs that reach so far, a random part of it by their slopes."""
+    part = rng.random() if rng.random() < 0.7 and centres.ndim else 0.0
+    return discs.Disc(centres, (part * reach * np.exp(1j * rng.uniform(0, 6)))[..., None], (1 - part) * reach)
+
+
+def _parts(a: discs.Disc) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return a.centre, a.slopes[..., 0], a.radius
+
+
 def on_discs(name: str, exact, count: int) -> tuple[int, int, int]:
     """The same of points of discs."""
     rng, total, refused, wrong = np.random.default_rng(1), 0, 0, 0
@@ -114,18 +128,21 @@ def on_discs(name: str, exact, count: int) -> tuple[int, int, int]:
             x = [a if a.ndim == 0 else a * np.exp(1j * rng.uniform(-1, 1) * rng.uniform(0, 1, GROUP)) for a in x]
         total += GROUP
         with np.errstate(all="ignore"):
-            centre, radius = discs.OPERATIONS[getattr(ca, name)](*map(discs.disc, x, radii))
-        turned = [rng.choice([0.0, 0.7, 1.0], GROUP) * np.exp(2j * np.pi * rng.random(GROUP)) * (1 - 1e-15) for _ in x]
+            own = [_with_slopes(a, r, rng) for a, r in zip(x, radii, strict=True)]
+            found = discs.OPERATIONS[getattr(ca, name)](*own)
+        places, *turned = (_in_circle(rng) for _ in (0, *x))
         for k in range(GROUP):
-            at, r = (np.broadcast_to(a, GROUP)[k] for a in (centre, radius))
-            if not (np.isfinite(r) and np.isfinite(at)):  # not a proof
+            centre, slope, radius = (np.broadcast_to(a, GROUP)[k] for a in _parts(found))
+            if not (np.isfinite(radius) and np.isfinite(centre)):  # not a proof
                 refused += 1
                 continue
-            arguments = [(_acb(np.broadcast_to(a, GROUP)[k]), _acb(np.broadcast_to(e, GROUP)[k] * u[k]))
-                         for a, e, u in zip(x, radii, turned, strict=True)]  # fmt: skip
-            if not _within(exact, arguments, _acb(at), float(r)):
+            arguments = []
+            for one, u in zip(own, turned, strict=True):
+                a, b, r = (_acb(np.broadcast_to(part, GROUP)[k]) for part in _parts(one))
+                arguments.append([a, b * _acb(places[k]), r * _acb(u[k])])
+            if not _within(exact, arguments, _acb(centre) + _acb(slope) * _acb(places[k]), float(radius)):
                 wrong += 1
-                print("  outside:", name, arguments, at, r)
+                print("  outside:", name, arguments, centre, slope, radius)
     return total, refused, wrong
 
 

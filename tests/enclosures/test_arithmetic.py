@@ -64,28 +64,54 @@ def test_rounding_alone_is_within_the_errors(name):
 
 @pytest.mark.parametrize("name", EXACT)
 def test_discs_hold_all_values_of_their_arguments(name):
+    """At each place in a patch, the values of arguments in their discs are in the disc of the result there."""
     rng = np.random.default_rng(3)
     x = _quadrant(name, rng) or [rng.uniform(low, high, N) for low, high in _ranges(name, (-2.0, 2.0))]
     x = [a + 1j * rng.uniform(-0.02, 0.02, N) for a in x]
-    radii = [rng.uniform(0.0, 0.02, N) for _ in x]
+    radii = [rng.choice([0.0, 0.001, 0.02], N) * rng.random(N) for _ in x]
+    slopes = [rng.choice([0.0, 0.02], N)[:, None] * _in_circle(rng, (N, 2)) / 2 for _ in x]
+    arguments = [discs.Disc(a, b, r) for a, b, r in zip(x, slopes, radii, strict=True)]
     with np.errstate(all="ignore"):
-        centres, reach = discs.OPERATIONS[getattr(ca, name)](*(discs.disc(a, r) for a, r in zip(x, radii, strict=True)))
-    assert np.isfinite(reach).all()
-    turned = [rng.choice([0.0, 1.0, 1.0], N) * np.exp(2j * np.pi * rng.random(N)) for _ in x]
+        found = discs.OPERATIONS[getattr(ca, name)](*arguments)
+    assert np.isfinite(discs.reach(found)).all()
+    places = _on_circle(rng, (N, 2))
+    inside = [a + (b * places).sum(axis=1) + r * _on_circle(rng, N) for a, b, r in zip(x, slopes, radii, strict=True)]
+    centres = np.broadcast_to(found.centre + (found.slopes * places).sum(axis=1), N)
     complex_exact = EXACT | {
         "OP_ATAN2": lambda y, x: (mpmath.log(x + 1j * y) - mpmath.log(x - 1j * y)) / 2j,
         "OP_HYPOT": lambda a, b: mpmath.sqrt(a * a + b * b),
     }
     for k in range(N):
-        exact = complex_exact[name](*(mpmath.mpc(a[k] + r[k] * u[k]) for a, r, u in zip(x, radii, turned, strict=True)))
-        assert abs(exact - mpmath.mpc(complex(centres[k]))) <= reach[k] * (1 + 1e-12)
+        exact = complex_exact[name](*(mpmath.mpc(complex(a[k])) for a in inside))
+        off = abs(exact - mpmath.mpc(complex(centres[k])))
+        assert off <= np.broadcast_to(found.radius, N)[k] * (1 + 1e-12) + 1e-15 * abs(exact)
+
+
+@pytest.mark.parametrize("name", ["OP_MUL", "OP_DIV", "OP_SQ", "OP_INV", "OP_SIN", "OP_EXP", "OP_SQRT", "OP_ATAN2"])
+def test_radii_fall_with_the_square_of_slopes(name):
+    radii = []
+    for size in (1e-2, 1e-3):
+        arguments = [discs.Disc(np.array([a]), size * np.array([[1.0, 0.5j]]), np.zeros(1)) for a in (0.7, 1.3)]
+        operands = len(_ranges(name, (0.0, 1.0)))
+        radii.append(float(discs.OPERATIONS[getattr(ca, name)](*arguments[:operands]).radius[0]))
+    assert radii[1] < 0.011 * radii[0] + 1e-14
+
+
+def _on_circle(rng, shape):
+    """Numbers of modulus 1, and some of modulus 0."""
+    return rng.choice([0.0, 1.0, 1.0], shape) * np.exp(2j * np.pi * rng.random(shape))
+
+
+def _in_circle(rng, shape):
+    return rng.random(shape) * np.exp(2j * np.pi * rng.random(shape))
 
 
 @pytest.mark.parametrize("exponent", [0.0, 2.0, 3.0, -1.0, -2.0, 0.5, -1.5, 2.5])
 def test_constant_powers(exponent):
     rng, sign = np.random.default_rng(4), -1.0 if exponent == int(exponent) else 1.0
     x, radius = sign * rng.uniform(0.5, 3.0, 200) + 0.1j, 0.05
-    centres, reach = discs.OPERATIONS[ca.OP_CONSTPOW](discs.disc(x, radius), discs.disc(exponent))
+    found = discs.OPERATIONS[ca.OP_CONSTPOW](discs.disc(x, radius), discs.disc(exponent))
+    centres, reach = found.centre, found.radius
     values, error, *_ = points.OPERATIONS[ca.OP_CONSTPOW](points.point(x.real, 1e-9), points.point(exponent))
     for k, angle in enumerate(2 * np.pi * rng.random(200)):
         exact = mpmath.power(mpmath.mpc(x[k] + radius * np.exp(1j * angle)), exponent)
@@ -106,7 +132,7 @@ def test_where_a_function_is_not_analytic_nothing_is_proved(name):
 
 def test_discs_on_both_sides_of_a_pole_prove_nothing():
     found = discs.OPERATIONS[ca.OP_INV](discs.disc(np.array([-1.0, 1.0]), 0.1))
-    assert np.isinf(found[1]).all()
+    assert np.isinf(found.radius).all()
 
 
 @pytest.mark.parametrize(
@@ -133,8 +159,8 @@ def test_discs_on_both_sides_of_a_pole_prove_nothing():
 )
 def test_decided_comparisons(name, arguments, expected):
     code = getattr(ca, name)
-    centre, radius = discs.OPERATIONS[code](*map(discs.disc, arguments))
-    assert complex(centre) == expected and radius < 1e-12
+    found = discs.OPERATIONS[code](*map(discs.disc, arguments))
+    assert complex(found.centre) == expected and found.radius < 1e-12
     value, error, *_ = points.OPERATIONS[code](*map(points.point, arguments))
     assert float(value) == expected and error < 1e-12
     assert float(points.PLAIN[code](*arguments)) == expected
@@ -151,7 +177,7 @@ EITHER = np.array([-1.0, 2.0])
 )  # fmt: skip
 def test_conditions_that_may_vanish_are_not_decided(name, arguments):
     code = getattr(ca, name)
-    assert np.isinf(discs.OPERATIONS[code](*map(discs.disc, arguments))[1]).all()
+    assert np.isinf(discs.OPERATIONS[code](*map(discs.disc, arguments)).radius).all()
     with pytest.raises(ProofError, match="may vanish"):
         points.OPERATIONS[code](*map(points.point, arguments))
 
@@ -170,12 +196,12 @@ def test_extreme_arguments_are_within_the_errors_or_refused(name):
     for x in itertools.product(EXTREME, repeat=operands):
         off = [abs(a) * 10.0 ** rng.integers(-16, -9) for a in x]
         with np.errstate(all="ignore"):
-            centre, radius = discs.OPERATIONS[getattr(ca, name)](*map(discs.disc, x, off))
+            found = discs.OPERATIONS[getattr(ca, name)](*map(discs.disc, x, off))
             try:
                 value, error, *_ = points.OPERATIONS[getattr(ca, name)](*map(points.point, x, off))
             except ProofError:
                 value, error = 0.0, np.inf
-        if np.isinf(error) and not np.isfinite(radius):
+        if np.isinf(error) and not np.isfinite(found.radius):
             continue
         with mpmath.workdps(700):
             ends = [
@@ -184,7 +210,8 @@ def test_extreme_arguments_are_within_the_errors_or_refused(name):
             ]
             for y in ends:
                 assert np.isinf(error) or abs(y - mpmath.mpf(float(value))) <= error
-                assert not np.isfinite(radius) or abs(y - mpmath.mpmathify(complex(centre))) <= float(radius)
+                off_centre = abs(y - mpmath.mpmathify(complex(found.centre)))
+                assert not np.isfinite(found.radius) or off_centre <= float(found.radius)
 
 
 def _ends(a, error):
@@ -193,8 +220,8 @@ def _ends(a, error):
 
 def test_the_complex_error_function_is_less_exact_than_others():
     z = np.random.default_rng(6).uniform(0.001, 0.05, 300) * np.exp(0.3j)
-    centres, radii = discs.OPERATIONS[ca.OP_ERF](discs.disc(z))
-    for at, centre, radius in zip(z, centres, radii, strict=True):
+    found = discs.OPERATIONS[ca.OP_ERF](discs.disc(z))
+    for at, centre, radius in zip(z, found.centre, found.radius, strict=True):
         assert abs(mpmath.erf(mpmath.mpc(complex(at))) - mpmath.mpc(complex(centre))) <= radius
 
 

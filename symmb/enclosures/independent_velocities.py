@@ -1,0 +1,170 @@
+"""Equations of motion with all coordinates, and as many velocities as the rows of loops leave free.
+
+Coordinates that drift from the rows do not come back, but velocities that satisfy them are computed from the free ones:
+G v = -nu gives the others. The free ones follow from Newton's second law for the velocities S of the bodies along them,
+
+    S' M S u' = S' (Q - M a),
+
+where a are the accelerations for u' = 0. Masses of bodies are constant, and terms of joints that cancel do not arise.
+
+Source: Wehage and Haug, Journal of Mechanical Design 104 (1982), generalised coordinate partitioning.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.formulations import Formulation
+from symmb.symbolic import common, explicit_solver
+
+_SETS = 500
+"""Most sets of velocities that are all compared; of more, those that are best at some time are."""
+_TIMES = 100
+"""Times of the nominal run at which they are compared."""
+_RTOL = 1e-6
+"""Tolerance of that run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Equations whose states x are parts of those of a formulation.
+
+    Attributes
+    ----------
+    rates : (x, p, t) -> x'
+    whole : (x, p, t) -> the state (q, v, s) of the formulation
+    kept : numbers of the entries of that state which x has
+    """
+
+    rates: ca.Function
+    whole: ca.Function
+    kept: Indices
+
+
+def equations_of(form: Formulation, times: Array) -> Equations:
+    """The equations of a formulation over times (n_t,)."""
+    dae = form.dae
+    n = dae.n_q + dae.n_v + dae.n_s
+    if dae.G is None:
+        x, p, t = ca.SX.sym("x", n), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+        rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t)))) if n else ca.SX(0, 1)
+        whole = ca.Function("whole", [x, p, t], [x])
+        return Equations(common("rates", [x, p, t], [ca.densify(rates)]), whole, np.arange(n))
+    return _partitioned(form, *_dependent(form, times))
+
+
+def _partitioned(form: Formulation, dependent: Sequence[int], G_there: Array) -> Equations:
+    """The equations in which the rows determine some velocities, by their numbers. Their Jacobian is G_there once."""
+    dae, bodies = form.dae, form.dae if form.bodies is None else form.bodies.dae
+    n_q, n_v = dae.n_q, dae.n_v
+    free = [k for k in range(n_v) if k not in dependent]
+    kept = np.array([*range(n_q), *(n_q + k for k in free), *range(n_q + n_v, n_q + n_v + dae.n_s)], dtype=np.intp)
+    x, p, t = ca.SX.sym("x", len(kept)), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    q, u, s = ca.vertsplit(x, [0, n_q, n_q + len(free), len(kept)])
+    state = [s] if dae.n_s else []
+    at_rest = (q, ca.SX.zeros(n_v), *state, p, t)
+    G = dae.G(*at_rest)
+    solve = explicit_solver(G[:, list(dependent)], G_there[:, list(dependent)])
+
+    def of_all(values: ca.SX, free_values: ca.SX) -> ca.SX:
+        """Rows (n_v, m) of the dependent and of the free velocities in their order."""
+        order = np.argsort([*dependent, *free]).tolist()
+        return ca.densify(ca.vertcat(values, free_values))[order, :]
+
+    along = of_all(-solve(G[:, free]), ca.SX.eye(len(free)))
+    v = along @ u + of_all(-solve(dae.Phi_dot(*at_rest)), ca.SX(len(free), 1))
+    at = (q, v, *state, p, t)
+    first, *others = dae.rhs.call(list(at))
+    bias = of_all(solve(dae.gamma(*at)), ca.SX(len(free), 1))
+    of_bodies, S, a = _motion_of_bodies(form, at, first, along, bias)
+    acceleration = ca.SX.sym("a", bodies.n_v)
+    M = ca.jacobian(bodies.inertia(*of_bodies, acceleration), acceleration)
+    forces = S.T @ (bodies.Q(*of_bodies) - M @ a)
+    du = explicit_solver(S.T @ M @ S)(forces) if free else ca.SX(0, 1)
+    rates = common("rates", [x, p, t], [ca.densify(ca.vertcat(first, du, *others[1:]))])
+    return Equations(rates, common("whole", [x, p, t], [ca.densify(ca.vertcat(q, v, s))]), kept)
+
+
+def _motion_of_bodies(
+    form: Formulation, at: tuple[ca.SX, ...], qdot: ca.SX, along: ca.SX, bias: ca.SX
+) -> tuple[tuple[ca.SX, ...], ca.SX, ca.SX]:
+    """Arguments of the Functions of the bodies, their velocities along the free ones, and accelerations without these.
+
+    `along` (n_v, n_u) and `bias` (n_v,) are the same of the velocities of the formulation.
+    """
+    if form.bodies is None:
+        return at, along, bias
+    dae, bodies, (*state, p, t) = form.dae, form.bodies.dae, at
+    q, v, s = ca.SX.sym("q", dae.n_q), ca.SX.sym("v", dae.n_v), ca.SX.sym("s", dae.n_s)
+    rate = ca.SX.sym("rate", dae.n_q)
+    x = form.bodies.states()(ca.vertcat(q, v, s), p)
+    moved = x[bodies.n_q : bodies.n_q + bodies.n_v]
+    f = ca.Function("moved", [q, v, s, p, rate], [x, ca.jacobian(moved, v), ca.jtimes(moved, q, rate)])
+    found, J, of_positions = f(*state[:2], state[2] if dae.n_s else ca.SX(0, 1), p, qdot)
+    return bodies.arguments(found, p, t), ca.densify(J @ along), of_positions + J @ bias
+
+
+def _dependent(form: Formulation, times: Array) -> tuple[tuple[int, ...], Array]:
+    """The velocities that the rows determine best at all times of a nominal run, and the Jacobian where they do worst.
+
+    The least singular value of their columns, over that of all columns, tells how well.
+    """
+    dae = form.dae
+    assert dae.G is not None
+    G = _jacobians(form, times) * dae.displacement_scales
+    n_r, n_v = G.shape[1:]
+    sets = list(combinations(range(n_v), n_r)) if _count(n_v, n_r) <= _SETS else list(_best_sets(G))
+    whole = np.linalg.svd(G, compute_uv=False)[:, -1] if n_r else np.ones(len(G))
+    shares = np.array([_least(G[:, :, list(chosen)]) / whole for chosen in sets])
+    best = int(shares.min(axis=1).argmax())
+    return sets[best], G[int(shares[best].argmin())]
+
+
+def _count(n: int, k: int) -> int:
+    """Number of sets of k of n, and no more than is told apart from many."""
+    count = 1
+    for i in range(min(k, n - k)):
+        count = count * (n - i) // (i + 1)
+        if count > _SETS:
+            break
+    return count
+
+
+def _least(G: Array) -> Array:
+    return np.linalg.svd(G, compute_uv=False)[:, -1]
+
+
+def _best_sets(G: Array) -> set[tuple[int, ...]]:
+    """Sets of columns that are independent at some time: each column is the one that is farthest from those before."""
+    from scipy.linalg import qr
+
+    n_r = G.shape[1]
+    return {tuple(sorted(qr(at, mode="r", pivoting=True)[1][:n_r].tolist())) for at in G}
+
+
+def _jacobians(form: Formulation, times: Array) -> Array:
+    """Jacobians (m, n_r, n_v) of the rows along a nominal run, as far as it goes."""
+    from scipy.integrate import solve_ivp
+
+    dae, at = form.dae, form.start.nominal()
+    p, x0 = at["p"], np.concatenate([at["q"], at["v"], at["s"]])
+    x, parameters, t = ca.SX.sym("x", len(x0)), ca.SX.sym("p", len(p)), ca.SX.sym("t")
+    arguments = dae.arguments(x, parameters, t)
+    rhs = ca.Function("rhs", [x, parameters, t], [ca.vertcat(*dae.rhs.call(list(arguments)))])
+    assert dae.G is not None
+    G = ca.Function("G", [x, parameters, t], [ca.densify(dae.G(*arguments))])
+    found = solve_ivp(
+        lambda t, x: rhs(x, p, t).full().ravel(),
+        (times[0], times[-1]),
+        x0,
+        method="DOP853",
+        rtol=_RTOL,
+        atol=_RTOL * dae.state_sizes,
+        t_eval=np.linspace(times[0], times[-1], _TIMES),
+    )
+    states = found.y.T if found.y.size else x0[None]
+    return np.stack([G(state, p, time).full() for state, time in zip(states, [*found.t, times[0]], strict=False)])
