@@ -87,8 +87,11 @@ def reach(a: Disc) -> Array:
 
 
 def _size(z: Any) -> Array:
-    """Moduli, or a little more."""
-    return np.sqrt(z.real * z.real + z.imag * z.imag + _SQUARE) if np.iscomplexobj(z) else np.abs(z)
+    """Moduli, or a little more: NumPy's own are ten times slower, but do not overflow."""
+    if not np.iscomplexobj(z):
+        return np.abs(z)
+    size = np.sqrt(z.real * z.real + z.imag * z.imag + _SQUARE)
+    return size if np.all(size < np.inf) else np.abs(z)
 
 
 def _times(factor: Any, slopes: Any) -> Any:

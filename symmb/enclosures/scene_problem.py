@@ -17,7 +17,8 @@ from symmb.events import TimeSwitches, kinks
 from symmb.formulations import Formulation
 from symmb.model import DAE, Box
 from symmb.simulation import DAESimulator
-from symmb.symbolic import On, branches, common
+from symmb.symbolic import On, batch, branches, common
+from symmb.symbolic import t as time_symbol
 
 
 def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
@@ -39,7 +40,7 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     valid, switch, names = None, np.inf, ""
     times = np.asarray(simulator.times, dtype=float)
     if isinstance(simulator, DAESimulator):
-        form = _formulation(method, simulator)
+        form = _formulation(method, simulator, box)
         equations = equations_of(form, times)
         rates, scales = equations.rates, form.dae.state_sizes[equations.kept]
         outputs, start = _outputs(form, equations), _start(form, equations)
@@ -105,11 +106,10 @@ def _intervals(simulator: Simulator, box: Box) -> tuple[Array, Array, tuple[int,
     return middle, radius, tuple(variables)
 
 
-def _formulation(method: object, simulator: DAESimulator) -> Formulation:
+def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulation:
     """The formulation of a scene with the fewest rows of constraints, if its motion is smooth."""
     form = simulator.least_constrained
-    if form.start.redundant and form.dae.n_r:
-        rows = ", ".join(form.start.redundant)
+    if rows := _rows_that_may_bind(simulator, form, box):
         raise PropagationError(
             f"{method!r}: rows of constraints depend on others ({rows}), which is not proved. Use PolynomialChaos()."
         )
@@ -119,6 +119,33 @@ def _formulation(method: object, simulator: DAESimulator) -> Formulation:
             f"{method!r}: the scene starts in equilibrium, which it does not prove. Give the start by values."
         )
     return form
+
+
+def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) -> str:
+    """The rows that are left out of a formulation, and do not vanish at random positions and parameters of the box.
+
+    An analytic function that vanishes at random points but for rounding vanishes everywhere.
+    """
+    if not form.start.redundant:
+        return ""
+    system, dae, rng = simulator.scene.system, form.dae, np.random.default_rng(0)
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), system.p, time_symbol
+    of_bodies = x if form.bodies is None else form.bodies.states()(x, p)
+    rows = ca.Function("rows", [system.q, p, t], [ca.densify(system.Phi)])
+    f = ca.Function("rows", [x, p, t], [rows(of_bodies[: system.q.numel()], p, t)])
+    middle, radius, _ = _intervals(simulator, box)
+    q = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in rng.normal(size=(_POINTS, dae.n_v))]
+    X = np.hstack([q, np.zeros((_POINTS, dae.n_v + dae.n_s))])
+    P = middle + radius * rng.uniform(-1, 1, (_POINTS, len(middle)))
+    found = batch(f, X, P, rng.uniform(*simulator.times[[0, -1]], (_POINTS, 1)))[0]
+    binds = np.abs(found).max(axis=0) > _VANISHES * max(1.0, np.abs(found).max())
+    names = system.collected.row_names
+    left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
+    return ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in left))
+
+
+_POINTS, _VANISHES = 20, 1e-13
+"""Random points, and rows over the largest one that are rounding there."""
 
 
 def _require_smooth(method: object, form: Formulation) -> None:

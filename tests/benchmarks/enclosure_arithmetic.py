@@ -109,7 +109,9 @@ def _in_circle(rng: np.random.Generator) -> np.ndarray:
 def _with_slopes(centres: np.ndarray, reach: np.ndarray, rng: np.random.Generator) -> discs.Disc:
     """Discs that reach so far, a random part of it by their slopes."""
     part = rng.random() if rng.random() < 0.7 and centres.ndim else 0.0
-    return discs.Disc(centres, (part * reach * np.exp(1j * rng.uniform(0, 6)))[..., None], (1 - part) * reach)
+    part = np.where(reach > 1e-280, part, 0.0)  # Arb has no denormal numbers
+    slopes = (part * reach * np.exp(1j * rng.uniform(0, 6)))[..., None]
+    return discs.wider(discs.Disc(centres, slopes, (1 - part) * reach), 0.0)
 
 
 def _parts(a: discs.Disc) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
