@@ -171,7 +171,8 @@ def _left(a: Disc) -> Mask:
     return _right(_negative(a))
 
 
-def _one_sided(a: Disc) -> bool:
+def is_regular(a: Disc) -> bool:
+    """Whether all discs are on one side of 0."""
     return bool(np.all(_right(a)) or np.all(_left(a)))
 
 
@@ -184,7 +185,7 @@ def _inverse(a: Disc) -> Disc:
     """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w))."""
     size, swing, value = np.abs(a.centre), a.swing, 1.0 / a.centre
     rest = swing * swing / (size * size) / _gap(size, swing) * (1.0 + COMPLEX)
-    return _if(_one_sided(a), _function(a, value, -value * value, rest, 1.0 / size))
+    return _if(is_regular(a), _function(a, value, -value * value, rest, 1.0 / size))
 
 
 def _divide(a: Disc, b: Disc) -> Disc:
@@ -255,7 +256,7 @@ def _tanh(a: Disc) -> Disc:
     x = np.maximum(_gap(np.abs(np.real(a.centre)), a.swing), 0.0)
     y = above(np.abs(np.imag(a.centre)) + a.swing)
     least = np.sinh(x) ** 2 + np.where(y < _STRIP, np.cos(y) ** 2, 0.0)
-    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), _one_sided(a) or bool(np.all(y < _STRIP)))
+    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), is_regular(a) or bool(np.all(y < _STRIP)))
 
 
 _STRIP = 1.57
@@ -267,7 +268,7 @@ def _in_unit_disc(a: Disc) -> bool:
 
 
 def _off_imaginary_cuts(a: Disc) -> bool:
-    return _one_sided(a) or bool(np.all(above(np.abs(np.imag(a.centre)) + a.swing) < 1.0))
+    return is_regular(a) or bool(np.all(above(np.abs(np.imag(a.centre)) + a.swing) < 1.0))
 
 
 def _least_of_quadratic(a: Disc, sign: float) -> Array:
@@ -354,7 +355,7 @@ def _by_i(a: Disc, factor: float) -> Disc:
 
 def _sign(a: Disc) -> Disc:
     side = 1.0 if np.all(_right(a)) else -1.0
-    return _if(_one_sided(a), disc(side))
+    return _if(is_regular(a), disc(side))
 
 
 def _choose(a: Disc, b: Disc, larger: bool) -> Disc:
@@ -365,7 +366,7 @@ def _choose(a: Disc, b: Disc, larger: bool) -> Disc:
 
 
 def _modulus(a: Disc) -> Disc:
-    return _if(_one_sided(a), a if np.all(_right(a)) else _negative(a))
+    return _if(is_regular(a), a if np.all(_right(a)) else _negative(a))
 
 
 def _truth(of: Callable[[float], float]) -> Callable[[Disc, Disc], Disc]:
@@ -382,7 +383,7 @@ def _holds(condition: Disc) -> float:
     """1 where a condition, which may be any number, is not 0, and 0 where it is; not a number where it is not known."""
     if np.all(condition.centre == 0.0) and np.all(condition.swing <= above(0.0)):
         return 0.0
-    return 1.0 if _one_sided(condition) else np.nan
+    return 1.0 if is_regular(condition) else np.nan
 
 
 def _decided(truth: float) -> Disc:

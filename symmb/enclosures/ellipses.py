@@ -21,12 +21,16 @@ class Choice:
     """How far states move on the ellipses of time and of the parameters, over their room, and patches of each."""
 
     spread: tuple[float, float] = (0.5, 0.5)
-    patches: tuple[int, int] = (8, 8)
+    patches: tuple[int, int] = (8, 1)
 
     def smaller(self) -> "Choice":
-        """Smaller ellipses with more patches."""
+        """Smaller ellipses."""
         a, b = self.spread
-        return replace(self, spread=(0.6 * a, 0.6 * b), patches=(self.patches[0], min(self.patches[1] + 2, _FINEST)))
+        return replace(self, spread=(0.5 * a, 0.5 * b))
+
+    def count(self, d: int) -> float:
+        """Patches with d parameters."""
+        return self.patches[0] * float(self.patches[1]) ** d
 
     def turned(self, turn: int) -> "Choice":
         """One of the eight neighbours."""
@@ -38,16 +42,16 @@ class Choice:
         if which == 1:
             return replace(self, spread=(a, b * factor))
         if which == 2:
-            return replace(self, patches=(_bounded(k * factor + (turn % 2)), m))
-        return replace(self, patches=(k, _bounded(m * factor + (turn % 2))))
+            return replace(self, patches=(max(_bounded(k * factor + 2 * (turn % 2)), _FEWEST), m))
+        return replace(self, patches=(k, _bounded(m * factor + 2 * (turn % 2))))
 
 
 def _bounded(count: float) -> int:
-    return min(max(round(count), 1), _FINEST)
+    return 1 if count < _FEWEST - 1 else min(max(round(count), _FEWEST), _FINEST)
 
 
-_FINEST = 40
-"""Most patches of a variable."""
+_FEWEST, _FINEST = 4, 40
+"""Fewest and most patches of a variable that has more than one: two or three are no better than one."""
 
 
 @dataclass
@@ -112,13 +116,6 @@ _STIFFER = 3.0
 """How much less parameters may move than states."""
 _LEAST, _MOST = 1.02, 1000.0
 """Ellipses that are tried. With parameter 1000 an interpolation in six nodes errs by 1e-18."""
-_USUAL, _TOGETHER = 8, 1000
-"""Patches of a variable, and about the most of them in all."""
-
-
-def usual_patches(d: int) -> int:
-    """Patches of each variable beside d parameters that are taken first."""
-    return min(_USUAL, int(_TOGETHER ** (1.0 / (d + 1))))
 
 
 def reaches(found: list[discs.Disc]) -> Array:
@@ -152,13 +149,7 @@ def adapted(step: TimeStep, control: Control) -> Tried:
     ------
     ProofError         if the equations cannot be shown to be analytic in any of them
     """
-    best = _tried(step, control.choice, control.wanted)
-    for _ in range(_NARROWINGS):
-        if np.isfinite(best.cost):
-            break
-        best = _tried(step, best.choice.smaller(), control.wanted)
-    else:
-        raise ProofError("the equations cannot be shown to be smooth in any step, as where a short pulse begins")
+    best = _first(step, control)
     for trial in range(_MOST_COMPARED):
         if trial >= _COMPARED and best.nodes <= _MANY:
             break
@@ -169,11 +160,27 @@ def adapted(step: TimeStep, control: Control) -> Tried:
     return best
 
 
+def _first(step: TimeStep, control: Control) -> Tried:
+    """The ellipses of the last step, or the largest on which the equations are analytic, with the fewest patches."""
+    choice = control.choice
+    for _ in range(_NARROWINGS):
+        for count in sorted({choice.patches[1], *_COUNTS}):
+            found = _tried(step, replace(choice, patches=(choice.patches[0], count)), control.wanted)
+            if np.isfinite(found.cost):
+                return found
+        choice = choice.smaller()
+    raise ProofError("the equations cannot be shown to be smooth in any step, as where a short pulse begins")
+
+
+_COUNTS = 1, 8, 24
+"""Patches of each parameter that are tried on the same ellipses."""
+
+
 def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
     n = step.problem.n
     rho = ellipses(step, choice.spread)
-    count = choice.patches[0] * float(choice.patches[1]) ** (len(rho) - 1)
-    if count > _TOO_MANY:
+    count = choice.count(step.problem.d)
+    if count > TOO_MANY:
         return Tried(choice, rho, np.empty(0), np.empty(0), np.inf, np.inf)
     patches = patches_on(step, rho, choice.patches)
     rates, slopes = (
@@ -187,13 +194,13 @@ def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
     return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _PATCH * count, nodes)
 
 
-_NARROWINGS = 10
+_NARROWINGS = 8
 """Smaller ellipses that are tried where the equations cannot be shown to be analytic."""
 _COMPARED, _MOST_COMPARED = 2, 16
 """Other choices that are compared in a step, and most of them where many nodes are needed."""
 _MANY = 1e5
 """Nodes of a grid above which other choices are compared longer."""
-_TOO_MANY = 3e4
+TOO_MANY = 3e4
 """Patches that take seconds: a proof that needs more of them is given up, or a step is made shorter."""
 _PATCH = 20.0
 """Time that a patch takes over that of a node: complex numbers, and the Jacobian beside the rates."""

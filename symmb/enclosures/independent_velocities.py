@@ -19,7 +19,7 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.formulations import Formulation
-from symmb.symbolic import common, explicit_solver
+from symmb.symbolic import ExplicitSolver, common
 
 _SETS = 500
 """Most sets of velocities that are all compared; of more, those that are best at some time are."""
@@ -38,11 +38,13 @@ class Equations:
     rates : (x, p, t) -> x'
     whole : (x, p, t) -> the state (q, v, s) of the formulation
     kept : numbers of the entries of that state which x has
+    regular : (x, p, t) -> (m,), of which none is 0 where the rates are those of the formulation; None: everywhere
     """
 
     rates: ca.Function
     whole: ca.Function
     kept: Indices
+    regular: ca.Function | None = None
 
 
 def equations_of(form: Formulation, times: Array) -> Equations:
@@ -68,7 +70,7 @@ def _partitioned(form: Formulation, dependent: Sequence[int], G_there: Array) ->
     state = [s] if dae.n_s else []
     at_rest = (q, ca.SX.zeros(n_v), *state, p, t)
     G = dae.G(*at_rest)
-    solve = explicit_solver(G[:, list(dependent)], G_there[:, list(dependent)])
+    solve = ExplicitSolver(G[:, list(dependent)], G_there[:, list(dependent)])
 
     def of_all(values: ca.SX, free_values: ca.SX) -> ca.SX:
         """Rows (n_v, m) of the dependent and of the free velocities in their order."""
@@ -84,9 +86,12 @@ def _partitioned(form: Formulation, dependent: Sequence[int], G_there: Array) ->
     acceleration = ca.SX.sym("a", bodies.n_v)
     M = ca.jacobian(bodies.inertia(*of_bodies, acceleration), acceleration)
     forces = S.T @ (bodies.Q(*of_bodies) - M @ a)
-    du = explicit_solver(S.T @ M @ S)(forces) if free else ca.SX(0, 1)
+    of_mass = ExplicitSolver(S.T @ M @ S)
+    du = of_mass(forces)
+    determinants = ca.densify(ca.vertcat(solve.determinants, of_mass.determinants))
     rates = common("rates", [x, p, t], [ca.densify(ca.vertcat(first, du, *others[1:]))])
-    return Equations(rates, common("whole", [x, p, t], [ca.densify(ca.vertcat(q, v, s))]), kept)
+    whole = common("whole", [x, p, t], [ca.densify(ca.vertcat(q, v, s))])
+    return Equations(rates, whole, kept, common("regular", [x, p, t], [determinants]))
 
 
 def _motion_of_bodies(
@@ -109,19 +114,23 @@ def _motion_of_bodies(
 
 
 def _dependent(form: Formulation, times: Array) -> tuple[tuple[int, ...], Array]:
-    """The velocities that the rows determine best at all times of a nominal run, and the Jacobian where they do worst.
+    """The velocities that the rows determine best along a nominal run, and the Jacobian G where they do worst.
 
-    The least singular value of their columns, over that of all columns, tells how well.
+    Those of which the determinant of S' M S changes least are best: it is infinite where they are not determined.
     """
-    dae = form.dae
-    assert dae.G is not None
-    G = _jacobians(form, times) * dae.displacement_scales
+    G, M = _along_a_run(form, times)
+    scales = form.dae.displacement_scales
     n_r, n_v = G.shape[1:]
-    sets = list(combinations(range(n_v), n_r)) if _count(n_v, n_r) <= _SETS else list(_best_sets(G))
-    whole = np.linalg.svd(G, compute_uv=False)[:, -1] if n_r else np.ones(len(G))
-    shares = np.array([_least(G[:, :, list(chosen)]) / whole for chosen in sets])
-    best = int(shares.min(axis=1).argmax())
-    return sets[best], G[int(shares[best].argmin())]
+    scaled, inertia = G * scales, np.linalg.slogdet(M * scales * scales[:, None])[1]
+    saddle = (
+        inertia + np.linalg.slogdet(scaled @ np.linalg.solve(M * scales * scales[:, None], scaled.swapaxes(1, 2)))[1]
+    )
+    sets = list(combinations(range(n_v), n_r)) if _count(n_v, n_r) <= _SETS else sorted(_best_sets(scaled))
+    logs = np.array([saddle - 2 * np.linalg.slogdet(scaled[:, :, list(chosen)])[1] for chosen in sets])
+    with np.errstate(invalid="ignore"):
+        change = np.ptp(logs, axis=1)
+    best = int(np.where(np.isfinite(change), change, np.inf).argmin())
+    return sets[best], G[int(logs[best].argmax())]
 
 
 def _count(n: int, k: int) -> int:
@@ -134,10 +143,6 @@ def _count(n: int, k: int) -> int:
     return count
 
 
-def _least(G: Array) -> Array:
-    return np.linalg.svd(G, compute_uv=False)[:, -1]
-
-
 def _best_sets(G: Array) -> set[tuple[int, ...]]:
     """Sets of columns that are independent at some time: each column is the one that is farthest from those before."""
     from scipy.linalg import qr
@@ -146,18 +151,18 @@ def _best_sets(G: Array) -> set[tuple[int, ...]]:
     return {tuple(sorted(qr(at, mode="r", pivoting=True)[1][:n_r].tolist())) for at in G}
 
 
-def _jacobians(form: Formulation, times: Array) -> Array:
-    """Jacobians (m, n_r, n_v) of the rows along a nominal run, as far as it goes."""
+def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array]:
+    """Jacobians (m, n_r, n_v) of the rows and mass matrices (m, n_v, n_v) along a nominal run, as far as it goes."""
     from scipy.integrate import solve_ivp
 
     dae, at = form.dae, form.start.nominal()
+    assert dae.G is not None
     p, x0 = at["p"], np.concatenate([at["q"], at["v"], at["s"]])
     x, parameters, t = ca.SX.sym("x", len(x0)), ca.SX.sym("p", len(p)), ca.SX.sym("t")
     arguments = dae.arguments(x, parameters, t)
     rhs = ca.Function("rhs", [x, parameters, t], [ca.vertcat(*dae.rhs.call(list(arguments)))])
-    assert dae.G is not None
-    G = ca.Function("G", [x, parameters, t], [ca.densify(dae.G(*arguments))])
-    found = solve_ivp(
+    f = ca.Function("matrices", [x, parameters, t], [dae.G(*arguments), dae.M(*arguments)])
+    run = solve_ivp(
         lambda t, x: rhs(x, p, t).full().ravel(),
         (times[0], times[-1]),
         x0,
@@ -166,5 +171,5 @@ def _jacobians(form: Formulation, times: Array) -> Array:
         atol=_RTOL * dae.state_sizes,
         t_eval=np.linspace(times[0], times[-1], _TIMES),
     )
-    states = found.y.T if found.y.size else x0[None]
-    return np.stack([G(state, p, time).full() for state, time in zip(states, [*found.t, times[0]], strict=False)])
+    found = [f(state, p, time) for state, time in zip(run.y.T, run.t, strict=True)] or [f(x0, p, times[0])]
+    return tuple(np.stack([matrices[i].full() for matrices in found]) for i in (0, 1))

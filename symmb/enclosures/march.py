@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
 from symmb.enclosures.curves import TimeStep
-from symmb.enclosures.ellipses import Choice, Control, patches_on, usual_patches
+from symmb.enclosures.ellipses import Choice, Control, patches_on
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import frame, motion
 from symmb.enclosures.front import Front, entering, leaving, well_conditioned
@@ -113,7 +113,7 @@ def march(
         except ProofError as error:
             course.why = f"the start cannot be proved, because {error}"
             return
-        course.end = course.checkpoint = Place(front, Control(_first_choice(problem), (end or 1.0) / _FIRST))
+        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _FIRST))
     front, control = course.end.front, replace(course.end.control)
     longest = 0.0
     while not course.is_done:
@@ -155,17 +155,12 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
     try:
         return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
     except ProofError:
-        control.choice, control.h = _first_choice(problem), aim
+        control.choice, control.h = Choice(), aim
     try:
         return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
     except ProofError:
-        control.choice, control.h = _first_choice(problem), aim
+        control.choice, control.h = Choice(), aim
         return _shortened(problem, well_conditioned(front, problem.scales, 0.0), grain, control)
-
-
-def _first_choice(problem: Problem) -> Choice:
-    usual = usual_patches(problem.d)
-    return Choice(patches=(usual, usual))
 
 
 def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
@@ -202,7 +197,7 @@ def _require_valid(step: TimeStep) -> None:
     tape = step.problem.valid_tape
     if tape is None:
         return
-    real = patches_on(step, [1.0] * len(step.degrees), _first_choice(step.problem).patches)
+    real = patches_on(step, [1.0] * len(step.degrees), Choice().patches)
     for switch in tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[0]:
         if not discs.is_positive(switch):
             raise ProofError(step.problem.until_switch)

@@ -9,14 +9,14 @@ from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
 from symmb.enclosures.curves import TimeStep, parameter_points
 from symmb.enclosures.degrees import degrees_of_outputs
-from symmb.enclosures.ellipses import Choice, ellipses, node_counts, nodes_needed, patches_on, reaches, usual_patches
+from symmb.enclosures.ellipses import Choice, ellipses, node_counts, nodes_needed, patches_on, reaches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
-_MANY_PATCHES = 24, 64
-"""Patches of each variable where outputs cannot be shown to be smooth with fewer ones, or have large bounds: quotients
-of sums that are positive, such as reactions, may need many."""
+_PATCHES = 1, 8, 24, 64
+"""Patches of each parameter. More are tried where outputs cannot be shown to be smooth with fewer ones, or have large
+bounds: quotients of sums that are positive, such as reactions, may need many."""
 _MANY_NODES = 50
 """Nodes of each parameter above which more patches are tried."""
 EXTRA_NODES = 4
@@ -41,10 +41,9 @@ def output_bounds(
     n_y = problem.outputs.numel_out(0)
     with np.errstate(all="ignore"):
         e = above(step.B_largest @ w)
-        more = [count for count in _MANY_PATCHES if count ** (1 + problem.d) <= _LARGEST]
-        for patches in (usual_patches(problem.d), *more):
+        for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= _LARGEST):
             rho, most, nodes = _ellipses(step, choice, patches)
-            real = patches_on(step, [1.0] * len(rho), (patches, patches))
+            real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
             slopes = reaches(slopes).reshape(problem.n, n_y).T
             of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)

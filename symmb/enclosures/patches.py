@@ -24,8 +24,8 @@ _ROUNDED = 4e-15
 class Patches:
     """Patches of the boundaries of ellipses, one for each variable.
 
-    With rho = 1 a variable is real, in [-1, 1]. One patch stands for the whole ellipse, with its interior. Values at
-    conjugate points are conjugate, so that half the ellipse of the first variable is enough.
+    With rho = 1 a variable is real, in [-1, 1]. One patch stands for the whole ellipse. Values at conjugate points are
+    conjugate, so that half the ellipse of the first variable is enough.
 
     Parameters
     ----------
@@ -109,9 +109,10 @@ def _factors(rho: float, count: int, degree: int, half: bool) -> _Factors:
     """T_k is analytic in the angle a: its derivatives are at most k cosh(k log rho) and k^2 cosh(k log rho)."""
     k = np.arange(degree + 1)
     top = cosh_powers(rho, degree + 1)
-    if count == 1:
-        first = (k == 0).astype(float)
-        return _Factors(first[None], 0.0 * first[None], first, 0.0 * first, np.where(k == 0, 0.0, top))
+    if count == 1:  # z = rho / 2 eps + 1 / (2 rho eps) on the ellipse, with |eps| = 1
+        first, slope = (k == 0).astype(float), (k == 1) * (1.0 if rho == 1.0 else 0.5 * rho)
+        rests = above(np.where(k == 0, 0.0, np.where(k == 1, 0.0 if rho == 1.0 else 0.5 / rho, top)))
+        return _Factors(first[None], slope[None], first, above(slope), rests)
     whole = math.pi if half else 2.0 * math.pi
     angles, turn = (np.arange(count) + 0.5) * whole / count, k * (0.5 * whole / count)
     is_linear = turn < 1.0

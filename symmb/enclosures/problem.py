@@ -28,6 +28,7 @@ class Problem:
     scales : (n_x,) sizes of the states
     errors : (n_p,) of the middles of a part of the box, which are rounded
     valid : (x, p, t) -> (m,), all above 0 as long as the rates are those of the scene: until a law of time switches
+    regular : (x, p, t) -> (m,), none of which is 0 where the rates are those of the scene; None: everywhere
     switch : about the first time at which one does, from the first time on [s]; infinite if there is none
     until_switch : the sentence that tells this
     refused : for each output the operations that have no remainder; its expression is then not a number
@@ -43,6 +44,7 @@ class Problem:
     start: "StartEquations"
     errors: Array | float = 0.0
     valid: ca.Function | None = None
+    regular: ca.Function | None = None
     switch: float = np.inf
     until_switch: str = ""
     refused: tuple[str, ...] = ()
@@ -92,6 +94,11 @@ class Problem:
         """(x, p, t) -> what must be above 0."""
         return None if self.valid is None else Tape(self.valid)
 
+    @cached_property
+    def regular_tape(self) -> Tape | None:
+        """(x, p, t) -> what must not be 0."""
+        return None if self.regular is None else Tape(self.regular)
+
     def tape_of_outputs(self, which: tuple[int, ...]) -> Tape:
         """(x, p, t) -> some outputs."""
         if which not in self._tapes:
@@ -110,7 +117,7 @@ class Problem:
         return with_jacobian(self.outputs)
 
 
-_GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "_tapes")
+_GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "regular_tape", "_tapes")
 """What does not depend on the box."""
 
 

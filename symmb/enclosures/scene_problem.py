@@ -37,12 +37,12 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
             f"{method!r}: it needs the equations of a scene, or outputs that are plain expressions of parameters and "
             f"time, but {simulator!r} gives values only. Use PolynomialChaos()."
         )
-    valid, switch, names = None, np.inf, ""
+    valid, regular, switch, names = None, None, np.inf, ""
     times = np.asarray(simulator.times, dtype=float)
     if isinstance(simulator, DAESimulator):
         form = _formulation(method, simulator, box)
         equations = equations_of(form, times)
-        rates, scales = equations.rates, form.dae.state_sizes[equations.kept]
+        rates, regular, scales = equations.rates, equations.regular, form.dae.state_sizes[equations.kept]
         outputs, start = _outputs(form, equations), _start(form, equations)
         rates, valid, switch, names = _until_the_first_switch(
             method, form.dae, rates, times, _intervals(simulator, box)
@@ -55,10 +55,10 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
         scales, start = np.zeros(0), StartEquations(rates, rates, lambda P: np.zeros((len(P), 0)))
     outputs, refused = _with_remainders(method, outputs)
     problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0], scales, start,
-                      valid=valid, switch=switch, until_switch=names, refused=refused)  # fmt: skip
+                      valid=valid, regular=regular, switch=switch, until_switch=names, refused=refused)  # fmt: skip
     if times[0]:
-        later = valid and _later(valid, times[0])
-        problem = replace(problem, rates=_later(rates, times[0]), outputs=_later(outputs, times[0]), valid=later)
+        later = {name: f and _later(f, times[0]) for name, f in (("valid", valid), ("regular", regular))}
+        problem = replace(problem, rates=_later(rates, times[0]), outputs=_later(outputs, times[0]), **later)
     starts = [Tape(problem.start.residual), Tape(problem.start.states)]
     of_switches = [] if problem.valid_tape is None else [problem.valid_tape]
     for tape in (problem.jacobian_tape, problem.sensitivity_tape, *of_switches, *starts):

@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
 from symmb.enclosures.curves import TimeStep
-from symmb.enclosures.ellipses import ellipses, reaches, usual_patches
+from symmb.enclosures.ellipses import TOO_MANY, ellipses, reaches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import Curve, fit, integrated, parameters_at
 from symmb.enclosures.front import Front
@@ -25,10 +25,8 @@ _SHARE = 1e-17
 
 _NOISE = 1e-15
 """Coefficients of scaled unknowns that are rounding, and would be large on ellipses."""
-_FINER, _FINEST = (1, 4, 16), 300
-"""Patches over the usual ones of each variable, since a start solves equations whose pivots nearly cancel; and over
-those of all variables at most: it is made once.
-"""
+_COUNTS = (1, 8, 32, 128)
+"""Patches of each variable that are tried: a start solves equations whose pivots nearly cancel, and it is made once."""
 
 NO_START = "there are parameters for which the scene cannot be started"
 """Why no part of a box can be proved."""
@@ -120,18 +118,18 @@ def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> A
     return u.T.reshape(u.shape[1], *counts)
 
 
-def _patches(step: TimeStep, rho: list[float], finer: int = 1) -> Patches:
-    return Patches(rho, [1, *[finer * usual_patches(step.problem.d)] * (len(rho) - 1)], step.degrees)
+def _patches(step: TimeStep, rho: list[float], count: int = 1) -> Patches:
+    return Patches(rho, [1, *[count] * (len(rho) - 1)], step.degrees)
 
 
 def _largest(step: TimeStep, start_of: str) -> tuple[list[float], Array]:
     """Ellipses of the parameters, and bounds of the states or of the residual on them."""
     problem = step.problem
     tape = problem.output_tape if start_of == "outputs" else problem.rate_tape
-    for finer in _finer(problem.d):
+    for count in _counts(problem.d):
         for spread in (0.5, 0.1, 0.02):
             rho = [1.0, *ellipses(step, (spread, spread))[1:]]
-            most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho, finer)))[0])
+            most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho, count)))[0])
             if np.isfinite(most).all():
                 return rho[1:], most
     raise ProofError("the starting values cannot be shown to be smooth over the box")
@@ -141,17 +139,17 @@ def _slopes(step: TimeStep, e: Array) -> Array:
     """Bounds of the derivatives of the states by the unknowns, over the box and within e (n_u,) of them."""
     d = step.problem.d
     found = np.empty(0)
-    for finer in _finer(d):
-        real = step.on_patches(_patches(step, [1.0] * (d + 1), finer), e)
+    for count in _counts(d):
+        real = step.on_patches(_patches(step, [1.0] * (d + 1), count), e)
         found = reaches(step.problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, real)[1])
         if np.isfinite(found).all():
             break
     return found
 
 
-def _finer(d: int) -> Iterator[int]:
-    """Patches of each of d variables that are tried, over the usual ones."""
-    return (finer for finer in _FINER if finer == 1 or finer**d <= _FINEST)
+def _counts(d: int) -> Iterator[int]:
+    """Patches of each of d variables that are tried."""
+    return (count for count in _COUNTS if count**d <= TOO_MANY)
 
 
 def _distance(step: TimeStep) -> Array:

@@ -28,8 +28,8 @@ from symmb.symbolic.instructions import interpret, operation_name
 from symmb.symbolic.jets import HIGHEST_ORDER, jet_function, jets
 from symmb.symbolic.latex import latex
 from symmb.symbolic.linear import (
+    ExplicitSolver,
     MassBlocks,
-    explicit_solver,
     general_solver,
     independent,
     is_singular,

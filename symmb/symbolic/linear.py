@@ -159,29 +159,41 @@ _EXPLICIT = 3
 """Rows of a matrix up to which its inverse is written by its determinant."""
 
 
-def explicit_solver(A: ca.SX, at: Array | None = None) -> Callable[[ca.SX], ca.SX]:
+class ExplicitSolver:
     """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
 
-    Quotients have one denominator for each block, which shows where A is singular. Blocks of equations that can be
-    solved one after the other are. Larger ones are halved, and `at` (n, n), values of A somewhere, orders their rows so
-    that the parts are regular there; a positive definite A needs no order.
+    Blocks of equations that can be solved one after the other are. Larger ones are halved, and `at` (n, n), values of A
+    somewhere, orders their rows so that the parts are regular there; a positive definite A needs no order.
+
+    Attributes
+    ----------
+    determinants : (k,) SX
+        A is regular, and solutions are exact, where none of them is 0. A right side of zeros hides that in solutions
     """
-    A = ca.sparsify(A)
-    _, rows, columns, starts, *_ = A.sparsity().btf() if A.shape[0] else (0, [], [], [0])
-    blocks = [(rows[i:j], columns[i:j]) for i, j in pairwise(starts)] if ca.sprank(A) == A.shape[0] else []
-    if at is None or not blocks:
-        blocks = [([*range(A.shape[0])], [*range(A.shape[0])])]
-    else:
-        blocks = [([own[k] for k in _order(at[np.ix_(own, of)])], of) for own, of in blocks]
-    inverses = [_halved(ca.densify(A[own, of])) for own, of in blocks]
 
-    def solve(r: ca.SX) -> ca.SX:
+    def __init__(self, A: ca.SX, at: Array | None = None) -> None:
+        self._A, n = ca.sparsify(A), A.shape[0]
+        self._blocks: list[tuple[list[int], list[int], ca.SX]] = []
+        determinants = []
+        if n and ca.sprank(self._A) < n:
+            self.determinants = ca.SX(0)
+            return
+        _, rows, columns, starts, *_ = self._A.sparsity().btf() if n else (0, [], [], [0])
+        for i, j in pairwise(starts):
+            own, of = rows[i:j], columns[i:j]
+            if at is not None:
+                own = [own[k] for k in _order(at[np.ix_(own, of)])]
+            inverse, parts = _halved(ca.densify(self._A[own, of]))
+            self._blocks.append((own, of, inverse))
+            determinants += parts
+        self.determinants = ca.vertcat(ca.SX(0, 1), *determinants)
+
+    def __call__(self, r: ca.SX) -> ca.SX:
+        """z (n, m); zeros where A is singular by structure."""
         z = ca.SX.zeros(*r.shape)
-        for (own, of), inverse in zip(blocks, inverses, strict=True):
-            z[of, :] = inverse @ (r[own, :] - A[own, :] @ z)
+        for own, of, inverse in self._blocks:
+            z[of, :] = inverse @ (r[own, :] - self._A[own, :] @ z)
         return z
-
-    return solve
 
 
 def _order(A: Array) -> list[int]:
@@ -194,17 +206,18 @@ def _order(A: Array) -> list[int]:
     return order
 
 
-def _halved(A: ca.SX) -> ca.SX:
-    """The inverse of A (n, n), from those of a part and of its Schur complement if it is large."""
+def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+    """The inverse of A (n, n), from those of a part and of its Schur complement if it is large, and determinants."""
     n = A.shape[0]
     if n <= _EXPLICIT:
-        return ca.inv_minor(A) if n else A
+        return ca.inv_minor(A), [ca.det(A)]
     k = n // 2
     a, b, c, d = A[:k, :k], A[:k, k:], A[k:, :k], A[k:, k:]
-    first = _halved(a)
+    first, determinants = _halved(a)
     right, below = first @ b, c @ first
-    last = _halved(d - below @ b)
-    return ca.blockcat([[first + right @ last @ below, -right @ last], [-last @ below, last]])
+    last, others = _halved(d - below @ b)
+    inverse = ca.blockcat([[first + right @ last @ below, -right @ last], [-last @ below, last]])
+    return inverse, [*determinants, *others]
 
 
 def saddle_solver(
