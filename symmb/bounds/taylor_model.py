@@ -129,13 +129,15 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
     known = np.array([not unknown for unknown in refused], dtype=bool)
     upper, loose = found.upper[:, known], found.is_loose & known
     if found.why and not np.isfinite(upper).any():
-        parts.append(f"not proved at any time: {found.why}{remedy}")
-    elif found.why:
+        return "; ".join([*parts, f"not proved at any time: {found.why}{remedy}"])
+    is_infinite = ~np.isfinite(found.upper) & known
+    if found.why:
         parts.append(f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}{remedy}")
-    elif not np.isfinite(upper).all():
-        names = _names(outputs, ~np.isfinite(found.upper) & known)
+        is_infinite &= is_infinite.all(axis=0)  # others are, because the motion is not known
+    if is_infinite.any():
+        names = _names(outputs, is_infinite)
         parts.append(f"infinite for {names}, which cannot be shown to be smooth over the box; try smaller intervals")
-    elif loose.any():
+    elif not found.why and loose.any():
         begin = times[loose.any(axis=1).argmax()]
         parts.append(
             f"proved, but wide from t = {begin:g} s on for {_names(outputs, loose)}: more than half of a width is "

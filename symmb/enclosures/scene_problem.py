@@ -131,11 +131,12 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     system, dae, rng = simulator.scene.system, form.dae, np.random.default_rng(0)
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), system.p, time_symbol
     of_bodies = x if form.bodies is None else form.bodies.states()(x, p)
-    rows = ca.Function("rows", [system.q, p, t], [ca.densify(system.Phi)])
-    f = ca.Function("rows", [x, p, t], [rows(of_bodies[: system.q.numel()], p, t)])
+    rows = ca.Function("rows", [system.q, system.v, p, t], [ca.densify(ca.vertcat(system.Phi, system.Psi))])
+    q, v, _ = ca.vertsplit(of_bodies, [0, *np.cumsum([system.q.numel(), system.v.numel(), system.s.numel()]).tolist()])
+    f = ca.Function("rows", [x, p, t], [rows(q, v, p, t)])
     middle, radius, _ = _intervals(simulator, box)
-    q = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in rng.normal(size=(_POINTS, dae.n_v))]
-    X = np.hstack([q, np.zeros((_POINTS, dae.n_v + dae.n_s))])
+    turned = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in rng.normal(size=(_POINTS, dae.n_v))]
+    X = np.hstack([turned, rng.normal(size=(_POINTS, dae.n_v + dae.n_s))])
     P = middle + radius * rng.uniform(-1, 1, (_POINTS, len(middle)))
     found = batch(f, X, P, rng.uniform(*simulator.times[[0, -1]], (_POINTS, 1)))[0]
     binds = np.abs(found).max(axis=0) > _VANISHES * max(1.0, np.abs(found).max())

@@ -106,7 +106,9 @@ class _Curvature:
 
     def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
         self._step = step
-        self._patches = patches_on(step, [1.0] * len(rho), patches)
+        d = len(rho) - 1
+        counts = patches[0], max(patches[1], max(count for count in _COUNTS if count**d <= _TOGETHER))
+        self._patches = patches_on(step, [1.0] * len(rho), counts)
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
         self._radius, self._change = np.zeros(0), np.zeros(0)
@@ -138,5 +140,7 @@ class _Curvature:
         return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
 
 
+_COUNTS, _TOGETHER = (1, 4, 8, 40), 64
+"""Patches of each parameter on which the change of the Jacobian is bounded at least, and about the most in all."""
 _SHRUNK = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
 """Shares of the largest discs about the states that are tried."""
