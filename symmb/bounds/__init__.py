@@ -13,7 +13,7 @@ from symmb.bounds.propagation import finished, propagate
 from symmb.bounds.reductions import gathered
 from symmb.bounds.registry import METHODS, read_method
 from symmb.bounds.result import Bounds
-from symmb.bounds.result_file import box_coordinates, kind_of
+from symmb.bounds.result_file import box_coordinates, box_of, kind_of
 from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
 from symmb.bounds.study import Study
 from symmb.bounds.worst_case import SIDES, AttainingRuns, Sample, WorstCase, row_of

@@ -13,6 +13,7 @@ from symmb._labelled import Labelled, Named, Result, over_outputs, texts
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds.responses import Responses
+from symmb.bounds.time_windows import ROUNDING
 from symmb.bounds.worst_case import row_of
 from symmb.nodes import Sobol
 from symmb.polynomials import moments
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 _POOR = 0.5
 """Error over the largest width alone from which on these widths are taken from runs along lines."""
-_ROUNDING = 1e-9
-"""Share of an output's largest value below which errors are rounding."""
 _SAMPLES = 2048
 """Samples of each matrix from which shares of pieces are taken."""
 _SAMPLING = 0.03
@@ -40,31 +39,22 @@ class Contributions(Result, files.Saved):
 
     Attributes
     ----------
-    t : (n_t,)
-        times [s]
+    t : (n_t,)                     times [s]
     names, units : n_y outputs and their units, '' where they are not known
     parameters : n_p names
-    width : (n_t, n_y)
-        of the bounds
+    width : (n_t, n_y)             of the bounds
     alone : (n_t, n_y, n_p)
         width if this parameter alone is uncertain, and the others are nominal
-    saved : (n_t, n_y, n_p)
-        width that goes away if this parameter is known to be nominal
+    saved : (n_t, n_y, n_p)        width that goes away if this parameter is known to be nominal
     first, total : (n_t, n_y, n_p)
         Sobol's indices: the share of the variance that a parameter explains by itself, and with others, for uniform
         independent parameters. nan where the variance is rounding, and where no surrogate is good enough
-    estimate : (n_t, n_y)
-        estimated error of alone
-    saved_estimate : (n_t, n_y)
-        estimated error of saved
-    share_estimate : (n_t, n_y)
-        estimated error of the indices
-    runs : int
-        further runs that were made
-    method : str
-        where the surrogate comes from, or the runs
-    remarks : sentences
-        what else is known
+    estimate : (n_t, n_y)          estimated error of alone
+    saved_estimate : (n_t, n_y)    estimated error of saved
+    share_estimate : (n_t, n_y)    estimated error of the indices
+    runs : int                     further runs that were made
+    method : str                   where the surrogate comes from, or the runs
+    remarks : sentences            what else is known
 
     Examples
     --------
@@ -147,14 +137,10 @@ class Contributions(Result, files.Saved):
 
         Parameters
         ----------
-        outputs : str or list
-            those to draw; default: the first six
-        time : float
-            the output time [s] that is closest is drawn as bars of `alone` and `saved`
-        figsize : (width, height)
-            of the figure [inch]
-        title : str
-            of the figure
+        outputs : str or list        those to draw; default: the first six
+        time : float                 the output time [s] that is closest is drawn as bars of `alone` and `saved`
+        figsize : (width, height)    of the figure [inch]
+        title : str                  of the figure
         """
         figure = plot.plot_contributions(
             self.t,
@@ -168,9 +154,6 @@ class Contributions(Result, files.Saved):
             row=None if time is None else row_of("Contributions.plot", self.t, time),
         )
         return plot.finish(figure, "Contributions.plot", path, None, figsize, title)
-
-    def _record(self) -> dict[str, Any]:
-        return dict(vars(self))
 
     @classmethod
     def _of_record(cls, record: files.Record) -> "Contributions":
@@ -232,7 +215,7 @@ def takes_runs(responses: Responses) -> bool:
 def _is_poor(responses: Responses, error: Array, alone: Array) -> bool:
     """Whether an error (n_t, n_y) hides what parameters contribute, (d, n_t, n_y). Rounding does not count."""
     largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
-    error = np.where(error > _ROUNDING * largest, error, 0.0)
+    error = np.where(error > ROUNDING * largest, error, 0.0)
     size = np.sqrt(np.square(alone).mean(axis=1)).max(axis=0, initial=0.0)
     return bool((np.sqrt(np.square(error).mean(axis=0)) > _POOR * size).any())
 

@@ -18,6 +18,11 @@ from symmb.polynomials.ranges import Piecewise
 Kind = Literal["enclosure", "estimate", "sampled"]
 _ZERO = 1e-12
 """Share of the largest bound of an output up to which what is printed is rounding."""
+PLAIN = (
+    *("t", "names", "units", "lower", "upper", "kind", "method", "evaluations", "estimate", "noise", "nominal"),
+    *("failed_region", "seconds", "caution", "run_doubts", "remarks", "doubts", "range_of"),
+)
+"""Attributes of Bounds that files hold under the same names."""
 MEANING = {
     "enclosure": "proved: no response lies outside",
     "estimate": "of a surrogate: may miss to either side",
@@ -30,7 +35,6 @@ def attributes_of(record: Record) -> dict[str, Any]:
     t, names = record.times(), record.names("names")
     shape = len(t), len(names)
     lower, upper = record.pair("lower", "upper", *shape)
-    box = record.record("box") if "box" in record else None
     expansion = _expansion(record, *shape) if "alpha" in record else None
     return {
         "t": t,
@@ -47,20 +51,21 @@ def attributes_of(record: Record) -> dict[str, Any]:
             Failure(run.numbers("parameters"), run.number("time"), run.text("message"))
             for run in record.records("failed", "parameters", "time", "message")
         ),
-        "failed_region": record.text("failed_region", default=""),
         "seconds": record.number("seconds"),
         "expansion": expansion,
         "surrogate": _surrogate(record, expansion, *shape) if "surrogate_error" in record else None,
-        "caution": record.text("caution", default=""),
-        "run_doubts": record.texts("run_doubts", default=()),
-        "remarks": record.texts("remarks", default=()),
-        "range_of": record.text("range_of", default=""),
+        **{name: record.text(name, default="") for name in ("failed_region", "caution", "range_of")},
+        **{name: record.texts(name, default=()) for name in ("run_doubts", "remarks", "units")},
         "nominal": record.array("nominal", *shape, finite=False) if "nominal" in record else None,
         "nominal_parameters": record.numbers("nominal_parameters") if "nominal_parameters" in record else {},
         "worst_cases": tuple(map(WorstCase.of_record, record.records("worst"))) if "worst" in record else (),
-        "units": record.texts("units", default=()),
-        "box": box and Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
+        "box": box_of(record.record("box")) if "box" in record else None,
     }
+
+
+def box_of(record: Record) -> Box:
+    """The box of a file, which holds its intervals by name."""
+    return Box(**{name: tuple(record.array(name, 2).tolist()) for name in record.plain})
 
 
 def record_of_table(table: Record) -> Record:

@@ -1,7 +1,6 @@
 """The picture of a comparison: bounds over time, and error against run time."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +30,6 @@ from symmb.plot.layout import (
     own_legend,
     plain,
     root,
-    save,
     shared_legend,
     style_axes,
 )
@@ -54,7 +52,6 @@ def plot_comparison(
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
     title: str = "",
-    path: str | Path | None = None,
     ax: "GivenAxes | None" = None,
 ) -> "Figure":
     """Bounds over time above, mean error against run time below.
@@ -72,14 +69,13 @@ def plot_comparison(
     chosen : columns        of the outputs to draw; default: those with the largest errors
     ax : optional           the caller's axes, to draw in: one an output for bounds over time; a single one without
                             chosen outputs takes the errors
-    path : optional         where to write the picture; the suffix decides the format
     """
     families: dict[str, list[PlottedBounds]] = {}
     for curve in curves:
         families.setdefault(curve.family, []).append(curve)
     best = [min(group, key=lambda curve: largest_error(curve, measured)) for group in families.values()]
     if ax is not None:
-        return save(_drawn_into(ax, t, names, units, reference, families, best, chosen, measured, uncertainty), path)
+        return _drawn_into(ax, t, names, units, reference, families, best, chosen, measured, uncertainty)
     shown = hardest_outputs(curves, measured) if chosen is None else [*chosen]
     n_legend = -(-(len(families) + 1) // 3)
     heights = [HEAD_HEIGHT + 0.2 * n_legend + ROW_HEIGHT * n_rows(len(shown)), DIAGRAM_HEIGHT]
@@ -93,7 +89,7 @@ def plot_comparison(
     part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if is_part else ""
     above.suptitle(plain(": ".join(filter(None, [title, part]))), fontsize=10)
     _draw_errors(below.subplots(), list(families.values()), measured, uncertainty)
-    return save(figure, path)
+    return figure
 
 
 def _drawn_into(

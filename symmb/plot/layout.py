@@ -184,6 +184,63 @@ def given_panels(
     return panels
 
 
+def outputs_of(
+    names: Sequence[str], units: Sequence[str], chosen: Sequence[int] | None, most: int | None = None
+) -> tuple[list[int], list[str], list[str]]:
+    """Columns of the outputs to draw, their names and their units; by default the first ones, or all."""
+    columns = [*range(len(names))][:most] if chosen is None else [*chosen]
+    return columns, [names[i] for i in columns], [units[i] for i in columns] if units else []
+
+
+def panels_over_time(
+    owner: str,
+    ax: "GivenAxes | None",
+    t: Array,
+    names: Sequence[str],
+    units: Sequence[str],
+    *,
+    title: str | None = None,
+    room: float = 0.0,
+    overlay: bool = False,
+) -> tuple["Figure", list["Axes"]]:
+    """A new figure with one panel an output and room for a legend [inch], or that of the caller's axes; and its panels.
+
+    See `given_panels` for owner and overlay.
+    """
+    if ax is not None:
+        panels = given_panels(owner, ax, t, names, units, overlay=overlay)
+        return root(panels[0]), panels
+    figure = new_figure(HEAD_HEIGHT + room + ROW_HEIGHT * n_rows(len(names)))
+    if title is not None:
+        figure.suptitle(plain(title), fontsize=10)
+    return figure, new_panels(figure, t, labels(names, units))
+
+
+def three_diagrams(owner: str, ax: "GivenAxes | None", room: float) -> tuple["Figure", list["Axes"]]:
+    """A new figure with three diagrams and room for a legend [inch], or that of up to three axes of the caller."""
+    if ax is None:
+        figure = new_figure(DIAGRAM_HEIGHT + room)
+        return figure, list(figure.subplots(1, 3))
+    panels = axes_in(owner, ax)
+    if len(panels) > 3:
+        raise DeclarationError(f"{owner}: there are three diagrams, got {len(panels)} axes.")
+    return root(panels[0]), panels
+
+
+def finish_diagrams(
+    figure: "Figure", panels: Sequence["Axes"], ax: "GivenAxes | None", title: str, columns: int
+) -> None:
+    """The style of diagrams, and the title and legend of a new figure, or a legend in the caller's axes."""
+    for axes in panels:
+        style_axes(axes)
+        axes.grid(alpha=0.25)
+    if ax is not None:
+        return own_legend(panels[0])
+    shown = panels[0].get_legend_handles_labels()
+    figure.legend(*shown, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
+    figure.suptitle(plain(title), fontsize=10)
+
+
 def axes_in(owner: str, ax: "GivenAxes") -> list["Axes"]:
     """Axes that a caller gave, one or several, as a list."""
     several = isinstance(ax, list | tuple | np.ndarray)
@@ -243,6 +300,14 @@ def shared_legend(figure: "FigureBase", panels: Sequence["Axes"]) -> None:
     """One legend of all panels, which is that of the first."""
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, [*map(plain, labels)], loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+
+
+def legends(figure: "FigureBase", panels: Sequence["Axes"], ax: "GivenAxes | None") -> None:
+    """One legend of a new figure, or one in each of the caller's axes."""
+    if ax is None:
+        return shared_legend(figure, panels)
+    for axes in panels:
+        own_legend(axes)
 
 
 def own_legend(axes: "Axes") -> None:

@@ -2,19 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Result, texts
-from symmb._names import counted, did_you_mean
-from symmb._options import is_finite_number, numbers_of, require_positive, shown
-from symmb._table import aligned
+from symmb._names import counted
+from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
@@ -36,28 +33,24 @@ _STEPS = 200
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(Result, files.Saved):
+class Calibration(plot.OverTime, Result, files.Saved):
     """Estimates of parameters from data, and how far they can be trusted.
+
+    `print` shows them, `plot` draws the data and the fitted run, `save` and `load` keep them.
 
     Attributes
     ----------
-    name : str
-        of the scene
-    parameters : dict
-        n_p estimates by name
+    name : str                     of the scene
+    parameters : dict              n_p estimates by name
     covariance : (n_p, n_p)
         of the estimates, for errors of the data that are independent and normal; of parameters that the data do not
         determine inf, and nan with the others
-    noise : dict
-        output -> standard deviation of its data, as given or as estimated
+    noise : dict                   output -> standard deviation of its data, as given or as estimated
     times, data, residuals : dict
         output -> (n,) times [s], values, and values less those of the fitted run
-    degrees : int
-        number of values less that of what they determine; 0 if the noise was given
-    undetermined : tuple of str
-        what the data do not determine, in sentences
-    evaluations : int
-        runs with derivatives
+    degrees : int                  number of values less that of what they determine; 0 if the noise was given
+    undetermined : tuple of str    what the data do not determine, in sentences
+    evaluations : int              runs with derivatives
 
     Examples
     --------
@@ -83,6 +76,13 @@ class Calibration(Result, files.Saved):
     degrees: int
     undetermined: tuple[str, ...]
     evaluations: int
+
+    _most = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The outputs that have data."""
+        return tuple(self.data)
 
     @property
     def deviations(self) -> dict[str, float]:
@@ -146,7 +146,7 @@ class Calibration(Result, files.Saved):
             ]
         )
 
-    def _rows(self) -> list[list[str]]:
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
         rows = [["parameter", "estimate", "deviation", "share"]]
         for name, size in self.deviations.items():
             value = self.parameters[name]
@@ -154,31 +154,10 @@ class Calibration(Result, files.Saved):
             rows.append([name, f"{value:.6g}", f"{size:.2g}", share])
         return rows
 
-    def __str__(self) -> str:
-        return "\n".join([self._head(), "", *aligned(self._rows())])
-
-    def _repr_html_(self) -> str:
-        return html.page(html.text(self._head()), html.table(self._rows()), html.picture(plot.png(self.plot())))
-
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw the data and the fitted run over time; write the picture to `path` if given.
-
-        Parameters
-        ----------
-        figsize : (width, height)  of the figure [inch]
-        title : str                of the figure
-        """
-        names = [*self.data]
-        chosen = plot.columns_of("Calibration.plot", outputs, names)
-        some = names if chosen is None else [names[k] for k in chosen]
-        figure = plot.plot_fit([(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in some])
-        return plot.finish(figure, "Calibration.plot", path, None, figsize, title)
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+        names = self.names if columns is None else [self.names[k] for k in columns]
+        series = [(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in names]
+        return plot.plot_fit(series, ax)
 
     def _labelled(self) -> Labelled:
         names, series = texts([*self.parameters]), ("value",)
@@ -243,12 +222,9 @@ def calibrate(
     data : mapping
         output -> values (n_t,) at the times of the scene, or a pair (times, values) of its own; values that are nan are
         left out
-    parameters : list of str
-        those to estimate; default: all
-    solver : Solver
-        default: chosen by pilot runs
-    noise : mapping
-        output -> standard deviation of its data
+    parameters : list of str    those to estimate; default: all
+    solver : Solver             default: chosen by pilot runs
+    noise : mapping             output -> standard deviation of its data
 
     Returns
     -------
@@ -295,8 +271,7 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
         raise DeclarationError(f'{OWNER}: data must be values by output, such as {{"x": [...]}}, got {shown(data)}.')
     found = {}
     for name, values in data.items():
-        if name not in scene.output_names:
-            raise DeclarationError(f"{OWNER}: no output {name!r}.{did_you_mean(name, scene.output_names)}")
+        require_name(OWNER, "output", name, scene.output_names)
         pair = isinstance(values, tuple) and len(values) == 2 and np.ndim(values[0]) == 1
         t, y = (numbers_of(part) for part in (values if pair else (scene.times, values)))
         if t is None or y is None or t.ndim != 1 or y.shape != t.shape:

@@ -6,12 +6,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from symmb import _html as html
 from symmb import files, plot
 from symmb._labelled import Labelled, Result
 from symmb._types import Array
+from symmb.bounds import box_of
 from symmb.model import Box
 from symmb.study import report
 from symmb.study.comparison_arrays import labelled
@@ -31,30 +30,21 @@ class Comparison(Result, files.Saved):
 
     Attributes
     ----------
-    scene, solver : str
-        names
-    times : (n_t,)
-        output times [s]
+    scene, solver : str               names
+    times : (n_t,)                    output times [s]
     outputs : tuple of n_y names
     box : Box
     reference : Reference
-    rows : tuple[Row, ...]
-        the methods that ran, in the given order
-    not_run : tuple[NotRun, ...]
-        the methods that could not run
-    setup_seconds : float or None
-        deriving and compiling [s]
+    rows : tuple[Row, ...]            the methods that ran, in the given order
+    not_run : tuple[NotRun, ...]      the methods that could not run
+    setup_seconds : float or None     deriving and compiling [s]
     solver_error : (n_y,) or None
         rms difference to a ten times tighter solver at the centre and at two opposite corners of the box, in the norm
         of `Score.error`
-    threads, repeats : int or None
-        for run_seconds
-    units : tuple of n_y str
-        units of the outputs, '' where they are not known
-    reason : str
-        why symmb chose this solver, if it did
-    doubts : tuple of str
-        what cannot be trusted about the runs, in sentences
+    threads, repeats : int or None    for run_seconds
+    units : tuple of n_y str          units of the outputs, '' where they are not known
+    reason : str                      why symmb chose this solver, if it did
+    doubts : tuple of str             what cannot be trusted about the runs, in sentences
 
     Examples
     --------
@@ -110,31 +100,23 @@ class Comparison(Result, files.Saved):
         ]
 
     def _labelled(self) -> Labelled:
-        return labelled(self)
+        return labelled(self._record(), self.rows, self.reference, self.box)
 
     def _record(self) -> dict[str, Any]:
-        return {
-            "scene": self.scene,
+        plain = ("scene", "solver", "setup_seconds", "solver_error", "threads", "repeats", "units", "reason", "doubts")
+        return {name: getattr(self, name) for name in plain} | {
             "t": self.times,
             "names": self.outputs,
-            "box": dict(zip(self.box.names, np.transpose([self.box.lower, self.box.upper]).tolist(), strict=True)),
-            "solver": self.solver,
+            "box": dict(self.box),
             "reference": vars(self.reference),
             "methods": [row.record() for row in self.rows],
             "not_run": [vars(method) for method in self.not_run],
-            "setup_seconds": self.setup_seconds,
-            "solver_error": self.solver_error,
-            "threads": self.threads,
-            "repeats": self.repeats,
-            "units": self.units,
-            "reason": self.reason,
-            "doubts": self.doubts,
         }
 
     @classmethod
     def _of_record(cls, record: files.Record) -> "Comparison":
         """Entries from `setup_seconds` on are missing in files of earlier versions."""
-        t, names, box = record.times(), record.names("names"), record.record("box")
+        t, names = record.times(), record.names("names")
         shape = len(t), len(names)
         reference = Reference.of_record(record.record("reference"), *shape)
         rows = tuple(Row.of_record(row, reference.yardstick) for row in record.records("methods"))
@@ -142,7 +124,7 @@ class Comparison(Result, files.Saved):
             scene=record.text("scene"),
             times=t,
             outputs=names,
-            box=Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
+            box=box_of(record.record("box")),
             solver=record.text("solver"),
             reference=reference,
             rows=rows,
@@ -174,10 +156,8 @@ class Comparison(Result, files.Saved):
         ax : matplotlib Axes
             to draw in, in the place of a new figure: one an output for bounds over time; a single one without outputs
             takes the error against run time
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
+        figsize : (width, height)    of a new figure [inch]
+        title : str                  of a new figure, in place of its own
         """
         reference = self.reference
         curves = [

@@ -15,7 +15,7 @@ from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array
-from symmb.bounds import Method, PolynomialChaos, parameter_samples, propagate
+from symmb.bounds import Method, PolynomialChaos, box_of, parameter_samples, propagate
 from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.model import Box, Scene
 from symmb.simulation import scene_of
@@ -38,23 +38,17 @@ class RootLocus(files.Saved):
     Attributes
     ----------
     name, parameter : str
-    values : (n,)
-        of the parameter
-    eigenvalues : (n, m) complex
-        all, by size [1/s]
+    values : (n,)                     of the parameter
+    eigenvalues : (n, m) complex      all, by size [1/s]
     modes : (n, k) complex
         oscillations with positive imaginary part, each followed by its shape; nan where it does not oscillate [1/s]
     bands : dict
         "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds (n, k) over the box, nan where the oscillation
         ends inside the box; empty without a box
-    box : Box
-        of the other parameters, or None
-    method, evaluations : str, int
-        of the bands
-    remarks : tuple of str
-        where frequencies cross, and where shapes are exchanged
-    doubts : tuple of str
-        what cannot be trusted
+    box : Box                         of the other parameters, or None
+    method, evaluations : str, int    of the bands
+    remarks : tuple of str            where frequencies cross, and where shapes are exchanged
+    doubts : tuple of str             what cannot be trusted
 
     Examples
     --------
@@ -133,14 +127,11 @@ class RootLocus(files.Saved):
 
         Parameters
         ----------
-        path : optional
-            where to write the picture
+        path : optional              where to write the picture
         ax : matplotlib Axes
             to draw in, in the place of a new figure: up to three, for these diagrams
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
+        figsize : (width, height)    of a new figure [inch]
+        title : str                  of a new figure, in place of its own
         """
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
         figure = plot.plot_root_locus(
@@ -156,7 +147,7 @@ class RootLocus(files.Saved):
             **{name: getattr(self, name) for name in plain},
             **{name: {"re": part.real, "im": part.imag} for name, part in parts.items()},
             "bands": {name: {"lower": lower, "upper": upper} for name, (lower, upper) in self.bands.items()},
-            "box": None if self.box is None else dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
+            "box": self.box and dict(self.box),
         }
 
     @classmethod
@@ -169,7 +160,6 @@ class RootLocus(files.Saved):
             parts[name] = real + 1j * imaginary
         shape = parts["modes"].shape
         bands = record.record("bands")
-        box = record.record("box") if "box" in record else None
         return cls(
             name=record.text("scene"),
             parameter=record.text("parameter"),
@@ -177,7 +167,7 @@ class RootLocus(files.Saved):
             eigenvalues=parts["eigenvalues"],
             modes=parts["modes"],
             bands={name: _ends(bands.record(name), *shape) for name in bands.plain},
-            box=None if box is None else Box(**{name: _interval(box.array(name, 2)) for name in box.plain}),
+            box=box_of(record.record("box")) if "box" in record else None,
             method=record.text("method"),
             evaluations=record.whole("evaluations"),
             remarks=record.texts("remarks"),
@@ -187,10 +177,6 @@ class RootLocus(files.Saved):
 
 def _ends(record: files.Record, n: int, k: int) -> tuple[Array, Array]:
     return record.array("lower", n, k, finite=False), record.array("upper", n, k, finite=False)
-
-
-def _interval(ends: Array) -> tuple[float, float]:
-    return float(ends[0]), float(ends[1])
 
 
 def root_locus(
@@ -210,16 +196,11 @@ def root_locus(
     ----------
     scene : Scene
         one that starts in equilibrium, or in a steady motion, for every value in the range
-    parameter : str
-        such as a speed
-    range : (lower, upper)
-        values that are looked at
-    method : optional
-        of the bands; default: PolynomialChaos()
-    box : Box, optional
-        of the other parameters; default: that of the scene
-    count : int
-        how many values, evenly spaced
+    parameter : str           such as a speed
+    range : (lower, upper)    values that are looked at
+    method : optional         of the bands; default: PolynomialChaos()
+    box : Box, optional       of the other parameters; default: that of the scene
+    count : int               how many values, evenly spaced
 
     Raises
     ------

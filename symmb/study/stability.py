@@ -62,10 +62,8 @@ class Stability(files.Saved):
     errors : dict
         key of a trial -> root mean square error, over that of the deviation from the mean; none where there is no
         reference, on which two tolerances of a solver agree
-    uncertainty : float
-        of the reference of the scene, in the same measure; nan if there is none
-    corners : dict
-        relative half width of the box -> (corners that fail, corners)
+    uncertainty : float    of the reference of the scene, in the same measure; nan if there is none
+    corners : dict         relative half width of the box -> (corners that fail, corners)
     advice : str
 
     Examples
@@ -167,14 +165,11 @@ class Stability(files.Saved):
 
         Parameters
         ----------
-        path : optional
-            where to write the picture
+        path : optional              where to write the picture
         ax : matplotlib Axes
             to draw in, in the place of a new figure: up to three, for these diagrams
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
+        figsize : (width, height)    of a new figure [inch]
+        title : str                  of a new figure, in place of its own
         """
         finished = [trial for trial in self.trials if not trial.reason]
         families = dict.fromkeys(trial.family for trial in finished)
@@ -216,8 +211,7 @@ def stability(
     progress : callable, optional
         called with the label of the work, the finished runs and all its runs; default: a bar, in notebooks and
         terminals
-    seconds : float
-        time after which no run begins [s]; one run may take 3/70 of it
+    seconds : float    time after which no run begins [s]; one run may take 3/70 of it
 
     Raises
     ------

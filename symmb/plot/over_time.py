@@ -1,0 +1,72 @@
+"""Results over time: they print as a head above a table, and draw one panel an output."""
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from symmb import _html as html
+from symmb._table import aligned
+from symmb.plot.layout import MOST_PANELS, columns_of, finish, labels, png
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+class OverTime:
+    """A result with a head, rows of a table and a picture of its outputs."""
+
+    if TYPE_CHECKING:
+        names: Any
+    _left: ClassVar[Collection[int]] = (0,)
+    """Columns of the table whose cells begin below each other."""
+    _most: ClassVar[int | None] = MOST_PANELS
+    """Most outputs that a notebook shows; None for all."""
+
+    def _head(self) -> str:
+        raise NotImplementedError
+
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        """The table, with these names in the place of those of the outputs."""
+        raise NotImplementedError
+
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+        """The picture of some outputs, or of all, in axes of the caller if there are any."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        table = ["", *aligned(self._rows(self.names), self._left)] if self.names else []
+        return "\n".join([self._head(), *table])
+
+    def _repr_html_(self) -> str:
+        if not self.names:
+            return html.page(html.text(self._head()))
+        table = html.table(self._rows(labels(self.names, getattr(self, "units", ()))), self._left)
+        picture = html.picture(png(self.plot(outputs=self.names[: self._most])))
+        return html.page(html.text(self._head()), table, picture)
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+    ) -> "Figure":
+        """Draw outputs over time, as the class tells; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        outputs : names of those to draw; default: all
+        ax : matplotlib Axes to draw in, in the place of a new figure, one an output; of a trajectory also one for all
+        figsize : (width, height)  of a new figure [inch]
+        title : str                of a new figure, in place of its own
+
+        Raises
+        ------
+        DeclarationError           if an option is wrong
+        FileError                  if the file cannot be written; the previous one is kept
+        """
+        owner = f"{type(self).__name__}.plot"
+        figure = self._figure(columns_of(owner, outputs, self.names), ax)
+        return finish(figure, owner, path, ax, figsize, title)
