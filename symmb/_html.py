@@ -20,7 +20,7 @@ def text(lines: str) -> str:
     return f'<pre {_PLAIN} style="{style}">{escape(lines)}</pre>' if lines else ""
 
 
-def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: str = "") -> str:
+def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
     """Rows of cells, the first of which is the head; the columns named in ``left`` begin below each other.
 
     Examples
@@ -37,9 +37,8 @@ def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: st
         )
 
     head, *body = rows
-    caption = f'<caption style="text-align: left">{escape(title)}</caption>' if title else ""
     lines = "".join(f"<tr>{row(cells, 'td')}</tr>" for cells in body)
-    return f"<table {_PLAIN}>{caption}<thead><tr>{row(head, 'th')}</tr></thead><tbody>{lines}</tbody></table>"
+    return f"<table {_PLAIN}><thead><tr>{row(head, 'th')}</tr></thead><tbody>{lines}</tbody></table>"
 
 
 def formula(latex: str) -> str:

@@ -86,8 +86,9 @@ class Contributions(Result, files.Saved):
         first = f"Contributions to the bounds by {self.method}, {source}"
         return "\n".join([first, f"  {_WHY}", *(f"  remark  {remark}" for remark in self.remarks)])
 
-    def _rows(self, k: int, i: int) -> list[list[str]]:
-        """Those to output number k at time number i, the largest first."""
+    def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
+        """Those to output number k at time number i, or where it is widest, the largest first."""
+        i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
         title = f"{self.names[k]} at {self.t[i]:g} s"
         rows = [[title, "alone", "saved", f"of width {width:.4g}", "first", "total"]]
@@ -101,29 +102,18 @@ class Contributions(Result, files.Saved):
         rows.append(["estimated error", *errors, "", known, known])
         return rows
 
-    def _tables(self) -> list[list[list[str]]]:
-        return [self._rows(k, int(self.width[:, k].argmax())) for k in range(len(self.names))]
-
     def __str__(self) -> str:
-        return "\n\n".join([self._head(), *("\n".join(aligned(rows)) for rows in self._tables())])
+        tables = ("\n".join(aligned(self._rows(k))) for k in range(len(self.names)))
+        return "\n\n".join([self._head(), *tables])
 
     def _repr_html_(self) -> str:
-        return self._as_html(self._tables(), None)
+        return self.some_as_html(range(len(self.names)), {})
 
     def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
-        """Tables and a picture of some outputs, by numbers of outputs.
-
-        Parameters
-        ----------
-        columns          the outputs
-        rows             numbers of times by output; default: where it is widest
-        """
-        tables = [self._rows(k, rows.get(k, int(self.width[:, k].argmax()))) for k in columns]
-        return self._as_html(tables, [self.names[k] for k in columns])
-
-    def _as_html(self, tables: list[list[list[str]]], outputs: list[str] | None) -> str:
-        picture = html.picture(plot.png(self.plot(outputs=outputs)))
-        return html.page(html.text(self._head()), *map(html.table, tables), picture)
+        """Tables of some outputs, by their numbers, at numbers of times, or where they are widest; and a picture."""
+        tables = [html.table(self._rows(k, rows.get(k))) for k in columns]
+        shown = [self.names[k] for k in columns][: plot.MOST_PANELS]
+        return html.page(html.text(self._head()), *tables, html.picture(plot.png(self.plot(outputs=shown))))
 
     def plot(
         self,

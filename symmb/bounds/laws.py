@@ -111,10 +111,7 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
         )
     low, high = box.bounds[box.names.index(name)]
     try:
-        below, above = (
-            float(law.cdf(np.nextafter(low, -np.inf))),
-            float(law.cdf(high)),
-        )  # the end itself may have a mass
+        below, above = float(law.cdf(np.nextafter(low, -np.inf))), float(law.cdf(high))  # the end may have a mass
         middle = np.shape(law.ppf(np.array([below, above])))
     except Exception as error:  # of the user's class
         raise DeclarationError(f"{owner}: the law of {name!r} has no values: {error}.") from error

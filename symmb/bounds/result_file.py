@@ -182,16 +182,8 @@ def _failed_parameters(failed: tuple[Failure, ...], taken: list[str]) -> dict[st
 def extremes_of_bounds(
     t: Array, names: Sequence[str], lower: Array, upper: Array, nominal: Array | None, estimate: Array | None
 ) -> list[list[str]]:
-    """One row of text for each output: its least and greatest bound, their times and what the nominal run has then, the
-    largest width, and the largest estimated error. What is 0 but for rounding is printed as 0.
-
-    Parameters
-    ----------
-    t : (n_t,) array                       times [s]
-    names : n_y outputs
-    lower, upper : (n_t, n_y) arrays
-    nominal : (n_t, n_y) array or None     the nominal run
-    estimate : (n_t, n_y) array or None    estimated error of both
+    """One row of text for each output of bounds (n_t, n_y): its least and greatest bound, their times and what the
+    nominal run has then, the largest width, and the largest estimated error. Rounding is printed as 0.
     """
     then = [] if nominal is None else ["nominal then"]
     rows = [["output", "least", "at [s]", *then, "greatest", "at [s]", *then, "width", "at [s]", "estimated error"]]

@@ -75,17 +75,17 @@ class AttainingRuns:
         SimulationError     if a run does not come again
         """
         numbers = [int(self.at[side][time, output]) for side, time, output in places]
-        found: dict[int, Sample] = {}
+        samples: dict[int, Sample] = {}
         for number in dict.fromkeys(numbers):
             own = [n for n, place in enumerate(numbers) if place == number]
             P = self.blocks[number]
             Y = None if len(P) == 1 else self.simulator.run(P).Y
             for n in own:
                 side, time, output = places[n]
-                found[n] = self._sample(
+                samples[n] = self._sample(
                     side, P, float(self.ends[side][time, output]), Y if Y is None else Y[:, time, output]
                 )
-        return [found[n] for n in range(len(places))]
+        return [samples[n] for n in range(len(places))]
 
     def _sample(self, side: str, P: Array, value: float, values: Array | None) -> Sample:
         """That of samples P (n, d) with values (n,), or the only one, which has attained a value."""

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._options import require_name
 from symmb._types import Array, Indices
 from symmb.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of
 from symmb.drawing.draw import draw
@@ -86,8 +86,8 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
             "These bounds hold no scene: they were read from a file. Draw those that propagate(scene, method) returns."
         )
     scene = study.scene
-    if output is not None and output not in bounds.names:
-        raise DeclarationError(f"view: no output {output!r}.{did_you_mean(output, bounds.names)}")
+    if output is not None:
+        require_name("view", "output", output, bounds.names)
     column = bounds.names.index(output) if output else _widest(bounds)
     width = bounds.upper[:, column] - bounds.lower[:, column]
     row = int(width.argmax()) if time is None else row_of("view", bounds.t, time)

@@ -65,7 +65,13 @@ def plot_bounds(
     title = f"the first {len(shown)} of {len(names)} outputs" if is_part else None
     origin = nominal if deviation and nominal is not None else np.zeros_like(band.lower)
     colour = colour_of(family)
-    pairs = _pairs(band, outer, inner)
+    pairs: list[tuple[tuple[Array, Array], str | None, dict[str, Any]]] = [
+        ((band.lower, band.upper), None, {"linewidth": 1.1})
+    ]
+    if outer is not None:
+        pairs.append((outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}))
+    if inner is not None:
+        pairs.append((inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}))
     figure, panels = panels_over_time("Bounds.plot", ax, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
         low, high = (along(t, end[:, i] - origin[:, i]) for end in (band.lower, band.upper))
@@ -79,20 +85,6 @@ def plot_bounds(
     flatten(panels, least[shown])
     legends(figure, panels, ax)
     return figure
-
-
-def _pairs(
-    band: Band, outer: tuple[Array, Array] | None, inner: tuple[Array, Array] | None
-) -> list[tuple[tuple[Array, Array], str | None, dict[str, Any]]]:
-    """Lower and upper (n_t, n_y) of what is drawn, labels, and styles of lines."""
-    pairs: list[tuple[tuple[Array, Array], str | None, dict[str, Any]]] = [
-        ((band.lower, band.upper), None, {"linewidth": 1.1})
-    ]
-    if outer is not None:
-        pairs.append((outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}))
-    if inner is not None:
-        pairs.append((inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}))
-    return pairs
 
 
 def draw_bounds(

@@ -255,12 +255,12 @@ def calibrate(
     measured = _measured(scene, data)
     times = np.unique(np.concatenate([scene.times[:1], *(t for t, _ in measured.values())]))
     own = scene.with_times(times)
-    given = _noise(noise, measured)
+    known_noise = _noise(noise, measured)
     count = sum(len(values) for _, values in measured.values())
-    if count < len(some) + (not given):
+    if count < len(some) + (not known_noise):
         raise DeclarationError(f"{OWNER}: {count} values cannot determine {len(some)} parameters and the noise.")
     with kept_interrupts():
-        result = _fitted(_Fit(simulator_with(own, solver), some, measured), given, scene.name)
+        result = _fitted(_Fit(simulator_with(own, solver), some, measured), known_noise, scene.name)
     warn_of(result.undetermined, f"{OWNER}: {scene.name}")
     return result
 
@@ -269,7 +269,7 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
     """Times and values of each output that has data."""
     if not isinstance(data, Mapping) or not data:
         raise DeclarationError(f'{OWNER}: data must be values by output, such as {{"x": [...]}}, got {shown(data)}.')
-    found = {}
+    measured = {}
     for name, values in data.items():
         require_name(OWNER, "output", name, scene.output_names)
         pair = isinstance(values, tuple) and len(values) == 2 and np.ndim(values[0]) == 1
@@ -280,8 +280,8 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
         if fault := _fault(t, y, scene.times[0]):
             raise DeclarationError(f"{OWNER}: {fault.format(name=repr(name))}")
         known = ~np.isnan(y)
-        found[name] = t[known], y[known]
-    return found
+        measured[name] = t[known], y[known]
+    return measured
 
 
 def _fault(t: Array, y: Array, begin: float) -> str:
@@ -350,14 +350,14 @@ class _Fit:
         return np.split(values, np.cumsum(self.counts)[:-1])
 
 
-def _fitted(fit: _Fit, given: Mapping[str, float], name: str) -> Calibration:
+def _fitted(fit: _Fit, known_noise: Mapping[str, float], name: str) -> Calibration:
     nominal = fit.p[fit.columns] / fit.sizes
     if not np.isfinite(fit(nominal)[0]).all():
         raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) tells why.")
-    u, noise = _least_squares(fit, nominal, np.eye(len(nominal)), given)
+    u, noise = _least_squares(fit, nominal, np.eye(len(nominal)), known_noise)
     sizes, directions = _determination(fit, u, noise)
     if not (sizes > 0).all():  # along the others the fit went anywhere
-        u, noise = _least_squares(fit, nominal, directions[sizes > 0], given)
+        u, noise = _least_squares(fit, nominal, directions[sizes > 0], known_noise)
         sizes, directions = _determination(fit, u, noise)
     is_known = sizes > 0
     root = fit.sizes[:, None] * directions[is_known].T / sizes[is_known]
@@ -373,22 +373,22 @@ def _fitted(fit: _Fit, given: Mapping[str, float], name: str) -> Calibration:
         {output: t for output, (t, _) in fit.measured.items()},
         {output: values for output, (_, values) in fit.measured.items()},
         dict(zip(fit.measured, fit.parts(fit(u)[0]), strict=True)),
-        0 if given else len(fit.data) - int(is_known.sum()),
+        0 if known_noise else len(fit.data) - int(is_known.sum()),
         tuple(_undetermined(fit.names, direction) for direction in directions[~is_known]),
         fit.runs,
     )
 
 
-def _least_squares(fit: _Fit, begin: Array, basis: Array, given: Mapping[str, float]) -> tuple[Array, Array]:
+def _least_squares(fit: _Fit, begin: Array, basis: Array, known_noise: Mapping[str, float]) -> tuple[Array, Array]:
     """Shares of the parameters (n_p,), moved from `begin` along the orthonormal rows of a basis, and noise of the
     outputs.
     """
     from scipy.optimize import least_squares
 
     spreads = [np.ptp(part) or np.abs(part).max() or 1.0 for part in fit.parts(fit.data)]
-    noise, u, along = np.array([*given.values()] or spreads), begin, basis @ begin
+    noise, u, along = np.array([*known_noise.values()] or spreads), begin, basis @ begin
     rest = begin - along @ basis
-    for _ in range(1 if given else _ROUNDS):
+    for _ in range(1 if known_noise else _ROUNDS):
         weights = np.repeat(1 / noise, fit.counts)
 
         def residuals(along: Array, weights: Array = weights) -> Array:
@@ -399,14 +399,14 @@ def _least_squares(fit: _Fit, begin: Array, basis: Array, given: Mapping[str, fl
 
         if len(basis):
             tight = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12, "max_nfev": _STEPS}
-            found = least_squares(residuals, along, jac=cast(Any, slopes), **tight)
-            if not found.status:
+            solution = least_squares(residuals, along, jac=cast(Any, slopes), **tight)
+            if not solution.status:
                 raise SimulationError(
                     f"{OWNER}: the fit has not ended after {_STEPS} runs. Give nominal values closer by."
                 )
-            along = found.x
+            along = solution.x
             u = rest + along @ basis
-        if not given:  # each output bears its share of the parameters
+        if not known_noise:  # each output bears its share of the parameters
             share = 1 - len(basis) / len(fit.data)
             floor = 1e-12 * np.array(spreads)
             noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
