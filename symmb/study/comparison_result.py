@@ -1,6 +1,5 @@
 """The result of a comparison: print it, plot it, save it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -18,15 +17,16 @@ from symmb.study.reference import Reference
 from symmb.study.row import LONG, NotRun, Row
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(Result, files.Saved):
+class Comparison(plot.OverTime, Result, files.Saved):
     """Bounds of one scene by several methods, measured against one reference.
 
-    `print` gives a table, `plot` a picture, `save` the file that `load` reads.
+    `print` gives a table, `save` the file that `load` reads. `plot` draws bounds over time, for the named outputs or
+    the six with the largest errors, by the most accurate setting of each family of methods, over the reference as a
+    filled band; and error against run time, which a single one of the caller's axes takes if no outputs are named.
 
     Attributes
     ----------
@@ -74,6 +74,11 @@ class Comparison(Result, files.Saved):
     units: tuple[str, ...] = ()
     reason: str = ""
     doubts: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The outputs, as of other results."""
+        return self.outputs
 
     def __str__(self) -> str:
         table = report.table(self.rows, self.reference.yardstick, self.outputs)
@@ -138,27 +143,7 @@ class Comparison(Result, files.Saved):
             doubts=record.texts("doubts", default=()),
         )
 
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        ax: "Axes | Sequence[Axes] | None" = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw bounds over time and error against run time; write the picture to `path` if given.
-
-        Bounds are shown for the named outputs, or the six with the largest errors, by the most accurate setting of
-        each family of methods. The filled band is the reference.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure: one an output for bounds over time; a single one without outputs
-            takes the error against run time
-        figsize : (width, height)    of a new figure [inch]
-        title : str                  of a new figure, in place of its own
-        """
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
         reference = self.reference
         curves = [
             plot.PlottedBounds(
@@ -173,7 +158,7 @@ class Comparison(Result, files.Saved):
             )
             for row in self.rows
         ]
-        figure = plot.plot_comparison(
+        return plot.plot_comparison(
             self.times,
             self.outputs,
             plot.Band(f"reference: {reference.method}", reference.lower, reference.upper),
@@ -181,11 +166,10 @@ class Comparison(Result, files.Saved):
             measured=~reference.yardstick.zero_width,
             uncertainty=reference.uncertainty,
             units=self.units,
-            chosen=plot.columns_of("Comparison.plot", outputs, self.outputs),
+            chosen=columns,
             title=self.scene,
             ax=ax,
         )
-        return plot.finish(figure, "Comparison.plot", path, ax, figsize, title)
 
     def report(self, path: str | Path) -> None:
         """Write a report: one .html file that opens offline, and prints.

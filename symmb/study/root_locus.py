@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from symmb.model import Box, Scene
 from symmb.simulation import scene_of
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MOST_VALUES = 10_000
@@ -32,8 +30,10 @@ _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "least damping [-]", "at")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RootLocus(files.Saved):
-    """Eigenvalues over one parameter. `print` tells its oscillations, `plot` draws them, `save` and `load` keep all.
+class RootLocus(plot.ThreeDiagrams, files.Saved):
+    """Eigenvalues over one parameter. `print` tells its oscillations, `save` and `load` keep all.
+
+    `plot` draws the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
 
     Attributes
     ----------
@@ -116,28 +116,11 @@ class RootLocus(files.Saved):
             bands = [f"bands over {self.box} by {self.method}, {self.evaluations} evaluations"]
         return [*bands, *self.remarks, *(f"doubtful: {doubt}" for doubt in self.doubts)]
 
-    def plot(
-        self,
-        path: str | Path | None = None,
-        ax: "Axes | list[Axes] | None" = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
-
-        Parameters
-        ----------
-        path : optional              where to write the picture
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure: up to three, for these diagrams
-        figsize : (width, height)    of a new figure [inch]
-        title : str                  of a new figure, in place of its own
-        """
+    def _figure(self, ax: Any) -> "Figure":
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
-        figure = plot.plot_root_locus(
+        return plot.plot_root_locus(
             self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, ax=ax
         )
-        return plot.finish(figure, "RootLocus.plot", path, ax, figsize, title)
 
     def _record(self) -> Mapping[str, Any]:
         parts = {"eigenvalues": self.eigenvalues, "modes": self.modes}

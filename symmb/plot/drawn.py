@@ -1,4 +1,4 @@
-"""Results over time: they print as a head above a table, and draw one panel an output."""
+"""Results that draw themselves: a panel an output over time, or three diagrams."""
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class OverTime:
-    """A result with a head, rows of a table and a picture of its outputs."""
+    """A result that prints as a head above a table, and draws one panel an output."""
 
     if TYPE_CHECKING:
         names: Any
@@ -70,3 +70,33 @@ class OverTime:
         owner = f"{type(self).__name__}.plot"
         figure = self._figure(columns_of(owner, outputs, self.names), ax)
         return finish(figure, owner, path, ax, figsize, title)
+
+
+class ThreeDiagrams:
+    """A result whose picture is three diagrams."""
+
+    def _figure(self, ax: Any) -> "Figure":
+        """The picture, in up to three axes of the caller if there are any."""
+        raise NotImplementedError
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+    ) -> "Figure":
+        """Draw the diagrams that the class tells of; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes       to draw in, in the place of a new figure: up to three, for these diagrams
+        figsize : (width, height)  of a new figure [inch]
+        title : str                of a new figure, in place of its own
+
+        Raises
+        ------
+        DeclarationError           if an option is wrong
+        FileError                  if the file cannot be written; the previous one is kept
+        """
+        return finish(self._figure(ax), f"{type(self).__name__}.plot", path, ax, figsize, title)
