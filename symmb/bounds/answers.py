@@ -10,6 +10,7 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Mask
 from symmb.bounds.contributions import Contributions, contributions_of, takes_runs
 from symmb.bounds.envelope import Envelope
+from symmb.bounds.laws import Correlation
 from symmb.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bounds.responses import Responses
 from symmb.bounds.time_windows import is_doubtful
@@ -140,7 +141,7 @@ class Answers(Envelope):
         output: str,
         levels: float | Sequence[float] | Array,
         laws: Mapping[str, Any],
-        correlation: Sequence[Sequence[float]] | Array | None = None,
+        correlation: Correlation | None = None,
     ) -> Quantiles:
         """Quantiles of an output over time, for parameters that have distributions.
 
@@ -174,18 +175,12 @@ class Answers(Envelope):
         above: float | None = None,
         below: float | None = None,
         laws: Mapping[str, Any],
-        correlation: Sequence[Sequence[float]] | Array | None = None,
+        correlation: Correlation | None = None,
     ) -> Probability:
         """Probability that an output is above or below a value, at each time and ever; see `quantiles`."""
         return probability_of(self._verified("Bounds.probability"), output, above, below, laws, correlation)
 
-    def samples(
-        self,
-        n: int,
-        laws: Mapping[str, Any],
-        correlation: Sequence[Sequence[float]] | Array | None = None,
-        seed: int = 0,
-    ) -> Sweep:
+    def samples(self, n: int, laws: Mapping[str, Any], correlation: Correlation | None = None, seed: int = 0) -> Sweep:
         """Responses for n random samples of parameters that all have laws; see `quantiles`.
 
         They are those of the polynomials that `contributions` uses, or of runs.

@@ -1,6 +1,6 @@
 """Laws of parameters: distributions, cut to the box, and dependent by a Gaussian copula."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from symmb._options import numbers_of, shown
 from symmb._types import Array, Indices
 from symmb.model import Box
 
+Correlation = Sequence[Sequence[float]] | Array
 _LEAST_MASS = 1e-6
 """Probability of the box below which a law lies outside of it: its quantiles there have few digits."""
 _TOLD_MASS = 1e-4

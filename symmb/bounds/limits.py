@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,41 +13,17 @@ from symmb._names import did_you_mean
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned
 from symmb._types import Array
+from symmb.bounds.envelope import Envelope
+from symmb.bounds.time_windows import ROUNDING
+from symmb.bounds.worst_case import WorstCase
 from symmb.files import to_jsonable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from symmb.bounds.worst_case import WorstCase
-
 Limits = Mapping[str, tuple[float | None, float | None]]
 """Limits (low, high) of outputs by name, of which one may be None."""
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
-
-
-@dataclass(frozen=True, eq=False)
-class OutputBounds:
-    """The bounds of one output, as `Bounds` has them.
-
-    Attributes
-    ----------
-    kind : str
-    lower, upper : (n_t,)
-    estimate : (n_t,)          estimated error; None if there is none
-    inner : (lower, upper)     attained by runs; None if none are known
-    evaluations : int
-    is_doubted : bool
-    rounding : float           how far runs may be off by rounding or noise
-    """
-
-    kind: Literal["enclosure", "estimate", "sampled"]
-    lower: Array
-    upper: Array
-    estimate: Array | None
-    inner: tuple[Array, Array] | None
-    evaluations: int
-    is_doubted: bool
-    rounding: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +77,7 @@ class LimitCheck(plot.OverTime, Result):
     method: str
     limits: tuple[KeptLimit, ...]
     draw: "Callable[[list[str], Any], Figure]"
-    worst: "WorstCase | None"
+    worst: WorstCase | None
 
     _left = (0, 1, 2)
     _most = None
@@ -191,37 +167,49 @@ def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, t
     return {name: _ends(owner, name, pair) for name, pair in limits.items()}
 
 
-def kept_limit(output: str, unit: str, low: float, high: float, bounds: OutputBounds) -> KeptLimit:
-    """Whether bounds of an output keep a limit."""
-    margin = np.minimum(bounds.lower - low, high - bounds.upper)
-    return KeptLimit(output, unit, low, high, *_decision(bounds, margin, low, high), margin)
+def kept_limit(bounds: Envelope, output: str, low: float, high: float, is_doubted: bool) -> KeptLimit:
+    """Whether an output keeps a limit."""
+    k, (lower, upper) = bounds.names.index(output), bounds[output]
+    margin = np.minimum(lower - low, high - upper)
+    unit = bounds.units[k] if bounds.units else ""
+    return KeptLimit(output, unit, low, high, *_decision(bounds, k, margin, low, high, is_doubted), margin)
 
 
-def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> tuple[bool | None, str]:
-    """Whether a limit is kept, and why."""
-    attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else (np.inf, -np.inf))
-    beyond = max(np.max(low - attained[0]), np.max(attained[1] - high))
-    if beyond > bounds.rounding:
+def _rounding(bounds: Envelope, k: int) -> float:
+    """How far runs of output number k may be off by rounding or noise."""
+    rounding = float(ROUNDING * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
+    return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
+
+
+def _decision(
+    bounds: Envelope, k: int, margin: Array, low: float, high: float, is_doubted: bool
+) -> tuple[bool | None, str]:
+    """Whether output number k keeps a limit, by a margin (n_t,), and why."""
+    attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
+    beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
+    rounding = _rounding(bounds, k)
+    if beyond > rounding:
         return False, "A run is beyond it."
-    if bounds.is_doubted:
+    if is_doubted:
         return None, "The bounds are doubted."
     if beyond > 0:
-        return None, f"A run is beyond it, but by no more than rounding or noise of {bounds.rounding:.1e}."
+        return None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}."
     if bounds.kind == "sampled":
         return None, f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
             return True, "This is proved."
-        if ((bounds.lower > high) | (bounds.upper < low)).any():
+        if ((bounds.lower[:, k] > high) | (bounds.upper[:, k] < low)).any():
             return False, "All responses are beyond it at a time."
         return None, "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
     if bounds.estimate is None:
         return None, "The bounds have no estimated error: PolynomialChaos() has one."
-    if (margin < -np.maximum(bounds.estimate, bounds.rounding)).any():
-        error = bounds.estimate[(margin + bounds.estimate).argmin()]
+    estimate = bounds.estimate[:, k]
+    if (margin < -np.maximum(estimate, rounding)).any():
+        error = estimate[(margin + estimate).argmin()]
         return False, f"The bounds are beyond it by more than their estimated error of {error:.1e}."
-    error = bounds.estimate.max()
-    if (margin >= bounds.estimate).all():
+    error = estimate.max()
+    if (margin >= estimate).all():
         return True, f"The estimated error is at most {error:.1e}."
     return (
         None,

@@ -7,8 +7,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError
@@ -18,8 +16,7 @@ from symmb._table import aligned
 from symmb.bounds import result_file
 from symmb.bounds.answers import Answers
 from symmb.bounds.failures import failure_text
-from symmb.bounds.limits import KeptLimit, LimitCheck, Limits, OutputBounds, kept_limit, limit_pairs
-from symmb.bounds.time_windows import ROUNDING
+from symmb.bounds.limits import KeptLimit, LimitCheck, Limits, kept_limit, limit_pairs
 from symmb.bounds.worst_case import WorstCase
 
 if TYPE_CHECKING:
@@ -65,6 +62,7 @@ class Bounds(Answers, Result, files.Saved):
 
     Examples
     --------
+    >>> import numpy as np
     >>> t = np.array([0.0, 1.0])
     >>> Bounds(t, ("x",), np.array([[0.0], [1.0]]), np.array([[0.0], [3.0]]), "sampled", "Vertex()", 4)["x"]
     (array([0., 1.]), array([0., 3.]))
@@ -89,18 +87,9 @@ class Bounds(Answers, Result, files.Saved):
         DeclarationError
             If an output is unknown, or limits cross.
         """
-        pairs, doubtful, checked = limit_pairs("Bounds.check", limits, self.names), self.doubtful(), []
+        pairs, doubtful = limit_pairs("Bounds.check", limits, self.names), self.doubtful()
         is_doubted = bool(self.run_doubts or self.failed or self.caution)
-        for name, ends in pairs.items():
-            k, (lower, upper) = self._column(name), self[name]
-            estimate = None if self.estimate is None else self.estimate[:, k]
-            inner = None if self.inner is None else (self.inner[0][:, k], self.inner[1][:, k])
-            rounding = float(ROUNDING * np.abs([lower, upper]).max(initial=0.0))
-            if self.noise is not None:
-                rounding = max(rounding, float(self.noise[k]))
-            doubted = is_doubted or name in doubtful
-            own = OutputBounds(self.kind, lower, upper, estimate, inner, self.evaluations, doubted, rounding)
-            checked.append(kept_limit(name, self.units[k] if self.units else "", *ends, own))
+        checked = [kept_limit(self, name, *ends, is_doubted or name in doubtful) for name, ends in pairs.items()]
         return LimitCheck(self.t, self.method, tuple(checked), partial(self.plot, None), self._closest_to(checked))
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
@@ -218,7 +207,7 @@ class Bounds(Answers, Result, files.Saved):
 
         Examples
         --------
-        >>> import symmb as mb, tempfile, pathlib
+        >>> import numpy as np, symmb as mb, tempfile, pathlib
         >>> t = np.linspace(0.0, 1.0, 3)
         >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
         >>> bounds = mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0)))
