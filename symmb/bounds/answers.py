@@ -14,7 +14,7 @@ from symmb.bounds.laws import Correlation
 from symmb.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bounds.responses import Responses
 from symmb.bounds.time_windows import is_doubtful
-from symmb.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of, worst_cases
+from symmb.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of
 from symmb.polynomials import Moments, moments
 from symmb.polynomials.ranges import Piecewise
 from symmb.simulation import Sweep
@@ -57,11 +57,15 @@ class Answers(Envelope):
 
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
         """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
-        varied = self.box.names if self.box else tuple(runs.simulator.parameters)
-        cases = worst_cases(runs, places, varied, self.names, self.t, self.lower, self.upper)
-        return [
-            self._at_extreme(case, place) if case.is_short else case for case, place in zip(cases, places, strict=True)
-        ]
+        varied, cases = self.box.names if self.box else tuple(runs.simulator.parameters), []
+        for place, sample in zip(places, runs.samples(places), strict=True):
+            side, i, k = place
+            lower, upper = float(self.lower[i, k]), float(self.upper[i, k])
+            parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
+            about = parameters, sample.value, upper - lower, varied, runs.simulator
+            case = WorstCase(self.names[k], side, lower if side == "lower" else upper, float(self.t[i]), *about)
+            cases.append(self._at_extreme(case, place) if case.is_short else case)
+        return cases
 
     def _at_extreme(self, case: WorstCase, place: Place) -> WorstCase:
         """The run where the polynomials have their extreme, if it comes closer to the bound."""

@@ -7,6 +7,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError
@@ -22,6 +24,9 @@ from symmb.bounds.worst_case import WorstCase
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+_ZERO = 1e-12
+"""Share of the largest bound of an output up to which what is printed is rounding."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,7 +67,6 @@ class Bounds(Answers, Result, files.Saved):
 
     Examples
     --------
-    >>> import numpy as np
     >>> t = np.array([0.0, 1.0])
     >>> Bounds(t, ("x",), np.array([[0.0], [1.0]]), np.array([[0.0], [3.0]]), "sampled", "Vertex()", 4)["x"]
     (array([0., 1.]), array([0., 3.]))
@@ -207,7 +211,7 @@ class Bounds(Answers, Result, files.Saved):
 
         Examples
         --------
-        >>> import numpy as np, symmb as mb, tempfile, pathlib
+        >>> import symmb as mb, tempfile, pathlib
         >>> t = np.linspace(0.0, 1.0, 3)
         >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
         >>> bounds = mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0)))
@@ -235,7 +239,24 @@ class Bounds(Answers, Result, files.Saved):
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        return result_file.extremes_of_bounds(self.t, names, self.lower, self.upper, self.nominal, self.estimate)
+        """Extremes of each output, the nominal run then, the largest width and estimated error. Rounding is 0."""
+        then = [] if self.nominal is None else ["nominal then"]
+        rows = [["output", "least", "at [s]", *then, "greatest", "at [s]", *then, "width", "at [s]", "estimated error"]]
+        with np.errstate(over="ignore"):
+            width = self.upper - self.lower
+        width = np.where(np.isnan(width), np.inf, width)
+        for k, name in enumerate(names):
+            sizes = np.abs([self.lower[:, k], self.upper[:, k]])
+            least = _ZERO * sizes.max(initial=0.0, where=np.isfinite(sizes))
+            places = int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())
+            cells = [name]
+            for values, i in zip((self.lower, self.upper), places, strict=True):
+                cells += [_number_text(values[i, k], least), f"{self.t[i]:.6g}"]
+                cells += [] if self.nominal is None else [_number_text(self.nominal[i, k], least)]
+            widest = int(width[:, k].argmax())
+            error = "–" if self.estimate is None else f"≤ {self.estimate[:, k].max():.1e}"
+            rows.append([*cells, _number_text(width[widest, k], least), f"{self.t[widest]:.6g}", error])
+        return rows
 
     def __str__(self) -> str:
         return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(self.names)))])
@@ -246,3 +267,7 @@ class Bounds(Answers, Result, files.Saved):
 
     def _repr_html_(self) -> str:
         return html.page(self._tabulated(self._head()), html.picture(plot.png(self.plot())))
+
+
+def _number_text(value: float, least: float) -> str:
+    return "0" if abs(value) <= least else f"{value:.6g}"

@@ -1,6 +1,6 @@
-"""What the files of bounds hold, entries of a record, columns of a table, labelled arrays, and what is printed."""
+"""What the files of bounds hold, entries of a record, columns of a table, and labelled arrays."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -16,8 +16,6 @@ from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import Piecewise
 
 Kind = Literal["enclosure", "estimate", "sampled"]
-_ZERO = 1e-12
-"""Share of the largest bound of an output up to which what is printed is rounding."""
 PLAIN = (
     *("t", "names", "units", "lower", "upper", "kind", "method", "evaluations", "estimate", "noise", "nominal"),
     *("failed_region", "seconds", "caution", "run_doubts", "remarks", "doubts", "range_of"),
@@ -177,32 +175,3 @@ def _failed_parameters(failed: tuple[Failure, ...], taken: list[str]) -> dict[st
     values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
     names = parameter_names([*values], taken)
     return {name: (("sample",), column) for name, column in zip(names, values.values(), strict=True)}
-
-
-def extremes_of_bounds(
-    t: Array, names: Sequence[str], lower: Array, upper: Array, nominal: Array | None, estimate: Array | None
-) -> list[list[str]]:
-    """One row of text for each output of bounds (n_t, n_y): its least and greatest bound, their times and what the
-    nominal run has then, the largest width, and the largest estimated error. Rounding is printed as 0.
-    """
-    then = [] if nominal is None else ["nominal then"]
-    rows = [["output", "least", "at [s]", *then, "greatest", "at [s]", *then, "width", "at [s]", "estimated error"]]
-    with np.errstate(over="ignore"):
-        width = upper - lower
-    width = np.where(np.isnan(width), np.inf, width)
-    for k, name in enumerate(names):
-        sizes = np.abs([lower[:, k], upper[:, k]])
-        least = _ZERO * sizes.max(initial=0.0, where=np.isfinite(sizes))
-        places = int(lower[:, k].argmin()), int(upper[:, k].argmax())
-        cells = [name]
-        for values, i in zip((lower, upper), places, strict=True):
-            cells += [_number_text(values[i, k], least), f"{t[i]:.6g}"]
-            cells += [] if nominal is None else [_number_text(nominal[i, k], least)]
-        widest = int(width[:, k].argmax())
-        error = "–" if estimate is None else f"≤ {estimate[:, k].max():.1e}"
-        rows.append([*cells, _number_text(width[widest, k], least), f"{t[widest]:.6g}", error])
-    return rows
-
-
-def _number_text(value: float, least: float) -> str:
-    return "0" if abs(value) <= least else f"{value:.6g}"

@@ -231,22 +231,3 @@ def row_of(owner: str, t: Array, time: object) -> int:
     if not is_finite_number(time) or not t[0] - slack <= time <= t[-1] + slack:
         raise DeclarationError(f"{owner}: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {shown(time)}.")
     return int(np.abs(t - float(time)).argmin())
-
-
-def worst_cases(
-    runs: AttainingRuns,
-    places: Sequence[Place],
-    varied: tuple[str, ...],
-    names: Sequence[str],
-    t: Array,
-    lower: Array,
-    upper: Array,
-) -> list[WorstCase]:
-    """The runs that attain bounds lower and upper (n_t, n_y) of named outputs at places, with the varied parameters."""
-    cases = []
-    for (side, i, k), sample in zip(places, runs.samples(places), strict=True):
-        parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
-        value, width = float((lower if side == "lower" else upper)[i, k]), float(upper[i, k] - lower[i, k])
-        about = parameters, sample.value, width, varied, runs.simulator
-        cases.append(WorstCase(names[k], side, value, float(t[i]), *about))
-    return cases
