@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._names import did_you_mean, name_faults
-from symmb._options import is_finite_number, numbers_of, shown
+from symmb._names import name_faults
+from symmb._options import is_finite_number, numbers_of, require_name, shown
 from symmb._types import Array, Executor
 from symmb.black_boxes.executors import LostTask, finished
 from symmb.black_boxes.identity import ChangedFileError
@@ -200,8 +200,7 @@ def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Ar
     if not isinstance(noise, Mapping):
         raise DeclarationError(f"{owner}: noise must be numbers by name of the output, got {shown(noise)}.")
     for name, value in noise.items():
-        if name not in names:
-            raise DeclarationError(f"{owner}: noise: no output {name!r}.{did_you_mean(str(name), names)}")
+        require_name(f"{owner}: noise", "output", name, names)
         if not is_finite_number(value) or value < 0:
             raise DeclarationError(f"{owner}: noise of {name!r} must be at least 0, got {shown(value)}.")
     return np.array([float(noise.get(name, 0.0)) for name in names])

@@ -190,7 +190,7 @@ def contributions_of(responses: Responses) -> Contributions:
     alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
     units = responses.units or ("",) * len(responses.names)
     own = responses.t, responses.names, units, responses.box.names, width, alone, saved, first, total
-    runs += more + responses.made
+    runs += more + responses.extra_runs
     return Contributions(*own, *estimates, share_estimate, runs, responses.method, responses.remarks)
 
 
@@ -199,7 +199,7 @@ def takes_runs(responses: Responses) -> bool:
     if responses.surrogate is None or responses.runs is None:
         return responses.surrogate is None
     alone, error, _ = _widths(responses, is_alone=True)
-    return responses.made > 0 or _is_poor(responses, 2 * error, alone)
+    return responses.extra_runs > 0 or _is_poor(responses, 2 * error, alone)
 
 
 def _is_poor(responses: Responses, error: Array, alone: Array) -> bool:
@@ -237,8 +237,8 @@ def _shares(responses: Responses, width: Array) -> tuple[Array, Array, Array]:
         unknown = np.full((d, *width.shape), np.nan)
         return unknown, unknown, unknown[0]
     if len(surrogate.expansions) == 1:
-        found, sampling = moments(surrogate.expansions[0], responses.t, responses.names), 0.0
-        first, total, variance = found.first, found.total, found.variance
+        exact, sampling = moments(surrogate.expansions[0], responses.t, responses.names), 0.0
+        first, total, variance = exact.first, exact.total, exact.variance
     else:
         first, total, variance = _sampled_shares(surrogate, d)
         sampling = _SAMPLING

@@ -43,7 +43,7 @@ class Responses:
     surrogate : Piecewise      None if none is good enough
     runs : Runs                None if no runs can be made
     method : str               where the surrogate comes from
-    made : int                 further runs that were made for it
+    extra_runs : int           further runs that were made for it
     remarks : sentences        what else is known
     """
 
@@ -58,7 +58,7 @@ class Responses:
     surrogate: Piecewise | None
     runs: Runs | None
     method: str
-    made: int
+    extra_runs: int
     remarks: tuple[str, ...]
 
     def column(self, owner: str, output: object) -> int:

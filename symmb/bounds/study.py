@@ -62,9 +62,9 @@ class Study:
         Parameters that are not in the box have their nominal values.
         """
         with shown_runs(None, f"range over {', '.join(box.names)}") as progress:
-            found = PolynomialChaos().bounds(self.simulator, box, progress=progress)
-        assert found.estimate is not None
-        return found.lower, found.upper, found.estimate, found.evaluations
+            bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)
+        assert bounds.estimate is not None
+        return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
     @cached_property
     def sample(self) -> tuple[Array, Array]:

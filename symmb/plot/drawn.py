@@ -73,7 +73,10 @@ class OverTime:
 
 
 class ThreeDiagrams:
-    """A result whose picture is three diagrams."""
+    """A result that prints as its text, and whose picture is three diagrams."""
+
+    def __repr__(self) -> str:
+        return str(self)
 
     def _figure(self, ax: Any) -> "Figure":
         """The picture, in up to three axes of the caller if there are any."""

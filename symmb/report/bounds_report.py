@@ -1,6 +1,6 @@
 """The report of bounds."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError, SymmbError
-from symmb.bounds import Bounds, Contributions, LimitCheck, Study
+from symmb.bounds import Bounds, Contributions, LimitCheck, Limits, Study
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 _NO_CONTRIBUTIONS = "The polynomials of the study do not show them: `bounds.contributions()` takes further runs."
 _AT_MARGIN = "Outputs with limits: at the time of their least margin. Others: where they are widest."
-Limits = Mapping[str, tuple[float | None, float | None]]
 
 
 def write_bounds(
@@ -56,15 +55,17 @@ def _parts(
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
         yield section("Limits", check._repr_html_(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
-    cases = _told(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
-    yield section("Worst cases", cases, _told(lambda: _motion(bounds, scene, check)) if scene else "")
+    cases = _part_or_reason(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
+    yield section("Worst cases", cases, _part_or_reason(lambda: _motion(bounds, scene, check)) if scene else "")
     if bounds.range_of:  # other methods would be followed by a study of their own
-        shares = _told(lambda: _contributions(bounds, check, contributions))
+        shares = _part_or_reason(lambda: _contributions(bounds, check, contributions))
         yield section("What each parameter contributes", shares, style="contributions")
     yield section("Curves", html.picture(plot.png(_curves(bounds, check))))
     if scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
-        yield section("The mechanism", at_start, _told(lambda: html.picture(start_picture(scene))), style="still")
+        yield section(
+            "The mechanism", at_start, _part_or_reason(lambda: html.picture(start_picture(scene))), style="still"
+        )
         equations = f"{scene.system}\n\n{equations_text(scene.system, 'system.latex()')}".rstrip()
         yield document.folded("Equations", equations)
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
@@ -89,16 +90,16 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contribution
     """Those that are known, or those of the polynomials of the study; at the least margin of outputs with limits."""
     if known is None and bounds._contributions_take_runs():
         return document.note(_NO_CONTRIBUTIONS)
-    found, shown = known or bounds.contributions(), _shown(bounds, check)
+    shares, shown = known or bounds.contributions(), _shown(bounds, check)
     rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
     notes = [_AT_MARGIN] if rows else []
     if left := len(bounds.names) - len(shown):
         notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
     order = shown if left else range(len(bounds.names))
-    return "".join(map(document.note, notes)) + found.some_as_html(order, rows)
+    return "".join(map(document.note, notes)) + shares.some_as_html(order, rows)
 
 
-def _told(part: Callable[[], str]) -> str:
+def _part_or_reason(part: Callable[[], str]) -> str:
     """A part, or why there is none: a run may not come again."""
     try:
         return part()

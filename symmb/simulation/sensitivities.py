@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Sensitivities(plot.OverTime, Result, files.Saved):
     """dy/dp of outputs y over time at the nominal values of parameters p.
 
-    `found["x", "k"]` gives one of them (n_t,). `print` shows the largest ones. `plot` draws the change of outputs
+    `slopes["x", "k"]` gives one of them (n_t,). `print` shows the largest ones. `plot` draws the change of outputs
     for 1 % of each parameter. `save` and `load` keep them.
 
     Attributes
@@ -45,8 +45,8 @@ class Sensitivities(plot.OverTime, Result, files.Saved):
     >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
     >>> system = mb.System(bob, spring, parameters=p)
     >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
-    >>> found = mb.sensitivities(scene)
-    >>> found["x", "k"].round(4)
+    >>> slopes = mb.sensitivities(scene)
+    >>> slopes["x", "k"].round(4)
     array([ 0.    , -0.2273,  0.3784])
     """
 

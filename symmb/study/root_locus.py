@@ -88,9 +88,6 @@ class RootLocus(plot.ThreeDiagrams, files.Saved):
         table = aligned(self._rows()) if self.modes.size else []
         return "\n".join([self._head(), *table, *self._foot()])
 
-    def __repr__(self) -> str:
-        return str(self)
-
     def _repr_html_(self) -> str:
         table = html.table(self._rows()) if self.modes.size else ""
         foot = html.text("\n".join(self._foot()))

@@ -91,9 +91,6 @@ class Stability(plot.ThreeDiagrams, files.Saved):
             lines += ["", *aligned(self._stress_rows(), left=_STRESS_LEFT)]
         return "\n".join([*lines, *self._corner_lines(), "", self.advice])
 
-    def __repr__(self) -> str:
-        return str(self)
-
     def _repr_html_(self) -> str:
         tables = [html.table(self._rows(), _LEFT)]
         if self.stress:

@@ -15,7 +15,7 @@ from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor
 from symmb.black_boxes import Progress, Simulator
-from symmb.bounds import Bounds, LimitCheck, PolynomialChaos, WorstCase, finished, limit_pairs
+from symmb.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, WorstCase, finished, limit_pairs
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import simulator_of
@@ -52,8 +52,8 @@ class Tolerances(Result):
     >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
     >>> system = mb.System(bob, spring, parameters=p)
     >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
-    >>> found = mb.tolerances(scene, {"x": (-0.7, None)})
-    >>> round(found.factor, 2)
+    >>> widest = mb.tolerances(scene, {"x": (-0.7, None)})
+    >>> round(widest.factor, 2)
     1.25
     """
 
@@ -113,7 +113,7 @@ class Tolerances(Result):
 
 def tolerances(
     scene: Scene | Simulator,
-    limits: Mapping[str, tuple[float | None, float | None]],
+    limits: Limits,
     box: Box | None = None,
     costs: Costs | None = None,
     solver: Solver | None = None,
