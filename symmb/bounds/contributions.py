@@ -39,22 +39,31 @@ class Contributions(Result, files.Saved):
 
     Attributes
     ----------
-    t : (n_t,)                     times [s]
+    t : (n_t,)
+        times [s]
     names, units : n_y outputs and their units, '' where they are not known
     parameters : n_p names
-    width : (n_t, n_y)             of the bounds
+    width : (n_t, n_y)
+        of the bounds
     alone : (n_t, n_y, n_p)
         width if this parameter alone is uncertain, and the others are nominal
-    saved : (n_t, n_y, n_p)        width that goes away if this parameter is known to be nominal
+    saved : (n_t, n_y, n_p)
+        width that goes away if this parameter is known to be nominal
     first, total : (n_t, n_y, n_p)
         Sobol's indices: the share of the variance that a parameter explains by itself, and with others, for uniform
         independent parameters. nan where the variance is rounding, and where no surrogate is good enough
-    estimate : (n_t, n_y)          estimated error of alone
-    saved_estimate : (n_t, n_y)    estimated error of saved
-    share_estimate : (n_t, n_y)    estimated error of the indices
-    runs : int                     further runs that were made
-    method : str                   where the surrogate comes from, or the runs
-    remarks : sentences            what else is known
+    estimate : (n_t, n_y)
+        estimated error of alone
+    saved_estimate : (n_t, n_y)
+        estimated error of saved
+    share_estimate : (n_t, n_y)
+        estimated error of the indices
+    runs : int
+        further runs that were made
+    method : str
+        where the surrogate comes from, or the runs
+    remarks : sentences
+        what else is known
 
     Examples
     --------

@@ -30,12 +30,17 @@ class Sensitivities(plot.OverTime, Result, files.Saved):
 
     Attributes
     ----------
-    name : str                  of the scene
-    t : (n_t,)                  times [s]
+    name : str
+        of the scene
+    t : (n_t,)
+        times [s]
     names, units : n_y outputs and their units, '' where they are not known
-    parameters : dict           n_p nominal values by name
-    run : (n_t, n_y)            the nominal run
-    values : (n_t, n_y, n_p)    dy/dp, in units of the output over those of the parameter
+    parameters : dict
+        n_p nominal values by name
+    run : (n_t, n_y)
+        the nominal run
+    values : (n_t, n_y, n_p)
+        dy/dp, in units of the output over those of the parameter
 
     Examples
     --------
@@ -135,8 +140,10 @@ def sensitivities(
 
     Parameters
     ----------
-    scene : Scene               or a simulator with derivatives
-    parameters : list of str    those with respect to which derivatives are taken; default: all
+    scene : Scene
+        or a simulator with derivatives
+    parameters : list of str
+        those with respect to which derivatives are taken; default: all
     solver, times, outputs : of a scene, in the place of its own
 
     Raises

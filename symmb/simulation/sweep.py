@@ -40,16 +40,22 @@ class Sweep(plot.OverTime, Result, files.Saved):
 
     Attributes
     ----------
-    name : str                 of the scene or simulator
-    t : (n_t,)                 times [s]
+    name : str
+        of the scene or simulator
+    t : (n_t,)
+        times [s]
     names, units : n_y outputs and their units, '' where they are not known
-    parameters : dict          name -> (N,) values, of all parameters
+    parameters : dict
+        name -> (N,) values, of all parameters
     grid : dict
         name -> values (m,) of which all combinations are run, the last one changing fastest; empty if the runs are a
         list
-    values : (N, n_t, n_y)     outputs, nan from a failure on
-    ok : (N,)                  whether a run is valid
-    messages : tuple of str    why each of the others is not, in order
+    values : (N, n_t, n_y)
+        outputs, nan from a failure on
+    ok : (N,)
+        whether a run is valid
+    messages : tuple of str
+        why each of the others is not, in order
 
     Examples
     --------
@@ -203,7 +209,8 @@ def sweep(
     Parameters
     ----------
     scene : Scene or simulator
-    values : mapping    name -> (m,) values
+    values : mapping
+        name -> (m,) values
     solver, times, outputs : of a scene, in the place of its own
     executor : anything with an ordered `map`, or an executor; default: runs in this process
     progress : called with the finished runs and all runs; default: a bar, in notebooks and terminals

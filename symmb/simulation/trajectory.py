@@ -45,17 +45,27 @@ class Trajectory(plot.OverTime, Result, files.Saved):
 
     Attributes
     ----------
-    scene : Scene                None if it was read from a file without a scene
-    parameters : dict            values of this run
-    solver, reason : str         its text, and why symmb chose it if none was given
-    t : (n_t,)                   times [s]
-    x : (n_t, n_x)               states (q, v, s)
-    work : (n_t,)                work of forces without potential, of drives and of impacts since the start [J]
-    statistics : dict            counts of the integrator, and a report on the start
+    scene : Scene
+        None if it was read from a file without a scene
+    parameters : dict
+        values of this run
+    solver, reason : str
+        its text, and why symmb chose it if none was given
+    t : (n_t,)
+        times [s]
+    x : (n_t, n_x)
+        states (q, v, s)
+    work : (n_t,)
+        work of forces without potential, of drives and of impacts since the start [J]
+    statistics : dict
+        counts of the integrator, and a report on the start
     setup_seconds, run_seconds : float
-    events : tuple of Event      impacts, and contacts that close and open, in order
-    error : (n_t, n_y)           estimated error of the outputs, of a run with check=True; None for others
-    run_doubts : tuple of str    what the start and the solver cannot vouch for; `doubts` are all
+    events : tuple of Event
+        impacts, and contacts that close and open, in order
+    error : (n_t, n_y)
+        estimated error of the outputs, of a run with check=True; None for others
+    run_doubts : tuple of str
+        what the start and the solver cannot vouch for; `doubts` are all
     run_examination
         the examination of the run between its output times as well; None if it was read
 

@@ -40,17 +40,23 @@ class Calibration(plot.OverTime, Result, files.Saved):
 
     Attributes
     ----------
-    name : str                     of the scene
-    parameters : dict              n_p estimates by name
+    name : str
+        of the scene
+    parameters : dict
+        n_p estimates by name
     covariance : (n_p, n_p)
         of the estimates, for errors of the data that are independent and normal; of parameters that the data do not
         determine inf, and nan with the others
-    noise : dict                   output -> standard deviation of its data, as given or as estimated
+    noise : dict
+        output -> standard deviation of its data, as given or as estimated
     times, data, residuals : dict
         output -> (n,) times [s], values, and values less those of the fitted run
-    degrees : int                  number of values less that of what they determine; 0 if the noise was given
-    undetermined : tuple of str    what the data do not determine, in sentences
-    evaluations : int              runs with derivatives
+    degrees : int
+        number of values less that of what they determine; 0 if the noise was given
+    undetermined : tuple of str
+        what the data do not determine, in sentences
+    evaluations : int
+        runs with derivatives
 
     Examples
     --------
@@ -222,9 +228,12 @@ def calibrate(
     data : mapping
         output -> values (n_t,) at the times of the scene, or a pair (times, values) of its own; values that are nan are
         left out
-    parameters : list of str    those to estimate; default: all
-    solver : Solver             default: chosen by pilot runs
-    noise : mapping             output -> standard deviation of its data
+    parameters : list of str
+        those to estimate; default: all
+    solver : Solver
+        default: chosen by pilot runs
+    noise : mapping
+        output -> standard deviation of its data
 
     Returns
     -------

@@ -30,21 +30,30 @@ class Comparison(plot.OverTime, Result, files.Saved):
 
     Attributes
     ----------
-    scene, solver : str               names
-    times : (n_t,)                    output times [s]
+    scene, solver : str
+        names
+    times : (n_t,)
+        output times [s]
     outputs : tuple of n_y names
     box : Box
     reference : Reference
-    rows : tuple[Row, ...]            the methods that ran, in the given order
-    not_run : tuple[NotRun, ...]      the methods that could not run
-    setup_seconds : float or None     deriving and compiling [s]
+    rows : tuple[Row, ...]
+        the methods that ran, in the given order
+    not_run : tuple[NotRun, ...]
+        the methods that could not run
+    setup_seconds : float or None
+        deriving and compiling [s]
     solver_error : (n_y,) or None
         rms difference to a ten times tighter solver at the centre and at two opposite corners of the box, in the norm
         of `Score.error`
-    threads, repeats : int or None    for run_seconds
-    units : tuple of n_y str          units of the outputs, '' where they are not known
-    reason : str                      why symmb chose this solver, if it did
-    doubts : tuple of str             what cannot be trusted about the runs, in sentences
+    threads, repeats : int or None
+        for run_seconds
+    units : tuple of n_y str
+        units of the outputs, '' where they are not known
+    reason : str
+        why symmb chose this solver, if it did
+    doubts : tuple of str
+        what cannot be trusted about the runs, in sentences
 
     Examples
     --------

@@ -38,17 +38,23 @@ class RootLocus(plot.ThreeDiagrams, files.Saved):
     Attributes
     ----------
     name, parameter : str
-    values : (n,)                     of the parameter
-    eigenvalues : (n, m) complex      all, by size [1/s]
+    values : (n,)
+        of the parameter
+    eigenvalues : (n, m) complex
+        all, by size [1/s]
     modes : (n, k) complex
         oscillations with positive imaginary part, each followed by its shape; nan where it does not oscillate [1/s]
     bands : dict
         "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds (n, k) over the box, nan where the oscillation
         ends inside the box; empty without a box
-    box : Box                         of the other parameters, or None
-    method, evaluations : str, int    of the bands
-    remarks : tuple of str            where frequencies cross, and where shapes are exchanged
-    doubts : tuple of str             what cannot be trusted
+    box : Box
+        of the other parameters, or None
+    method, evaluations : str, int
+        of the bands
+    remarks : tuple of str
+        where frequencies cross, and where shapes are exchanged
+    doubts : tuple of str
+        what cannot be trusted
 
     Examples
     --------
@@ -176,11 +182,16 @@ def root_locus(
     ----------
     scene : Scene
         one that starts in equilibrium, or in a steady motion, for every value in the range
-    parameter : str           such as a speed
-    range : (lower, upper)    values that are looked at
-    method : optional         of the bands; default: PolynomialChaos()
-    box : Box, optional       of the other parameters; default: that of the scene
-    count : int               how many values, evenly spaced
+    parameter : str
+        such as a speed
+    range : (lower, upper)
+        values that are looked at
+    method : optional
+        of the bands; default: PolynomialChaos()
+    box : Box, optional
+        of the other parameters; default: that of the scene
+    count : int
+        how many values, evenly spaced
 
     Raises
     ------

@@ -62,8 +62,10 @@ class Stability(plot.ThreeDiagrams, files.Saved):
     errors : dict
         key of a trial -> root mean square error, over that of the deviation from the mean; none where there is no
         reference, on which two tolerances of a solver agree
-    uncertainty : float    of the reference of the scene, in the same measure; nan if there is none
-    corners : dict         relative half width of the box -> (corners that fail, corners)
+    uncertainty : float
+        of the reference of the scene, in the same measure; nan if there is none
+    corners : dict
+        relative half width of the box -> (corners that fail, corners)
     advice : str
 
     Examples
@@ -191,7 +193,8 @@ def stability(
     progress : callable, optional
         called with the label of the work, the finished runs and all its runs; default: a bar, in notebooks and
         terminals
-    seconds : float    time after which no run begins [s]; one run may take 3/70 of it
+    seconds : float
+        time after which no run begins [s]; one run may take 3/70 of it
 
     Raises
     ------

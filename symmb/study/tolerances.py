@@ -34,15 +34,22 @@ class Tolerances(Result):
     factor : float
         of the box that was given, by which all its intervals are stretched about the nominal values; of an allocation
         the least of `factors`
-    factors : dict         that of each parameter
-    cost : float           of an allocation; None of others
+    factors : dict
+        that of each parameter
+    cost : float
+        of an allocation; None of others
     binding : WorstCase
         the run that comes closest to a limit; None if none binds, up to 16 times the box
-    check : LimitCheck     of `bounds`
-    bounds : Bounds        those over the box, from a last study
-    evaluations : int      runs of all studies
-    nominal : dict         nominal values of the parameters of the box
-    remarks : sentences    why no larger box was found, if no limit is near
+    check : LimitCheck
+        of `bounds`
+    bounds : Bounds
+        those over the box, from a last study
+    evaluations : int
+        runs of all studies
+    nominal : dict
+        nominal values of the parameters of the box
+    remarks : sentences
+        why no larger box was found, if no limit is near
 
     Examples
     --------
@@ -129,8 +136,10 @@ def tolerances(
     Parameters
     ----------
     scene : Scene or simulator
-    limits : mapping    output -> (low, high), of which one may be None
-    box : Box           shape of the intervals, which hold the nominal values; default: that of the scene
+    limits : mapping
+        output -> (low, high), of which one may be None
+    box : Box
+        shape of the intervals, which hold the nominal values; default: that of the scene
     costs : mapping
         parameter -> function of its half width, whose sum is least; those that are left out cost the half width in the
         box over their own. {} is that for all of them. A function is the same for all. They should fall smoothly: a
