@@ -118,22 +118,20 @@ class Contributions(Result, files.Saved):
         return "\n\n".join([self._head(), *("\n".join(aligned(rows)) for rows in self._tables())])
 
     def _repr_html_(self) -> str:
-        return self._as_html(self._tables(), None)
+        return html.page(self._as_html(self._tables()), html.picture(plot.png(self.plot())))
 
     def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
-        """Tables and a picture of some outputs, by numbers of outputs.
+        """Tables of some outputs, by numbers of outputs, without a picture.
 
         Parameters
         ----------
         columns          the outputs
         rows             numbers of times by output; default: where it is widest
         """
-        tables = [self._rows(k, rows.get(k, int(self.width[:, k].argmax()))) for k in columns]
-        return self._as_html(tables, [self.names[k] for k in columns])
+        return self._as_html([self._rows(k, rows.get(k, int(self.width[:, k].argmax()))) for k in columns])
 
-    def _as_html(self, tables: list[list[list[str]]], outputs: list[str] | None) -> str:
-        picture = html.picture(plot.png(self.plot(outputs=outputs)))
-        return html.page(html.text(self._head()), *map(html.table, tables), picture)
+    def _as_html(self, tables: list[list[list[str]]]) -> str:
+        return html.page(html.text(self._head()), *map(html.table, tables))
 
     def plot(
         self,

@@ -150,9 +150,12 @@ class LimitCheck(Result):
         worst = [f"  worst case: {self.worst}"] if self.worst else []
         return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), left=_LEFT)), *worst])
 
+    def as_html(self) -> str:
+        """The head and the table, without a picture."""
+        return html.page(html.text(self._head()), html.table(self._rows(), _LEFT))
+
     def _repr_html_(self) -> str:
-        parts = html.text(self._head()), html.table(self._rows(), _LEFT), html.picture(plot.png(self.plot()))
-        return html.page(*parts)
+        return html.page(self.as_html(), html.picture(plot.png(self.plot())))
 
     def plot(
         self,

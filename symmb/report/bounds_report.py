@@ -1,6 +1,6 @@
 """The report of bounds."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,14 +54,15 @@ def _parts(
     yield document.warnings(bounds.doubts, bounds.remarks)
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
-        yield section("Limits", check._repr_html_(), *worst, style="limits")
+        drawn = _pictures([limit.output for limit in check.limits], lambda name: check.plot(outputs=name))
+        yield section("Limits", check.as_html(), drawn, *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
     cases = _told(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
     yield section("Worst cases", cases, _told(lambda: _motion(bounds, scene, check)) if scene else "")
     if bounds.range_of:  # other methods would be followed by a study of their own
         shares = _told(lambda: _contributions(bounds, check, contributions))
         yield section("What each parameter contributes", shares, style="contributions")
-    yield section("Curves", html.picture(plot.png(_curves(bounds, check))))
+    yield section("Curves", _curves(bounds, check))
     if scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
         yield section("The mechanism", at_start, _told(lambda: html.picture(start_picture(scene))), style="still")
@@ -78,11 +79,15 @@ def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
     return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
 
 
-def _curves(bounds: Bounds, check: LimitCheck | None) -> "Figure":
-    shown = _shown(bounds, check)
-    if check is None or len(shown) == len(bounds.names):
-        return bounds.plot()
-    return bounds.plot(outputs=[bounds.names[k] for k in shown], title=f"{len(shown)} of {len(bounds.names)} outputs")
+def _pictures(names: Sequence[str], draw: Callable[[str], "Figure"]) -> str:
+    """One picture an output: a wide one with many panels could not be read on a telephone."""
+    return document.pictures((name, plot.narrow_png(draw(name))) for name in names)
+
+
+def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
+    shown = [bounds.names[k] for k in _shown(bounds, check)]
+    part = f"{len(shown)} of {len(bounds.names)} outputs." if len(shown) < len(bounds.names) else ""
+    return (document.note(part) if part else "") + _pictures(shown, lambda name: bounds.plot(outputs=name))
 
 
 def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None) -> str:
@@ -95,7 +100,8 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contribution
     if left := len(bounds.names) - len(shown):
         notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
     order = shown if left else range(len(bounds.names))
-    return "".join(map(document.note, notes)) + found.some_as_html(order, rows)
+    drawn = _pictures([bounds.names[k] for k in shown], lambda name: found.plot(outputs=name))
+    return "".join(map(document.note, notes)) + found.some_as_html(order, rows) + drawn
 
 
 def _told(part: Callable[[], str]) -> str:
