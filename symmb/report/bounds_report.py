@@ -22,7 +22,8 @@ from symmb.simulation import DAESimulator, simulate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NO_CONTRIBUTIONS = "The polynomials of the study do not show them: `bounds.contributions()` takes further runs."
+_NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
+_ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
 _AT_MARGIN = "Outputs with limits: at the time of their least margin. Others: where they are widest."
 Limits = Mapping[str, tuple[float | None, float | None]]
 
@@ -59,8 +60,9 @@ def _parts(
     yield section("Bounds", bounds._tabulated(bounds._about()))
     cases = _told(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
     yield section("Worst cases", cases, _told(lambda: _motion(bounds, scene, check)) if scene else "")
-    if bounds.range_of:  # other methods would be followed by a study of their own
-        shares = _told(lambda: _contributions(bounds, check, contributions))
+    if bounds.range_of or contributions is not None:  # other methods would be followed by a study of their own
+        asked = _ASKED_BY_COMMAND if command else _ASKED
+        shares = _told(lambda: _contributions(bounds, check, contributions, asked))
         yield section("What each parameter contributes", shares, style="contributions")
     yield section("Curves", _curves(bounds, check))
     if scene is not None:
@@ -90,10 +92,10 @@ def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
     return (document.note(part) if part else "") + _pictures(shown, lambda name: bounds.plot(outputs=name))
 
 
-def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None) -> str:
+def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None, asked: str) -> str:
     """Those that are known, or those of the polynomials of the study; at the least margin of outputs with limits."""
     if known is None and bounds._contributions_take_runs():
-        return document.note(_NO_CONTRIBUTIONS)
+        return document.note(_NO_CONTRIBUTIONS.format(asked))
     found, shown = known or bounds.contributions(), _shown(bounds, check)
     rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
     notes = [_AT_MARGIN] if rows else []
