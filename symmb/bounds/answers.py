@@ -18,6 +18,8 @@ from symmb.simulation import Sweep
 
 _GOOD = 0.25
 """Largest error of a surrogate over the widths at which it is asked: its answers stand beside their errors."""
+_ROUNDING = 1e-12
+"""Share of an output's largest value below which what a parameter changes is rounding."""
 _MISSED = 2.0
 """Largest error over the largest one at verifying runs."""
 
@@ -31,6 +33,7 @@ class Answers:
     lower: Array
     upper: Array
     estimate: Array | None
+    noise: Array | None
     method: str
     range_of: str
     box: Box | None
@@ -63,6 +66,16 @@ class Answers:
         if not self.range_of and self.study is not None:
             return True
         return takes_runs(self._responses("Bounds.contributions"))
+
+    def _acting(self, box: Box) -> tuple[str, ...]:
+        """The parameters of the box, but those with a fixed value, and those that change no output beyond noise and
+        rounding, if polynomials tell that.
+        """
+        acts = box.radius > 0
+        if self.surrogate is not None:
+            rounding = _ROUNDING * np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+            acts &= self.surrogate.acting(np.maximum(rounding, 0.0 if self.noise is None else self.noise))
+        return tuple(name for name, is_acting in zip(box.names, acts, strict=True) if is_acting)
 
     def quantiles(
         self,

@@ -237,7 +237,7 @@ class Bounds(Answers, Result, files.Saved):
 
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
         """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
-        varied = self.box.names if self.box else tuple(runs.simulator.parameters)
+        varied = self._acting(self.box) if self.box else tuple(runs.simulator.parameters)
         cases = worst_cases(runs, places, varied, self.names, self.t, self.lower, self.upper)
         return [
             self._at_extreme(case, place) if case.is_short else case for case, place in zip(cases, places, strict=True)

@@ -109,7 +109,7 @@ class WorstCase:
     parameters : dict          values of all parameters of the run
     attained : float           value of the output in the run at this time
     width : float              of the bounds at this time
-    varied : tuple of str      the parameters of the box, which are printed
+    varied : tuple of str      the parameters of the box that act on outputs, which are printed
     simulator : Simulator      None if the bounds were read from a file
     """
 
@@ -162,7 +162,7 @@ class WorstCase:
     def __str__(self) -> str:
         values = ", ".join(f"{name} = {self.parameters[name]:.6g}" for name in self.varied)
         word = "least" if self.side == "lower" else "greatest"
-        text = f"{word} {self.output} {self.value:.6g} at {self.time:g} s: {values}"
+        text = f"{word} {self.output} {self.value:.6g} at {self.time:g} s{': ' if values else ''}{values}"
         if self.is_short:
             text += f"; the run there attains {self.attained:.6g}"
         return text

@@ -102,9 +102,10 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     also = [row, *_extremes(bounds.lower, bounds.upper)]
     drawing = draw(simulate(scene, study.solver), also=also)
 
+    acting = bounds._acting(study.box)
     ghosts = [
         Ghost(
-            f"{side} {name}({t:g} s) = {run[name][row]:.6g} (bound {bound:.6g}) at {_values(study, run)}",
+            f"{side} {name}({t:g} s) = {run[name][row]:.6g} (bound {bound:.6g}){_place(run, acting)}",
             tint,
             draw(run, also=also),
         )
@@ -243,5 +244,6 @@ def _picture(drawing: Drawing, time: float) -> int:
     return int(np.abs(drawing.t - time).argmin())
 
 
-def _values(study: Study, run: Trajectory) -> str:
-    return ", ".join(f"{name} = {run.parameters[name]:.4g}" for name in study.box.names)
+def _place(run: Trajectory, names: Sequence[str]) -> str:
+    values = ", ".join(f"{name} = {run.parameters[name]:.4g}" for name in names)
+    return f" at {values}" if values else ""
