@@ -10,7 +10,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import files, plot
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
-from symmb._table import aligned
+from symmb._table import aligned, at_time
 from symmb._types import Array
 from symmb.bounds.responses import Responses
 from symmb.bounds.worst_case import row_of
@@ -99,7 +99,7 @@ class Contributions(Result, files.Saved):
     def _rows(self, k: int, i: int) -> list[list[str]]:
         """Those to output number k at time number i, the largest first."""
         width, of_share = self.width[i, k], self.share_estimate[i, k]
-        title = f"{self.names[k]} at {self.t[i]:g} s"
+        title = f"{self.names[k]}{at_time(self.t, i)}"
         rows = [[title, "alone", "saved", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
             share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"

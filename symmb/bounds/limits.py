@@ -13,7 +13,7 @@ from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
 from symmb._names import did_you_mean
 from symmb._options import is_real, shown
-from symmb._table import aligned
+from symmb._table import aligned, over_times
 from symmb._types import Array
 from symmb.files import to_jsonable
 
@@ -131,7 +131,7 @@ class LimitCheck(Result):
             least, time = self._least(limit)
             margin = f"{least:.4g}{' ' * bool(limit.unit)}{limit.unit}"
             rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{time:.6g}"])
-        return rows
+        return over_times(rows, self.t)
 
     def _least(self, limit: KeptLimit) -> tuple[float, float]:
         """The least margin of a limit, and its time [s]."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._labelled import BOUND, Labelled, Named, over_outputs, parameter_names, texts, unit_text
+from symmb._table import over_times
 from symmb._types import Array
 from symmb.bounds.failures import Failure
 from symmb.bounds.worst_case import WorstCase
@@ -204,7 +205,7 @@ def extremes_of_bounds(
         widest = int(width[:, k].argmax())
         error = "–" if estimate is None else f"≤ {estimate[:, k].max():.1e}"
         rows.append([*cells, _number_text(width[widest, k], least), f"{t[widest]:.6g}", error])
-    return rows
+    return over_times(rows, t)
 
 
 def _number_text(value: float, least: float) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import numbers_of, require_names, shown
+from symmb._table import is_timeless
 from symmb._types import Array
 from symmb.files import replacement, require_suffix
 
@@ -183,7 +184,7 @@ def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list["A
         axes.ticklabel_format(useOffset=False)
         style_axes(axes)
         if i + columns >= len(titles):
-            axes.set_xlabel("time [s]", fontsize=8)
+            axes.set_xlabel(_time_label(t), fontsize=8)
             axes.tick_params(labelbottom=True)
     return list(grid[: len(titles)])
 
@@ -209,7 +210,7 @@ def given_panels(
         own = [k for k, panel in enumerate(panels) if panel is axes]
         if not axes.has_data():
             _over_time(axes, t)
-        axes.set_xlabel("time [s]")
+        axes.set_xlabel(_time_label(t))
         shared = {units[k] if units else "" for k in own}
         text = texts[own[0]] if len(own) == 1 else f"[{shared.pop()}]" if len(shared) == 1 and shared != {""} else ""
         axes.set_ylabel(plain(text))
@@ -234,7 +235,11 @@ def root(axes: "Axes") -> "Figure":
 def _over_time(axes: "Axes", t: Array) -> None:
     axes.set_xlim(*abscissa(t)[[0, -1]])
     if len(t) == 1:
-        axes.set_xticks(t)
+        axes.set_xticks([] if is_timeless(t) else t)
+
+
+def _time_label(t: Array) -> str:
+    return "" if is_timeless(t) else "time [s]"
 
 
 def plain(text: str) -> str:

@@ -13,7 +13,7 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
 from symmb._names import counted, did_you_mean
 from symmb._options import shown
-from symmb._table import aligned
+from symmb._table import aligned, over_times
 from symmb._types import Array, Expr
 from symmb.black_boxes import Jets, Simulator
 from symmb.integrate import Solver
@@ -91,7 +91,7 @@ class Sensitivities(Result, files.Saved):
                 slope = self.values[places[j], k, j]
                 numbers = [f"{nominal:g}", f"{slope:.4g}", f"{self.t[places[j]]:.4g}", f"{0.01 * nominal * slope:.2g}"]
                 rows.append([name, parameter, *numbers])
-        return rows
+        return over_times(rows, self.t)
 
     def __str__(self) -> str:
         return "\n".join([self._head(), "", *aligned(self._rows(self.names), left=(0, 1))])

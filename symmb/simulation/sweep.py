@@ -17,7 +17,7 @@ from symmb._limits import require_memory, require_runs
 from symmb._names import counted, did_you_mean
 from symmb._options import is_finite_number, numbers_of, shown
 from symmb._progress import shown_runs
-from symmb._table import aligned
+from symmb._table import aligned, over_times
 from symmb._types import Array, Executor, Expr, Indices, Mask
 from symmb.black_boxes import Progress, Reduction, Samples, Simulator
 from symmb.integrate import Solver
@@ -130,7 +130,7 @@ class Sweep(Result, files.Saved):
                 run, i = np.unravel_index(place, values.shape)
                 cells += [f"{values[run, i]:.6g}", f"{self.t[i]:.6g}", f"{np.flatnonzero(self.ok)[run]}"]
             rows.append(cells + ["–"] * (len(rows[0]) - len(cells)))
-        return rows
+        return over_times(rows, self.t)
 
     def __str__(self) -> str:
         return "\n".join([self._head(), "", *aligned(self._rows(self.names))])
