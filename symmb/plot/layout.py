@@ -33,8 +33,8 @@ MOST_PANELS = 6
 """Most outputs whose bounds are drawn: more panels are too small to read."""
 WIDTH, ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 10.0, 1.8, 0.3, 3.8
 """Width of a figure, and heights of a row of panels, of the title and of a diagram [inch]."""
-_NARROW, _NARROW_TITLE = (4.2, 2.4), 50
-"""Width and height [inch] of a picture of one panel without its legend, for telephones, and characters of its title."""
+_NARROW, _LINE = (4.2, 2.4), 50
+"""Width and height [inch] of a picture of one panel without its legend, for telephones, and characters of its lines."""
 _LEGEND_COLUMNS = 3
 DPI = 150
 """Resolution of saved pictures [1/inch]: sharp at the width of a text column."""
@@ -76,16 +76,16 @@ def narrow_png(figure: "Figure") -> bytes:
     """A figure of one panel as a PNG file that is legible at the width of a telephone, whatever its legend needs."""
     figure.set_size_inches(*_NARROW)
     for axes in figure.axes:
-        _entitle(axes, "\n".join(wrap(axes.get_title(loc="left"), _NARROW_TITLE)))
+        _entitle(axes, "\n".join(wrap(axes.get_title(loc="left"), _LINE)))
     below = sum(_fitted(figure, legend) for legend in [*figure.legends])
     figure.set_size_inches(_NARROW[0], _NARROW[1] + below)
     return png(figure)
 
 
 def _fitted(figure: "Figure", legend: "Legend") -> float:
-    """Give the legend so few columns that it fits into the figure; its height [inch]."""
+    """Give the legend so few columns and so short lines that it fits into the figure; its height [inch]."""
     canvas: Any = figure.canvas
-    handles, texts = legend.legend_handles, [text.get_text() for text in legend.get_texts()]
+    handles, texts = legend.legend_handles, ["\n".join(wrap(text.get_text(), _LINE)) for text in legend.get_texts()]
     columns, extent = _LEGEND_COLUMNS, legend.get_window_extent(canvas.get_renderer())
     while extent.width > figure.bbox.width and columns > 1:
         legend.remove()

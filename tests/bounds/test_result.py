@@ -144,7 +144,7 @@ def test_rounding_is_printed_as_0():
     bounds = Bounds(np.array([0.0, 1.0]), ("x",), lower, upper, "sampled", "Vertex()", 4, nominal=lower)
     assert str(bounds).splitlines()[-1].split() == ["x", "0", "0", "0", "2", "1", "1", "1", "1", "–"]
     tiny = Bounds(np.array([0.0]), ("x",), lower[:1], -lower[:1], "sampled", "Vertex()", 4)
-    assert str(tiny).splitlines()[-1].split()[1:4:2] == ["-1e-16", "1e-16"]
+    assert str(tiny).splitlines()[-1].split()[1:3] == ["-1e-16", "1e-16"]
 
 
 def test_print_tells_the_first_failed_runs():
