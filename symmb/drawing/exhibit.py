@@ -138,12 +138,14 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
     states = ca.vertsplit(ca.vertcat(system.q, system.v, system.s))
     named = {f"x{i}": x for i, x in enumerate(states)}
     simulator = simulator_with(scene.with_outputs(named or {"t": 0.0}), solver)
-    whole, runs = simulator_with(scene, solver), []
+    runs = []
     for sample in samples:
         x = simulator.run(sample.P).Y[sample.index][:, : len(states)]
         values = dict(zip(study.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
         work = np.full(len(x), np.nan)
-        runs.append(Trajectory(scene, whole, values, repr(solver), "", whole.times, x, work, {}, np.nan, np.nan))
+        runs.append(
+            Trajectory(scene, study.prepared, values, repr(solver), "", simulator.times, x, work, {}, np.nan, np.nan)
+        )
     return runs
 
 

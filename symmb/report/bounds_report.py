@@ -67,7 +67,7 @@ def _parts(
     yield section("Curves", _curves(bounds, check))
     if scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
-        yield section("The mechanism", at_start, _told(lambda: html.picture(start_picture(scene))), style="still")
+        yield section("The mechanism", at_start, _told(lambda: html.picture(_at_start(bounds, scene))), style="still")
         equations = f"{scene.system}\n\n{equations_text(scene.system, 'system.latex()')}".rstrip()
         yield document.folded("Equations", equations)
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
@@ -125,6 +125,11 @@ def _scene(bounds: Bounds) -> Scene | None:
     """The scene of bounds that hold one."""
     simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
     return simulator.scene if isinstance(simulator, DAESimulator) else None
+
+
+def _at_start(bounds: Bounds, scene: Scene) -> bytes:
+    simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
+    return start_picture(simulator if isinstance(simulator, DAESimulator) else scene)
 
 
 def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:

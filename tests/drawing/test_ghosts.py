@@ -48,7 +48,9 @@ def test_a_nominal_run_that_fails_is_told():
     p = mb.Parameters(a=0.0)
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     force = mb.Force("force", ball.point(0, 0), (50 * (1 - p.a**2) * ball.x**2, 0))
-    scene = mb.Scene(mb.System(ball, force, parameters=p), {"ball.x": 1.0}, [0.0, 1.0], {"x": ball.x}, mb.Box(a=(-1, 1)))
+    scene = mb.Scene(
+        mb.System(ball, force, parameters=p), {"ball.x": 1.0}, [0.0, 1.0], {"x": ball.x}, mb.Box(a=(-1, 1))
+    )
     bounds = mb.propagate(scene, mb.Vertex())
     with pytest.raises(mb.SimulationError, match=r"breaks down|not finite|does not start"):
         of_bounds(bounds, "x", 1.0, None)
