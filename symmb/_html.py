@@ -53,7 +53,7 @@ def frame(document: str, title: str) -> str:
     return f'<iframe {inside} sandbox="allow-scripts" loading="lazy" style="{style}"></iframe>'
 
 
-def picture(png: bytes) -> str:
+def picture(png: bytes, alt: str = "picture") -> str:
     """A PNG file."""
     data = b64encode(png).decode()
-    return f'<img alt="picture" style="max-width: 100%; width: 800px" src="data:image/png;base64,{data}">'
+    return f'<img alt="{escape(alt)}" style="max-width: 100%; width: 800px" src="data:image/png;base64,{data}">'

@@ -11,6 +11,7 @@ import numpy as np
 from symmb._errors import DeclarationError, SimulationError
 from symmb._names import name_faults
 from symmb._options import is_finite_number, numbers_of, require_name, shown
+from symmb._table import is_timeless
 from symmb._types import Array, Executor
 from symmb.black_boxes.executors import LostTask, finished
 from symmb.black_boxes.identity import ChangedFileError
@@ -161,7 +162,8 @@ class BlackBox(ABC):
     def _irregular(self, values: Array) -> str:
         """Which output is not finite first, of values (n_t, n_y)."""
         k, i = np.argwhere(~np.isfinite(values))[0]
-        return f"{self.outputs[i]} is not finite at t = {self.times[k]:g}"
+        at = "" if is_timeless(self.times) else f" at t = {self.times[k]:g}"
+        return f"{self.outputs[i]} is not finite{at}"
 
     def _shaped(self, result: Any) -> Array:
         if hasattr(result, "columns") and hasattr(result, "to_numpy"):

@@ -13,8 +13,9 @@ from symmb.bounds.envelope import Envelope
 from symmb.bounds.laws import Correlation
 from symmb.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bounds.responses import Responses
-from symmb.bounds.time_windows import is_doubtful
+from symmb.bounds.time_windows import ROUNDING_SCALE, is_doubtful
 from symmb.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of
+from symmb.model import Box
 from symmb.polynomials import Moments, moments
 from symmb.polynomials.ranges import Piecewise
 from symmb.simulation import Sweep
@@ -57,12 +58,12 @@ class Answers(Envelope):
 
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
         """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
-        varied, cases = self.box.names if self.box else tuple(runs.simulator.parameters), []
+        varied, cases = self._acting(self.box) if self.box else tuple(runs.simulator.parameters), []
         for place, sample in zip(places, runs.samples(places), strict=True):
             side, i, k = place
             lower, upper = float(self.lower[i, k]), float(self.upper[i, k])
             parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
-            about = parameters, sample.value, upper - lower, varied, runs.simulator
+            about = parameters, sample.value, upper - lower, varied, len(self.t), runs.simulator
             case = WorstCase(self.names[k], side, lower if side == "lower" else upper, float(self.t[i]), *about)
             cases.append(self._at_extreme(case, place) if case.is_short else case)
         return cases
@@ -140,6 +141,16 @@ class Answers(Envelope):
             return True
         return takes_runs(self._responses("Bounds.contributions"))
 
+    def _acting(self, box: Box) -> tuple[str, ...]:
+        """The parameters of the box, but those with a fixed value, and those that change no output beyond noise and
+        rounding, if polynomials tell that.
+        """
+        acts = box.radius > 0
+        if self.surrogate is not None:
+            rounding = ROUNDING_SCALE * np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+            acts &= self.surrogate.acting(np.maximum(rounding, 0.0 if self.noise is None else self.noise))
+        return tuple(name for name, is_acting in zip(box.names, acts, strict=True) if is_acting)
+
     def quantiles(
         self,
         output: str,
@@ -155,7 +166,8 @@ class Answers(Envelope):
         Parameters
         ----------
         output : str
-        levels : float or list    probabilities between 0 and 1
+        levels : float or list
+            probabilities between 0 and 1
         laws : mapping
             name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to the interval of
             the box

@@ -10,7 +10,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import files, plot
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
-from symmb._table import aligned
+from symmb._table import aligned, at_time
 from symmb._types import Array
 from symmb.bounds.responses import Responses
 from symmb.bounds.time_windows import ROUNDING
@@ -99,7 +99,7 @@ class Contributions(Result, files.Saved):
         """Those to output number k at time number i, or where it is widest, the largest first."""
         i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
-        title = f"{self.names[k]} at {self.t[i]:g} s"
+        title = f"{self.names[k]}{at_time(self.t, i)}"
         rows = [[title, "alone", "saved", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
             share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"
@@ -116,13 +116,12 @@ class Contributions(Result, files.Saved):
         return "\n\n".join([self._head(), *tables])
 
     def _repr_html_(self) -> str:
-        return self.some_as_html(range(len(self.names)), {})
+        picture = html.picture(plot.png(self.plot()))
+        return html.page(self.some_as_html(range(len(self.names)), {}), picture)
 
     def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
-        """Tables of some outputs, by their numbers, at numbers of times, or where they are widest; and a picture."""
-        tables = [html.table(self._rows(k, rows.get(k))) for k in columns]
-        shown = [self.names[k] for k in columns][: plot.MOST_PANELS]
-        return html.page(html.text(self._head()), *tables, html.picture(plot.png(self.plot(outputs=shown))))
+        """Tables of some outputs, by their numbers, at numbers of times, or where they are widest; no picture."""
+        return html.page(html.text(self._head()), *(html.table(self._rows(k, rows.get(k))) for k in columns))
 
     def plot(
         self,
@@ -136,10 +135,14 @@ class Contributions(Result, files.Saved):
 
         Parameters
         ----------
-        outputs : str or list        those to draw; default: the first six
-        time : float                 the output time [s] that is closest is drawn as bars of `alone` and `saved`
-        figsize : (width, height)    of the figure [inch]
-        title : str                  of the figure
+        outputs : str or list
+            those to draw; default: the first six
+        time : float
+            the output time [s] that is closest is drawn as bars of `alone` and `saved`
+        figsize : (width, height)
+            of the figure [inch]
+        title : str
+            of the figure
         """
         figure = plot.plot_contributions(
             self.t,

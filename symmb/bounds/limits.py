@@ -11,7 +11,7 @@ from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
 from symmb._names import did_you_mean
 from symmb._options import is_real, require_name, shown
-from symmb._table import aligned
+from symmb._table import aligned, over_times
 from symmb._types import Array
 from symmb.bounds.envelope import Envelope
 from symmb.bounds.time_windows import ROUNDING
@@ -61,7 +61,7 @@ class KeptLimit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LimitCheck(plot.OverTime, Result):
+class LimitCheck(plot.OverTimeBesideGiven, Result):
     """Which limits are kept. `print` shows them, `plot` draws the bounds of outputs with limits, and these as lines.
 
     Attributes
@@ -114,7 +114,7 @@ class LimitCheck(plot.OverTime, Result):
             least, time = self._least(limit)
             margin = f"{least:.4g}{' ' * bool(limit.unit)}{limit.unit}"
             rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{time:.6g}"])
-        return rows
+        return over_times(rows, self.t)
 
     def _least(self, limit: KeptLimit) -> tuple[float, float]:
         """The least margin of a limit, and its time [s]."""

@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._labelled import Labelled, Named, Result
 from symmb._limits import require_memory
 from symmb._options import is_finite_number, numbers_of, shown, whole
-from symmb._table import aligned
+from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array
 from symmb.bounds.laws import Laws
 from symmb.bounds.responses import Responses
@@ -103,7 +103,7 @@ class Quantiles(Figures):
             i, j = int(lower.argmin()), int(upper.argmax())
             values = f"{lower[i]:.6g}", f"{self.t[i]:.6g}", f"{upper[j]:.6g}", f"{self.t[j]:.6g}"
             rows.append([f"{q:g}", *values, f"≤ {error.max():.1e}"])
-        return rows
+        return over_times(rows, self.t)
 
     def _labelled(self) -> Labelled:
         coordinates: dict[str, Named] = {"time": (("time",), self.t), "level": (("level",), self.levels)}
@@ -138,9 +138,10 @@ class Probability(Figures):
 
     def _rows(self) -> list[list[str]]:
         i = int(self.upper.argmax())
-        largest = f"greatest, at {self.t[i]:g} s", self.lower[i], self.upper[i], self.estimate[i]
+        largest = f"greatest,{at_time(self.t, i)}", self.lower[i], self.upper[i], self.estimate[i]
         rows = [["", "probability", "estimated error"]]
-        for name, low, high, error in (("at any output time", *self.ever), largest):
+        ever = "" if is_timeless(self.t) else "at any output time", *self.ever
+        for name, low, high, error in (ever,) if is_timeless(self.t) else (ever, largest):
             value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
             rows.append([name, value, f"≤ {error:.1e}"])
         return rows

@@ -14,7 +14,7 @@ from symmb import files, plot
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result
 from symmb._options import require_truth
-from symmb._table import aligned
+from symmb._table import aligned, over_times
 from symmb.bounds import result_file
 from symmb.bounds.answers import Answers
 from symmb.bounds.failures import failure_text
@@ -256,7 +256,7 @@ class Bounds(Answers, Result, files.Saved):
             widest = int(width[:, k].argmax())
             error = "–" if self.estimate is None else f"≤ {self.estimate[:, k].max():.1e}"
             rows.append([*cells, _number_text(width[widest, k], least), f"{self.t[widest]:.6g}", error])
-        return rows
+        return over_times(rows, self.t)
 
     def __str__(self) -> str:
         return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(self.names)))])

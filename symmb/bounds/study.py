@@ -37,15 +37,16 @@ class Study:
         ------
         DeclarationError       if the simulator is another one, which has no mechanism
         """
-        return self._prepared.scene
+        return self.prepared.scene
 
     @property
     def solver(self) -> Solver:
         """That of the scene."""
-        return self._prepared.solver
+        return self.prepared.solver
 
     @property
-    def _prepared(self) -> DAESimulator:
+    def prepared(self) -> DAESimulator:
+        """The scene, prepared for runs."""
         if isinstance(self.simulator, DAESimulator) and self.simulator.scene is not None:
             return self.simulator
         raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")

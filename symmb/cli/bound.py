@@ -18,6 +18,7 @@ from symmb.files import save_json
 from symmb.plot import PICTURES
 from symmb.report import write_bounds
 
+_NO_CONTRIBUTIONS = "Contributions of parameters take further runs here: --contributions makes them."
 VIOLATED = 1
 """Exit status where a limit is violated, as of a test that fails."""
 
@@ -34,6 +35,7 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     )
     bound.add_argument("--method", metavar="M", default="pce", help="method; default: pce")
     bound.add_argument("--solver", metavar="S", help="solver of the runs")
+    bound.add_argument("--contributions", action="store_true", help="make the runs that contributions may take")
     bound.add_argument("--json", metavar="F", help="write everything to this file")
     bound.add_argument("--csv", metavar="F", help="write bounds over time to this file")
     bound.add_argument("--plot", metavar="F.png", help="draw bounds over time, and limits")
@@ -54,9 +56,10 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     bounds = mb.propagate(subject, method, box, solver)
     check = bounds.check(limits) if limits else None
     print(*filter(None, (bounds, check)), sep="\n\n")
-    contributions = bounds.contributions() if bounds.range_of else None  # others would need a study of their own
-    if contributions is not None:
-        print("", contributions, sep="\n")
+    is_known = bool(bounds.range_of) and not bounds._contributions_take_runs()
+    contributions = bounds.contributions() if is_known or options.contributions else None
+    if contributions is not None or bounds.range_of:
+        print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
     _write(paths, bounds, check)
     if "report" in paths:
         command = shlex.join(["symmb", *options.words])

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class OverTime:
-    """A result that prints as a head above a table, and draws one panel an output."""
+class Panels:
+    """A result that prints as a head above a table, and whose picture has one panel an output."""
 
     if TYPE_CHECKING:
         names: Any
@@ -38,12 +38,30 @@ class OverTime:
         table = ["", *aligned(self._rows(self.names), self._left)] if self.names else []
         return "\n".join([self._head(), *table])
 
+    def _tabulated(self) -> str:
+        """The head and the table as HTML."""
+        rows = self._rows(labels(self.names, getattr(self, "units", ()))) if self.names else []
+        return html.page(html.text(self._head()), html.table(rows, self._left) if rows else "")
+
     def _repr_html_(self) -> str:
-        if not self.names:
-            return html.page(html.text(self._head()))
-        table = html.table(self._rows(labels(self.names, getattr(self, "units", ()))), self._left)
-        picture = html.picture(png(self.plot(outputs=self.names[: self._most])))
-        return html.page(html.text(self._head()), table, picture)
+        picture = html.picture(png(self._drawn(outputs=self.names[: self._most]))) if self.names else ""
+        return html.page(self._tabulated(), picture)
+
+    def _drawn(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+    ) -> "Figure":
+        owner = f"{type(self).__name__}.plot"
+        figure = self._figure(columns_of(owner, outputs, self.names), ax)
+        return finish(figure, owner, path, ax, figsize, title)
+
+
+class OverTime(Panels):
+    """Outputs over time."""
 
     def plot(
         self,
@@ -57,19 +75,57 @@ class OverTime:
 
         Parameters
         ----------
-        outputs : names of those to draw; default: all
-        ax : matplotlib Axes to draw in, in the place of a new figure, one an output; of a trajectory also one for all
-        figsize : (width, height)  of a new figure [inch]
-        title : str                of a new figure, in place of its own
+        outputs : str or list
+            those to draw; default: all
+        ax : matplotlib Axes
+            to draw in, in the place of a new figure, one an output; of a trajectory also one for all
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
 
         Raises
         ------
-        DeclarationError           if an option is wrong
-        FileError                  if the file cannot be written; the previous one is kept
+        DeclarationError
+            If an option is wrong
+        FileError
+            If the file cannot be written; the previous one is kept
         """
-        owner = f"{type(self).__name__}.plot"
-        figure = self._figure(columns_of(owner, outputs, self.names), ax)
-        return finish(figure, owner, path, ax, figsize, title)
+        return self._drawn(path, outputs, ax, figsize, title)
+
+
+class OverTimeBesideGiven(Panels):
+    """Outputs over time beside what was given: limits, or data."""
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw outputs over time, as the class tells; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        outputs : str or list
+            those to draw; default: all with limits, or with data
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
+        ax : matplotlib Axes
+            to draw in, in the place of a new figure, one an output
+
+        Raises
+        ------
+        DeclarationError
+            If an option is wrong
+        FileError
+            If the file cannot be written; the previous one is kept
+        """
+        return self._drawn(path, outputs, ax, figsize, title)
 
 
 class ThreeDiagrams:
@@ -93,13 +149,18 @@ class ThreeDiagrams:
 
         Parameters
         ----------
-        ax : matplotlib Axes       to draw in, in the place of a new figure: up to three, for these diagrams
-        figsize : (width, height)  of a new figure [inch]
-        title : str                of a new figure, in place of its own
+        ax : matplotlib Axes
+            to draw in, in the place of a new figure: up to three, for these diagrams
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
 
         Raises
         ------
-        DeclarationError           if an option is wrong
-        FileError                  if the file cannot be written; the previous one is kept
+        DeclarationError
+            If an option is wrong
+        FileError
+            If the file cannot be written; the previous one is kept
         """
         return finish(self._figure(ax), f"{type(self).__name__}.plot", path, ax, figsize, title)

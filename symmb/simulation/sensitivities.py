@@ -11,6 +11,7 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
 from symmb._names import counted
 from symmb._options import require_name, shown
+from symmb._table import over_times
 from symmb._types import Array, Expr
 from symmb.black_boxes import Jets, Simulator
 from symmb.integrate import Solver
@@ -88,7 +89,7 @@ class Sensitivities(plot.OverTime, Result, files.Saved):
                 slope = self.values[places[j], k, j]
                 numbers = [f"{nominal:g}", f"{slope:.4g}", f"{self.t[places[j]]:.4g}", f"{0.01 * nominal * slope:.2g}"]
                 rows.append([name, parameter, *numbers])
-        return rows
+        return over_times(rows, self.t)
 
     def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
         changes = 0.01 * self.values * np.array(list(self.parameters.values()))
@@ -144,7 +145,8 @@ def sensitivities(
         or a simulator with derivatives
     parameters : list of str
         those with respect to which derivatives are taken; default: all
-    solver, times, outputs : of a scene, in the place of its own
+    solver, times, outputs
+        of a scene, in the place of its own
 
     Raises
     ------

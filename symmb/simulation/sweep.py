@@ -15,6 +15,7 @@ from symmb._limits import require_memory, require_runs
 from symmb._names import counted
 from symmb._options import is_finite_number, numbers_of, require_name, shown
 from symmb._progress import shown_runs
+from symmb._table import over_times
 from symmb._types import Array, Executor, Expr, Indices, Mask
 from symmb.black_boxes import Progress, Reduction, Samples, Simulator
 from symmb.integrate import Solver
@@ -126,7 +127,7 @@ class Sweep(plot.OverTime, Result, files.Saved):
                 run, i = np.unravel_index(place, values.shape)
                 cells += [f"{values[run, i]:.6g}", f"{self.t[i]:.6g}", f"{np.flatnonzero(self.ok)[run]}"]
             rows.append(cells + ["–"] * (len(rows[0]) - len(cells)))
-        return rows
+        return over_times(rows, self.t)
 
     def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
         by, values = next(iter(self._varied().items()), ("run", np.arange(len(self), dtype=float)))
@@ -211,7 +212,8 @@ def sweep(
     scene : Scene or simulator
     values : mapping
         name -> (m,) values
-    solver, times, outputs : of a scene, in the place of its own
+    solver, times, outputs
+        of a scene, in the place of its own
     executor : anything with an ordered `map`, or an executor; default: runs in this process
     progress : called with the finished runs and all runs; default: a bar, in notebooks and terminals
 

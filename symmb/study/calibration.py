@@ -33,7 +33,7 @@ _STEPS = 200
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(plot.OverTime, Result, files.Saved):
+class Calibration(plot.OverTimeBesideGiven, Result, files.Saved):
     """Estimates of parameters from data, and how far they can be trusted.
 
     `print` shows them, `plot` draws the data and the fitted run, `save` and `load` keep them.

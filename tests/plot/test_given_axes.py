@@ -114,6 +114,11 @@ def test_limits_and_fits_in_given_axes():
     assert [text.get_text() for text in first.get_legend().get_texts()] == ["data", "fitted run"]
 
 
+@pytest.mark.parametrize("name", ["LimitCheck", "Calibration"])
+def test_the_size_of_limits_and_fits_stands_before_axes(name):
+    assert EVERY_PICTURE[name]().plot(None, "x", (4, 3), "title").get_size_inches().tolist() == [4, 3]
+
+
 def test_a_method_has_one_colour_in_every_picture():
     alone = colours(BOUNDS.plot(outputs="x").axes[0])
     assert alone == {plot.colour_of("PolynomialChaos"), RUN_COLOUR}  # that of the nominal run
