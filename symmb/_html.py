@@ -20,7 +20,7 @@ def text(lines: str) -> str:
     return f'<pre {_PLAIN} style="{style}">{escape(lines)}</pre>' if lines else ""
 
 
-def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: str = "") -> str:
+def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
     """Rows of cells, the first of which is the head; the columns named in ``left`` begin below each other.
 
     Examples
@@ -37,9 +37,8 @@ def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: st
         )
 
     head, *body = rows
-    caption = f'<caption style="text-align: left">{escape(title)}</caption>' if title else ""
     lines = "".join(f"<tr>{row(cells, 'td')}</tr>" for cells in body)
-    return f"<table {_PLAIN}>{caption}<thead><tr>{row(head, 'th')}</tr></thead><tbody>{lines}</tbody></table>"
+    return f"<table {_PLAIN}><thead><tr>{row(head, 'th')}</tr></thead><tbody>{lines}</tbody></table>"
 
 
 def formula(latex: str) -> str:
@@ -54,7 +53,7 @@ def frame(document: str, title: str) -> str:
     return f'<iframe {inside} sandbox="allow-scripts" loading="lazy" style="{style}"></iframe>'
 
 
-def picture(png: bytes) -> str:
+def picture(png: bytes, alt: str = "picture") -> str:
     """A PNG file."""
     data = b64encode(png).decode()
-    return f'<img alt="picture" style="max-width: 100%; width: 800px" src="data:image/png;base64,{data}">'
+    return f'<img alt="{escape(alt)}" style="max-width: 100%; width: 800px" src="data:image/png;base64,{data}">'

@@ -1,7 +1,7 @@
 """Options of frozen objects such as methods, rules and solvers: how they print, and checks of their values."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import MISSING, fields
 from importlib import import_module
 from inspect import signature
@@ -100,6 +100,12 @@ def require_numbers(owner: str, name: str, value: object, *shape: int | None, le
     return array
 
 
+def require_name(owner: str, what: str, name: object, known: Collection[str]) -> None:
+    """DeclarationError unless a name is known."""
+    if not isinstance(name, str) or name not in known:
+        raise DeclarationError(f"{owner}: no {what} {shown(name)}.{did_you_mean(name, known)}")
+
+
 def require_names(owner: str, what: str, names: object, known: Iterable[str]) -> list[str]:
     """A list of names that are all known.
 
@@ -115,8 +121,7 @@ def require_names(owner: str, what: str, names: object, known: Iterable[str]) ->
         raise DeclarationError(f"{owner}: expected a list of names, got {shown(names)}.")
     known = [*known]
     for name in names:
-        if name not in known:
-            raise DeclarationError(f"{owner}: no {what} {name!r}.{did_you_mean(name, known)}")
+        require_name(owner, what, name, known)
     return [*map(str, names)]
 
 

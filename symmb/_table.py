@@ -2,6 +2,30 @@
 
 from collections.abc import Collection, Sequence
 
+import numpy as np
+
+
+def is_timeless(t: Sequence[float] | np.ndarray) -> bool:
+    """Whether the only time is 0, as of a result that has no times: it is neither told nor drawn."""
+    return len(t) == 1 and t[0] == 0
+
+
+def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray) -> list[list[str]]:
+    """Rows below their head, whose columns "at [s]" are left out where there are no times.
+
+    Examples
+    --------
+    >>> over_times([["output", "least", "at [s]"], ["x", "-1.5", "0"]], [0.0])
+    [['output', 'least'], ['x', '-1.5']]
+    """
+    kept = [i for i, name in enumerate(rows[0]) if name != "at [s]" or not is_timeless(t)]
+    return [[row[i] for i in kept] for row in rows]
+
+
+def at_time(t: Sequence[float] | np.ndarray, i: int) -> str:
+    """The words for time number i behind a value; none where there are no times."""
+    return "" if is_timeless(t) else f" at {t[i]:g} s"
+
 
 def aligned(lines: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
     """Lines of cells as texts; the columns named in ``left`` begin below each other, the others end so.

@@ -140,5 +140,10 @@ def test_site(tmp_path):
     of_names = {pages["symmb", name] for name in dir(symmb)}
     assert len(of_names) == len(dir(symmb)) and all(page.startswith("api/") for page in of_names)
 
+    members = {(prefix, row[4]) for prefix, rows in index["objects"].items() for row in rows}
+    assert ("symmb.Revolute", "angle") in members and ("symmb.PolynomialChaos", "paper") in members
+    hidden = [("Revolute", "position_rows"), ("Vertex", "bounds"), ("CVODES", "integration"), ("HHT", "scheme")]
+    assert not members & {(f"symmb.{kind}", name) for kind, name in hidden}
+
     failed = [(question, page) for question, words, page in QUESTIONS if page not in answers(index, words)[:3]]
     assert not failed

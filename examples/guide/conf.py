@@ -89,6 +89,19 @@ GROUPS = {
 }
 """Pages of the guide for each subject. The names of each stand in the docstring of symmb."""
 
+OPTIONS_ALONE = {"Solvers"}
+"""Subjects whose classes have members for contributors alone."""
+_OF_ELEMENTS = (
+    "actions assembly_cosines bodies faults impacts loads parts position_rows positive title turn_states velocity_rows"
+)
+FOR_CONTRIBUTORS = {
+    "Joints, motors, stops": _OF_ELEMENTS,
+    "Forces": _OF_ELEMENTS,
+    "Contact, friction, impacts": _OF_ELEMENTS,
+    "Bounds and their methods": "bounds doubtful_miss planned_runs",
+}
+"""Members of other subjects that are for contributors, who find them in the code."""
+
 LONG = {"artillery"}
 """Scripts that take minutes: the site shows their code alone."""
 
@@ -137,6 +150,10 @@ def write_names() -> set[str]:
         if inspect.isclass(value):
             others = ",".join(base.__name__ for base in value.__mro__ if not base.__module__.startswith("symmb"))
             options, kind = ["   :members:", f"   :inherited-members: {others}"], "autoclass"
+            if hidden := FOR_CONTRIBUTORS.get(title):
+                options.append(f"   :exclude-members: {', '.join(hidden.split())}")
+            if title in OPTIONS_ALONE:
+                options = []
         elif callable(value):
             kind = "autofunction"
         else:

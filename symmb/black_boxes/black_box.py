@@ -9,8 +9,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._names import did_you_mean, name_faults
-from symmb._options import is_finite_number, numbers_of, shown
+from symmb._names import name_faults
+from symmb._options import is_finite_number, numbers_of, require_name, shown
+from symmb._table import is_timeless
 from symmb._types import Array, Executor
 from symmb.black_boxes.executors import LostTask, finished
 from symmb.black_boxes.identity import ChangedFileError
@@ -161,7 +162,8 @@ class BlackBox(ABC):
     def _irregular(self, values: Array) -> str:
         """Which output is not finite first, of values (n_t, n_y)."""
         k, i = np.argwhere(~np.isfinite(values))[0]
-        return f"{self.outputs[i]} is not finite at t = {self.times[k]:g}"
+        at = "" if is_timeless(self.times) else f" at t = {self.times[k]:g}"
+        return f"{self.outputs[i]} is not finite{at}"
 
     def _shaped(self, result: Any) -> Array:
         if hasattr(result, "columns") and hasattr(result, "to_numpy"):
@@ -200,8 +202,7 @@ def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Ar
     if not isinstance(noise, Mapping):
         raise DeclarationError(f"{owner}: noise must be numbers by name of the output, got {shown(noise)}.")
     for name, value in noise.items():
-        if name not in names:
-            raise DeclarationError(f"{owner}: noise: no output {name!r}.{did_you_mean(str(name), names)}")
+        require_name(f"{owner}: noise", "output", name, names)
         if not is_finite_number(value) or value < 0:
             raise DeclarationError(f"{owner}: noise of {name!r} must be at least 0, got {shown(value)}.")
     return np.array([float(noise.get(name, 0.0)) for name in names])

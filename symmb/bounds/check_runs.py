@@ -10,8 +10,8 @@ from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Simulator, noise_from_runs
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records, gathered, which_failed
-from symmb.bounds.result import ROUNDING, Bounds
-from symmb.bounds.time_windows import DOUBTFUL
+from symmb.bounds.result import Bounds
+from symmb.bounds.time_windows import DOUBTFUL, ROUNDING
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.polynomials.ranges import Piecewise

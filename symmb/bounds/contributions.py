@@ -10,9 +10,10 @@ import numpy as np
 from symmb import _html as html
 from symmb import files, plot
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
-from symmb._table import aligned
+from symmb._table import aligned, at_time
 from symmb._types import Array
 from symmb.bounds.responses import Responses
+from symmb.bounds.time_windows import ROUNDING
 from symmb.bounds.worst_case import row_of
 from symmb.nodes import Sobol
 from symmb.polynomials import moments
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 _POOR = 0.5
 """Error over the largest width alone from which on these widths are taken from runs along lines."""
-_ROUNDING = 1e-9
-"""Share of an output's largest value below which errors are rounding."""
 _SAMPLES = 2048
 """Samples of each matrix from which shares of pieces are taken."""
 _SAMPLING = 0.03
@@ -96,10 +95,11 @@ class Contributions(Result, files.Saved):
         first = f"Contributions to the bounds by {self.method}, {source}"
         return "\n".join([first, f"  {_WHY}", *(f"  remark  {remark}" for remark in self.remarks)])
 
-    def _rows(self, k: int, i: int) -> list[list[str]]:
-        """Those to output number k at time number i, the largest first."""
+    def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
+        """Those to output number k at time number i, or where it is widest, the largest first."""
+        i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
-        title = f"{self.names[k]} at {self.t[i]:g} s"
+        title = f"{self.names[k]}{at_time(self.t, i)}"
         rows = [[title, "alone", "saved", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
             share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"
@@ -111,29 +111,17 @@ class Contributions(Result, files.Saved):
         rows.append(["estimated error", *errors, "", known, known])
         return rows
 
-    def _tables(self) -> list[list[list[str]]]:
-        return [self._rows(k, int(self.width[:, k].argmax())) for k in range(len(self.names))]
-
     def __str__(self) -> str:
-        return "\n\n".join([self._head(), *("\n".join(aligned(rows)) for rows in self._tables())])
+        tables = ("\n".join(aligned(self._rows(k))) for k in range(len(self.names)))
+        return "\n\n".join([self._head(), *tables])
 
     def _repr_html_(self) -> str:
-        return self._as_html(self._tables(), None)
+        picture = html.picture(plot.png(self.plot()))
+        return html.page(self.some_as_html(range(len(self.names)), {}), picture)
 
     def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
-        """Tables and a picture of some outputs, by numbers of outputs.
-
-        Parameters
-        ----------
-        columns          the outputs
-        rows             numbers of times by output; default: where it is widest
-        """
-        tables = [self._rows(k, rows.get(k, int(self.width[:, k].argmax()))) for k in columns]
-        return self._as_html(tables, [self.names[k] for k in columns])
-
-    def _as_html(self, tables: list[list[list[str]]], outputs: list[str] | None) -> str:
-        picture = html.picture(plot.png(self.plot(outputs=outputs)))
-        return html.page(html.text(self._head()), *map(html.table, tables), picture)
+        """Tables of some outputs, by their numbers, at numbers of times, or where they are widest; no picture."""
+        return html.page(html.text(self._head()), *(html.table(self._rows(k, rows.get(k))) for k in columns))
 
     def plot(
         self,
@@ -168,9 +156,6 @@ class Contributions(Result, files.Saved):
             row=None if time is None else row_of("Contributions.plot", self.t, time),
         )
         return plot.finish(figure, "Contributions.plot", path, None, figsize, title)
-
-    def _record(self) -> dict[str, Any]:
-        return dict(vars(self))
 
     @classmethod
     def _of_record(cls, record: files.Record) -> "Contributions":
@@ -217,7 +202,7 @@ def contributions_of(responses: Responses) -> Contributions:
     alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
     units = responses.units or ("",) * len(responses.names)
     own = responses.t, responses.names, units, responses.box.names, width, alone, saved, first, total
-    runs += more + responses.made
+    runs += more + responses.extra_runs
     return Contributions(*own, *estimates, share_estimate, runs, responses.method, responses.remarks)
 
 
@@ -226,13 +211,13 @@ def takes_runs(responses: Responses) -> bool:
     if responses.surrogate is None or responses.runs is None:
         return responses.surrogate is None
     alone, error, _ = _widths(responses, is_alone=True)
-    return responses.made > 0 or _is_poor(responses, 2 * error, alone)
+    return responses.extra_runs > 0 or _is_poor(responses, 2 * error, alone)
 
 
 def _is_poor(responses: Responses, error: Array, alone: Array) -> bool:
     """Whether an error (n_t, n_y) hides what parameters contribute, (d, n_t, n_y). Rounding does not count."""
     largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
-    error = np.where(error > _ROUNDING * largest, error, 0.0)
+    error = np.where(error > ROUNDING * largest, error, 0.0)
     size = np.sqrt(np.square(alone).mean(axis=1)).max(axis=0, initial=0.0)
     return bool((np.sqrt(np.square(error).mean(axis=0)) > _POOR * size).any())
 
@@ -264,8 +249,8 @@ def _shares(responses: Responses, width: Array) -> tuple[Array, Array, Array]:
         unknown = np.full((d, *width.shape), np.nan)
         return unknown, unknown, unknown[0]
     if len(surrogate.expansions) == 1:
-        found, sampling = moments(surrogate.expansions[0], responses.t, responses.names), 0.0
-        first, total, variance = found.first, found.total, found.variance
+        exact, sampling = moments(surrogate.expansions[0], responses.t, responses.names), 0.0
+        first, total, variance = exact.first, exact.total, exact.variance
     else:
         first, total, variance = _sampled_shares(surrogate, d)
         sampling = _SAMPLING

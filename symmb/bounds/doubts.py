@@ -10,7 +10,8 @@ from symmb._types import Array, Executor
 from symmb.black_boxes import Noisy, SecondLook, Simulator
 from symmb.bounds.check_runs import check_doubts
 from symmb.bounds.method import Method, parameter_samples
-from symmb.bounds.result import ROUNDING, Bounds
+from symmb.bounds.result import Bounds
+from symmb.bounds.time_windows import ROUNDING
 from symmb.model import Box, unused_parameters
 from symmb.nodes import grid
 from symmb.simulation import DAESimulator

@@ -1,6 +1,6 @@
 """Laws of parameters: distributions, cut to the box, and dependent by a Gaussian copula."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from symmb._options import numbers_of, shown
 from symmb._types import Array, Indices
 from symmb.model import Box
 
+Correlation = Sequence[Sequence[float]] | Array
 _LEAST_MASS = 1e-6
 """Probability of the box below which a law lies outside of it: its quantiles there have few digits."""
 _TOLD_MASS = 1e-4
@@ -111,10 +112,7 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
         )
     low, high = box.bounds[box.names.index(name)]
     try:
-        below, above = (
-            float(law.cdf(np.nextafter(low, -np.inf))),
-            float(law.cdf(high)),
-        )  # the end itself may have a mass
+        below, above = float(law.cdf(np.nextafter(low, -np.inf))), float(law.cdf(high))  # the end may have a mass
         middle = np.shape(law.ppf(np.array([below, above])))
     except Exception as error:  # of the user's class
         raise DeclarationError(f"{owner}: the law of {name!r} has no values: {error}.") from error

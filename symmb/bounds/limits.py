@@ -2,53 +2,28 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
 from symmb._names import did_you_mean
-from symmb._options import is_real, shown
-from symmb._table import aligned
+from symmb._options import is_real, require_name, shown
+from symmb._table import aligned, over_times
 from symmb._types import Array
+from symmb.bounds.envelope import Envelope
+from symmb.bounds.time_windows import ROUNDING
+from symmb.bounds.worst_case import WorstCase
 from symmb.files import to_jsonable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from symmb.bounds.worst_case import WorstCase
-
+Limits = Mapping[str, tuple[float | None, float | None]]
+"""Limits (low, high) of outputs by name, of which one may be None."""
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
-_LEFT = (0, 1, 2)
-
-
-@dataclass(frozen=True, eq=False)
-class OutputBounds:
-    """The bounds of one output, as `Bounds` has them.
-
-    Attributes
-    ----------
-    kind : str
-    lower, upper : (n_t,)
-    estimate : (n_t,)          estimated error; None if there is none
-    inner : (lower, upper)     attained by runs; None if none are known
-    evaluations : int
-    is_doubted : bool
-    rounding : float           how far runs may be off by rounding or noise
-    """
-
-    kind: Literal["enclosure", "estimate", "sampled"]
-    lower: Array
-    upper: Array
-    estimate: Array | None
-    inner: tuple[Array, Array] | None
-    evaluations: int
-    is_doubted: bool
-    rounding: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,29 +61,37 @@ class KeptLimit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LimitCheck(Result):
-    """Which limits are kept. `print` shows them, `plot` draws bounds and limits.
+class LimitCheck(plot.OverTimeBesideGiven, Result):
+    """Which limits are kept. `print` shows them, `plot` draws the bounds of outputs with limits, and these as lines.
 
     Attributes
     ----------
     t : (n_t,)                 times [s]
     method : str
     limits : tuple of KeptLimit
-    draw : function            of names of outputs: a figure of their bounds
+    draw : function            of names of outputs, and of axes or None: a figure of their bounds
     worst : WorstCase          the run that comes closest to a limit, or is farthest beyond it; None if none is known
     """
 
     t: Array
     method: str
     limits: tuple[KeptLimit, ...]
-    draw: "Callable[[list[str]], Figure]"
-    worst: "WorstCase | None"
+    draw: "Callable[[list[str], Any], Figure]"
+    worst: WorstCase | None
+
+    _left = (0, 1, 2)
+    _most = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The outputs with limits."""
+        return tuple(limit.output for limit in self.limits)
 
     @property
     def kept(self) -> bool | None:
         """True if all limits are kept, False if one is violated, None if that is not decided."""
-        found = [limit.kept for limit in self.limits]
-        return False if False in found else None if None in found else True
+        results = [limit.kept for limit in self.limits]
+        return False if False in results else None if None in results else True
 
     @property
     def margin(self) -> Array:
@@ -120,18 +103,18 @@ class LimitCheck(Result):
         for limit in self.limits:
             if limit.output == output:
                 return limit
-        raise DeclarationError(f"No limit of {shown(output)}.{did_you_mean(output, [x.output for x in self.limits])}")
+        raise DeclarationError(f"No limit of {shown(output)}.{did_you_mean(output, self.names)}")
 
     def _head(self) -> str:
         return f"Limits by {self.method}: {_WORDS[self.kept]}"
 
-    def _rows(self) -> list[list[str]]:
+    def _rows(self, names: Sequence[str] = ()) -> list[list[str]]:
         rows = [["limit", "result", "why", "least margin", "at [s]"]]
         for limit in self.limits:
             least, time = self._least(limit)
             margin = f"{least:.4g}{' ' * bool(limit.unit)}{limit.unit}"
             rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{time:.6g}"])
-        return rows
+        return over_times(rows, self.t)
 
     def _least(self, limit: KeptLimit) -> tuple[float, float]:
         """The least margin of a limit, and its time [s]."""
@@ -139,46 +122,25 @@ class LimitCheck(Result):
 
     def to_json(self) -> dict[str, dict[str, Any]]:
         """The result of each output, why, its least margin with the time, and its limits, None where there is none."""
-        found = {}
+        results = {}
         for limit in self.limits:
             margin, time = self._least(limit)
             result = {"result": _WORDS[limit.kept], "why": limit.why, "margin": margin, "time": time}
-            found[limit.output] = to_jsonable(result | {"low": limit.low, "high": limit.high})
-        return found
+            results[limit.output] = to_jsonable(result | {"low": limit.low, "high": limit.high})
+        return results
 
     def __str__(self) -> str:
         worst = [f"  worst case: {self.worst}"] if self.worst else []
-        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), left=_LEFT)), *worst])
+        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), self._left)), *worst])
 
-    def _repr_html_(self) -> str:
-        parts = html.text(self._head()), html.table(self._rows(), _LEFT), html.picture(plot.png(self.plot()))
-        return html.page(*parts)
-
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw the bounds of outputs with limits, and these as lines; write the picture to `path` if given.
-
-        Without names these are all outputs with limits.
-
-        Parameters
-        ----------
-        figsize : (width, height)  of the figure [inch]
-        title : str                of the figure
-        """
-        chosen = plot.columns_of("LimitCheck.plot", outputs, [limit.output for limit in self.limits])
-        some = self.limits if chosen is None else [self.limits[k] for k in chosen]
-        figure = self.draw([limit.output for limit in some])
-        plot.add_limits(figure, [(limit.low, limit.high) for limit in some])
-        return plot.finish(figure, "LimitCheck.plot", path, None, figsize, title)
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+        some = self.limits if columns is None else [self.limits[k] for k in columns]
+        figure = self.draw([limit.output for limit in some], ax)
+        plot.add_limits(figure, ax, [(limit.low, limit.high) for limit in some])
+        return figure
 
     def _labelled(self) -> Labelled:
-        names = [limit.output for limit in self.limits]
-        coordinates, units = over_outputs(self.t, names, [limit.unit for limit in self.limits])
+        coordinates, units = over_outputs(self.t, self.names, [limit.unit for limit in self.limits])
         kept = texts([_WORDS[limit.kept] for limit in self.limits])
         variables: dict[str, Any] = {
             "margin": (("time", "output"), np.stack([limit.margin for limit in self.limits], axis=1)),
@@ -189,9 +151,7 @@ class LimitCheck(Result):
         return Labelled(coordinates, variables, {"method": self.method}, {"time": units["time"]})
 
 
-def limit_pairs(
-    owner: str, limits: Mapping[str, tuple[float | None, float | None]], names: Sequence[str]
-) -> dict[str, tuple[float, float]]:
+def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Limits as numbers, infinite where there is none.
 
     Raises
@@ -203,42 +163,53 @@ def limit_pairs(
             f'{owner}: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
         )
     for name in limits:
-        if not isinstance(name, str) or name not in names:
-            raise DeclarationError(f"{owner}: no output {shown(name)}.{did_you_mean(str(name), names)}")
+        require_name(owner, "output", name, names)
     return {name: _ends(owner, name, pair) for name, pair in limits.items()}
 
 
-def kept_limit(output: str, unit: str, low: float, high: float, bounds: OutputBounds) -> KeptLimit:
-    """Whether bounds of an output keep a limit."""
-    margin = np.minimum(bounds.lower - low, high - bounds.upper)
-    return KeptLimit(output, unit, low, high, *_decision(bounds, margin, low, high), margin)
+def kept_limit(bounds: Envelope, output: str, low: float, high: float, is_doubted: bool) -> KeptLimit:
+    """Whether an output keeps a limit."""
+    k, (lower, upper) = bounds.names.index(output), bounds[output]
+    margin = np.minimum(lower - low, high - upper)
+    unit = bounds.units[k] if bounds.units else ""
+    return KeptLimit(output, unit, low, high, *_decision(bounds, k, margin, low, high, is_doubted), margin)
 
 
-def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> tuple[bool | None, str]:
-    """Whether a limit is kept, and why."""
-    attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else (np.inf, -np.inf))
-    beyond = max(np.max(low - attained[0]), np.max(attained[1] - high))
-    if beyond > bounds.rounding:
+def _rounding(bounds: Envelope, k: int) -> float:
+    """How far runs of output number k may be off by rounding or noise."""
+    rounding = float(ROUNDING * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
+    return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
+
+
+def _decision(
+    bounds: Envelope, k: int, margin: Array, low: float, high: float, is_doubted: bool
+) -> tuple[bool | None, str]:
+    """Whether output number k keeps a limit, by a margin (n_t,), and why."""
+    attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
+    beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
+    rounding = _rounding(bounds, k)
+    if beyond > rounding:
         return False, "A run is beyond it."
-    if bounds.is_doubted:
+    if is_doubted:
         return None, "The bounds are doubted."
     if beyond > 0:
-        return None, f"A run is beyond it, but by no more than rounding or noise of {bounds.rounding:.1e}."
+        return None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}."
     if bounds.kind == "sampled":
         return None, f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
             return True, "This is proved."
-        if ((bounds.lower > high) | (bounds.upper < low)).any():
+        if ((bounds.lower[:, k] > high) | (bounds.upper[:, k] < low)).any():
             return False, "All responses are beyond it at a time."
         return None, "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
     if bounds.estimate is None:
         return None, "The bounds have no estimated error: PolynomialChaos() has one."
-    if (margin < -np.maximum(bounds.estimate, bounds.rounding)).any():
-        error = bounds.estimate[(margin + bounds.estimate).argmin()]
+    estimate = bounds.estimate[:, k]
+    if (margin < -np.maximum(estimate, rounding)).any():
+        error = estimate[(margin + estimate).argmin()]
         return False, f"The bounds are beyond it by more than their estimated error of {error:.1e}."
-    error = bounds.estimate.max()
-    if (margin >= bounds.estimate).all():
+    error = estimate.max()
+    if (margin >= estimate).all():
         return True, f"The estimated error is at most {error:.1e}."
     return (
         None,

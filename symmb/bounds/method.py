@@ -9,8 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._interrupts import carry
-from symmb._names import did_you_mean
-from symmb._options import require_callable, shown
+from symmb._options import require_callable, require_name, shown
 from symmb._types import Array, Executor
 from symmb.black_boxes import Attained, Jets, Progress, Simulator, attained_by_runs
 from symmb.bounds.interval import Interval, operate, parameter_intervals
@@ -65,8 +64,7 @@ class Method(ABC):
             If it is interrupted: ``partial`` then holds Bounds that the runs so far attained, if there are any.
         """
         for name in box.names:
-            if name not in simulator.parameters:
-                raise DeclarationError(f"Box: no parameter '{name}'.{did_you_mean(name, simulator.parameters)}")
+            require_name("Box", "parameter", name, simulator.parameters)
         require_callable("propagate: progress", progress, "done", "all")
         start = time.perf_counter()
         nominal = np.array(list(simulator.parameters.values()), dtype=float)

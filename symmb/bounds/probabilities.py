@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._labelled import Labelled, Named, Result
 from symmb._limits import require_memory
 from symmb._options import is_finite_number, numbers_of, shown, whole
-from symmb._table import aligned
+from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array
 from symmb.bounds.laws import Laws
 from symmb.bounds.responses import Responses
@@ -33,8 +33,8 @@ _DEVIATIONS = 3.5
 """Standard errors of the mean of the sets that are told as sampling error: 99 % of Student's t with 7 degrees."""
 
 
-@dataclass(frozen=True, eq=False)
-class Figures:
+@dataclass(frozen=True, eq=False, repr=False)
+class Figures(Result):
     """What quantiles and probabilities share.
 
     Attributes
@@ -55,17 +55,29 @@ class Figures:
     samples: int
     remarks: tuple[str, ...]
 
-    def _head(self, title: str) -> str:
-        lines = [title, f"  laws         {self.laws}, {self.samples} samples"]
+    def _title(self) -> str:
+        raise NotImplementedError
+
+    def _rows(self) -> list[list[str]]:
+        raise NotImplementedError
+
+    def _head(self) -> str:
+        lines = [self._title(), f"  laws         {self.laws}, {self.samples} samples"]
         if self.intervals:
             lines.append(
                 f"  intervals    {', '.join(self.intervals)}: anything in the box, so that there are two values"
             )
         return "\n".join([*lines, *(f"  remark       {remark}" for remark in self.remarks)])
 
+    def __str__(self) -> str:
+        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows()))])
+
+    def _repr_html_(self) -> str:
+        return html.page(html.text(self._head()), html.table(self._rows()))
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Quantiles(Figures, Result):
+class Quantiles(Figures):
     """Quantiles of an output over time.
 
     Attributes
@@ -81,6 +93,9 @@ class Quantiles(Figures, Result):
     upper: Array
     estimate: Array
 
+    def _title(self) -> str:
+        return f"Quantiles of {self.output}, {len(self.t)} times"
+
     def _rows(self) -> list[list[str]]:
         ends = ["least", "at [s]", "greatest", "at [s]", "estimated error"]
         rows = [["quantile", *ends]]
@@ -88,14 +103,7 @@ class Quantiles(Figures, Result):
             i, j = int(lower.argmin()), int(upper.argmax())
             values = f"{lower[i]:.6g}", f"{self.t[i]:.6g}", f"{upper[j]:.6g}", f"{self.t[j]:.6g}"
             rows.append([f"{q:g}", *values, f"≤ {error.max():.1e}"])
-        return rows
-
-    def __str__(self) -> str:
-        head = self._head(f"Quantiles of {self.output}, {len(self.t)} times")
-        return "\n".join([head, *(f"  {line}" for line in aligned(self._rows()))])
-
-    def _repr_html_(self) -> str:
-        return html.page(html.text(self._head(f"Quantiles of {self.output}")), html.table(self._rows()))
+        return over_times(rows, self.t)
 
     def _labelled(self) -> Labelled:
         coordinates: dict[str, Named] = {"time": (("time",), self.t), "level": (("level",), self.levels)}
@@ -108,7 +116,7 @@ class Quantiles(Figures, Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Probability(Figures, Result):
+class Probability(Figures):
     """How probable it is that an output is beyond a value.
 
     Attributes
@@ -125,21 +133,18 @@ class Probability(Figures, Result):
     estimate: Array
     ever: tuple[float, float, float]
 
+    def _title(self) -> str:
+        return f"Probability of {self.event}"
+
     def _rows(self) -> list[list[str]]:
         i = int(self.upper.argmax())
-        largest = f"greatest, at {self.t[i]:g} s", self.lower[i], self.upper[i], self.estimate[i]
+        largest = f"greatest,{at_time(self.t, i)}", self.lower[i], self.upper[i], self.estimate[i]
         rows = [["", "probability", "estimated error"]]
-        for name, low, high, error in (("at any output time", *self.ever), largest):
+        ever = "" if is_timeless(self.t) else "at any output time", *self.ever
+        for name, low, high, error in (ever,) if is_timeless(self.t) else (ever, largest):
             value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
             rows.append([name, value, f"≤ {error:.1e}"])
         return rows
-
-    def __str__(self) -> str:
-        head = self._head(f"Probability of {self.event}")
-        return "\n".join([head, *(f"  {line}" for line in aligned(self._rows()))])
-
-    def _repr_html_(self) -> str:
-        return html.page(html.text(self._head(f"Probability of {self.event}")), html.table(self._rows()))
 
     def _labelled(self) -> Labelled:
         variables: dict[str, Named] = {
@@ -159,8 +164,8 @@ def quantiles_of(responses: Responses, output: object, levels: object, laws: obj
     samples = _Samples(owner, responses, k, laws, correlation)
     parts = []
     for _, low, high in samples.over_time():
-        found = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
-        parts.append((found[0][0], found[-1][0], np.maximum(found[0][1], found[-1][1])))
+        ends = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
+        parts.append((ends[0][0], ends[-1][0], np.maximum(ends[0][1], ends[-1][1])))
     lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
     lower, upper = np.clip((lower, upper), responses.lower[:, k], responses.upper[:, k])
     return Quantiles(*samples.about(q), q, lower, upper, sampling + samples.error)
@@ -173,8 +178,9 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     whole = sets.reshape(len(sets), -1).copy()
     whole.sort(axis=1)
     near = _NEAR / whole.shape[1]
-    found, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
-    return found, np.maximum(_scatter(np.moveaxis(_of_sorted(sets, q), 2, 0)), np.maximum(above - found, found - below))
+    quantiles, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
+    scatter = _scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
+    return quantiles, np.maximum(scatter, np.maximum(above - quantiles, quantiles - below))
 
 
 def _of_sorted(values: Array, q: Array) -> Array:
@@ -191,12 +197,12 @@ def probability_of(
     """Probability that an output is above or below a value; see `Bounds.probability`."""
     owner = "Bounds.probability"
     k = responses.column(owner, output)
-    given = [value for value in (above, below) if value is not None]
-    if len(given) != 1 or not is_finite_number(given[0]):
+    thresholds = [value for value in (above, below) if value is not None]
+    if len(thresholds) != 1 or not is_finite_number(thresholds[0]):
         raise DeclarationError(
             f"{owner}: give a number for one of above and below, got {shown(above)} and {shown(below)}."
         )
-    value, sign = float(given[0]), 1.0 if above is not None else -1.0
+    value, sign = float(thresholds[0]), 1.0 if above is not None else -1.0
     samples = _Samples(owner, responses, k, laws, correlation)
     at_times, ever = [], np.zeros((4, _REPLICATES, samples.number // _REPLICATES), dtype=bool)
     for window, low, high in samples.over_time():

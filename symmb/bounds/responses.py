@@ -5,8 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._options import require_name
 from symmb._types import Array
 from symmb.model import Box
 from symmb.polynomials.ranges import Piecewise
@@ -44,7 +43,7 @@ class Responses:
     surrogate : Piecewise      None if none is good enough
     runs : Runs                None if no runs can be made
     method : str               where the surrogate comes from
-    made : int                 further runs that were made for it
+    extra_runs : int           further runs that were made for it
     remarks : sentences        what else is known
     """
 
@@ -59,14 +58,13 @@ class Responses:
     surrogate: Piecewise | None
     runs: Runs | None
     method: str
-    made: int
+    extra_runs: int
     remarks: tuple[str, ...]
 
     def column(self, owner: str, output: object) -> int:
         """Number of an output."""
-        if not isinstance(output, str) or output not in self.names:
-            raise DeclarationError(f"{owner}: no output {output!r}.{did_you_mean(output, self.names)}")
-        return self.names.index(output)
+        require_name(owner, "output", output, self.names)
+        return self.names.index(str(output))
 
     def range(self, lower: Array, upper: Array) -> tuple[Array, Array, Array, int]:
         """Bounds (n_t, n_y) over a part of the unit box, their estimated error (n_t, n_y), and how many runs they took.

@@ -1,7 +1,7 @@
 """The result of every bounding method."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -11,42 +11,22 @@ import numpy as np
 
 from symmb import _html as html
 from symmb import files, plot
-from symmb._errors import DeclarationError, PropagationError
+from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result
-from symmb._names import did_you_mean
-from symmb._options import require_positive, require_truth
-from symmb._table import aligned
-from symmb._types import Array
+from symmb._options import require_truth
+from symmb._table import aligned, over_times
+from symmb.bounds import result_file
 from symmb.bounds.answers import Answers
-from symmb.bounds.failures import Failure, failure_text
-from symmb.bounds.limits import KeptLimit, LimitCheck, OutputBounds, kept_limit, limit_pairs
-from symmb.bounds.responses import Runs
-from symmb.bounds.result_file import (
-    MEANING,
-    Kind,
-    attributes_of,
-    extremes_of_bounds,
-    labelled,
-    record_of_table,
-    surrogate_entries,
-)
-from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
-from symmb.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of, worst_cases
-from symmb.model import Box
-from symmb.polynomials import Expansion, Moments, moments
-from symmb.polynomials.ranges import Piecewise
+from symmb.bounds.failures import failure_text
+from symmb.bounds.limits import KeptLimit, LimitCheck, Limits, kept_limit, limit_pairs
+from symmb.bounds.worst_case import WorstCase
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
-ROUNDING = 1e-9
-"""Share of an output's largest value below which errors are rounding."""
-_WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
-"""Methods that make no runs in the box, by the begin of their texts."""
-_NAMED_WINDOWS = 3
-"""Doubtful windows of an output that a sentence names."""
+_ZERO = 1e-12
+"""Share of the largest bound of an output up to which what is printed is rounding."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,186 +72,10 @@ class Bounds(Answers, Result, files.Saved):
     (array([0., 1.]), array([0., 3.]))
     """
 
-    t: Array
-    names: tuple[str, ...]
-    lower: Array
-    upper: Array
-    kind: Kind
-    method: str
-    evaluations: int
-    estimate: Array | None = None
-    noise: Array | None = None
-    inner: tuple[Array, Array] | None = None
-    failed: tuple[Failure, ...] = ()
-    failed_region: str = ""
-    seconds: float = field(default=float("nan"))
-    expansion: Expansion | None = None
-    caution: str = ""
-    run_doubts: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
-    box: Box | None = None
-    surrogate: Piecewise | None = None
-    study: Runs | None = None
-    range_of: str = ""
-    nominal: Array | None = None
-    nominal_parameters: Mapping[str, float] = field(default_factory=dict)
-    attaining: AttainingRuns | None = None
-    worst_cases: tuple[WorstCase, ...] = ()
-
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "study": None, "attaining": None}
 
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
-        doubts = list(self.run_doubts)
-        if self.failed:
-            where = f" Runs fail {self.failed_region}." if self.failed_region else ""
-            doubts.append(
-                f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others, and what "
-                f"happens near the failed ones is not known.{where}"
-            )
-        if since := self.doubtful():
-            windows = self.doubtful_windows()
-            parts = [
-                name + self._doubtful_part(t, [w[1:] for w in windows if w[0] == name]) for name, t in since.items()
-            ]
-            doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
-        if self.caution:
-            doubts.append(f"The bounds are {self.caution}.")
-        return tuple(doubts)
-
-    @property
-    def outer(self) -> tuple[Array, Array]:
-        """(lower, upper) widened by the estimated error, where there is one."""
-        if self.estimate is None:
-            return self.lower, self.upper
-        with np.errstate(over="ignore"):
-            return self.lower - self.estimate, self.upper + self.estimate
-
-    def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
-        """Doubtful outputs, and from when on [s]: their estimated error exceeds a share of the width.
-
-        Both are root mean squares from a time to the end, the width at least a tenth of that over all times. Errors
-        within the noise of the runs, and rounding, do not count. The result is empty without an estimate.
-        """
-        require_positive("doubtful", "share", share)
-        if self.estimate is None:
-            return {}
-        bad = is_doubtful(*self._scaled(self.estimate), share)
-        return {
-            name: float(self.t[int(np.argmax(rest))])
-            for name, rest in zip(self.names, bad.T, strict=True)
-            if rest.any()
-        }
-
-    def doubtful_windows(self, share: float = DOUBTFUL) -> tuple[tuple[str, float, float], ...]:
-        """Doubtful outputs with windows of time, as (name, from, to) [s]: there the estimated error exceeds a share of
-        the width.
-
-        Both are root mean squares over 2 % of the times, the width at least a tenth of that over all times.
-        """
-        require_positive("doubtful_windows", "share", share)
-        if self.estimate is None:
-            return ()
-        bad = is_doubtful_in_window(*self._scaled(self.estimate), share)
-        edges = np.diff(np.pad(bad, ((1, 1), (0, 0))).astype(int), axis=0)
-        return tuple(
-            (name, float(self.t[first]), float(self.t[behind - 1]))
-            for name, edge in zip(self.names, edges.T, strict=True)
-            for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
-        )
-
-    def _doubtful_part(self, since: float, windows: list[tuple[float, float]]) -> str:
-        """When an output is doubtful, in words: windows of time, or from a time on if they reach the end."""
-        if len(self.t) == 1:
-            return ""
-        if not windows or windows[-1][1] == self.t[-1]:
-            return f" from {since:g} s"
-        texts = [f"from {begin:g} to {end:g} s" for begin, end in windows[:_NAMED_WINDOWS]]
-        return " " + " and ".join([*texts, *(["later"] if len(windows) > _NAMED_WINDOWS else [])])
-
-    def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
-        """Estimated error, width, each (n_t, n_y), and errors that are noise or rounding (n_y,), by powers of two.
-
-        Their squares neither overflow nor underflow.
-        """
-        scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
-        power = np.frexp(scale)[1]
-        lower, upper = np.ldexp([self.lower, self.upper], -power)
-        floor = ROUNDING * scale if self.noise is None else self.noise
-        return np.ldexp(estimate, -power), upper - lower, np.ldexp(floor, -power)
-
-    def __getitem__(self, name: str) -> tuple[Array, Array]:
-        """(lower, upper) of one output, each (n_t,)."""
-        if not isinstance(name, str) or name not in self.names:
-            raise DeclarationError(f"Bounds: no output '{name}'.{did_you_mean(name, self.names)}")
-        column = self.names.index(name)
-        return self.lower[:, column], self.upper[:, column]
-
-    def worst(self, output: str, time: float | None = None) -> Worst:
-        """Where an output is least and largest: values, times, and the parameters of the runs that attain them.
-
-        Parameters
-        ----------
-        output : name of an output
-        time : the output time [s] that is closest to this one; default: the extremes over all times
-
-        Raises
-        ------
-        DeclarationError
-            If there is no such output or time, no runs were made, or a file holds the extremes over all times alone.
-        SimulationError
-            If the run does not come again.
-        """
-        k = self.names.index(output) if self[output] else 0
-        if self.attaining is None:
-            known = {case.side: case for case in self.worst_cases if case.output == output}
-            if time is None and len(known) == len(SIDES):
-                return Worst(**known)
-            raise DeclarationError(f"Bounds.worst: {self._why_no_worst(bool(known))}")
-        rows = self._extreme_rows(k) if time is None else [row_of("Bounds.worst", self.t, time)] * 2
-        places = [(side, row, k) for side, row in zip(SIDES, rows, strict=True)]
-        return Worst(*self._cases(self.attaining, places))
-
-    def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
-        """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
-        varied = self.box.names if self.box else tuple(runs.simulator.parameters)
-        cases = worst_cases(runs, places, varied, self.names, self.t, self.lower, self.upper)
-        return [
-            self._at_extreme(case, place) if case.is_short else case for case, place in zip(cases, places, strict=True)
-        ]
-
-    def _at_extreme(self, case: WorstCase, place: Place) -> WorstCase:
-        """The run where the polynomials have their extreme, if it comes closer to the bound."""
-        if self.surrogate is None or self.study is None or self.box is None:
-            return case
-        side, i, k = place
-        one = np.ones(len(self.box))
-        point = self.surrogate.part([i], [k]).range(-one, one)[2][SIDES.index(side), 0]
-        try:
-            attained = float(self.study.values(point)[0, i, k])
-        except PropagationError:
-            return case
-        values = self.box.from_unit(point[0]).tolist()
-        parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
-        found = replace(case, parameters=parameters, attained=attained)
-        return found if found.shortfall < case.shortfall else case
-
-    def _why_no_worst(self, knows_some: bool) -> str:
-        if knows_some:
-            return "a file holds the worst cases over all times alone."
-        if self.study is not None or self.method.startswith(_WITHOUT_RUNS):
-            return f"{self.method} makes no runs that attain its bounds. Use PolynomialChaos() or Vertex()."
-        what = "pickled bounds keep" if self.box else "a .csv file keeps"
-        return f"{what} no worst cases. Save bounds as .npz or .json."
-
-    def _extreme_rows(self, k: int) -> list[int]:
-        """Numbers of the times at which output number k is least and largest."""
-        return [int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())]
-
-    def check(self, limits: Mapping[str, tuple[float | None, float | None]]) -> LimitCheck:
+    def check(self, limits: Limits) -> LimitCheck:
         """Whether outputs keep limits for all parameters of the box, at all times.
 
         A limit is kept if the bounds, widened by their estimated error, are inside and nothing is doubted. It is
@@ -287,20 +91,10 @@ class Bounds(Answers, Result, files.Saved):
         DeclarationError
             If an output is unknown, or limits cross.
         """
-        found, doubtful = [], self.doubtful()
+        pairs, doubtful = limit_pairs("Bounds.check", limits, self.names), self.doubtful()
         is_doubted = bool(self.run_doubts or self.failed or self.caution)
-        for name, ends in limit_pairs("Bounds.check", limits, self.names).items():
-            lower, upper = self[name]
-            k = self.names.index(name)
-            estimate = None if self.estimate is None else self.estimate[:, k]
-            inner = None if self.inner is None else (self.inner[0][:, k], self.inner[1][:, k])
-            rounding = float(ROUNDING * np.abs([lower, upper]).max(initial=0.0))
-            if self.noise is not None:
-                rounding = max(rounding, float(self.noise[k]))
-            doubted = is_doubted or name in doubtful
-            own = OutputBounds(self.kind, lower, upper, estimate, inner, self.evaluations, doubted, rounding)
-            found.append(kept_limit(name, self.units[k] if self.units else "", *ends, own))
-        return LimitCheck(self.t, self.method, tuple(found), partial(self.plot, None), self._closest_to(found))
+        checked = [kept_limit(self, name, *ends, is_doubted or name in doubtful) for name, ends in pairs.items()]
+        return LimitCheck(self.t, self.method, tuple(checked), partial(self.plot, None), self._closest_to(checked))
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
         """The run that comes closest to one of some limits, if runs are known.
@@ -312,72 +106,30 @@ class Bounds(Answers, Result, files.Saved):
         side = "lower" if lower[i] - limit.low < limit.high - upper[i] else "upper"
         if self.attaining is None:
             return next((case for case in self.worst_cases if (case.output, case.side) == (limit.output, side)), None)
-        place = side, i, self.names.index(limit.output)
+        place = side, i, self._column(limit.output)
         return self._cases(self.attaining, [place])[0]
-
-    def moments(self) -> Moments:
-        """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.
-
-        Raises
-        ------
-        PropagationError
-            If the method has no expansion.
-        """
-        if self.expansion is None:
-            raise PropagationError(
-                f"Bounds by {self.method} hold no expansion to take moments of. Use PolynomialChaos(order=4); "
-                "at kinks or jumps, where PolynomialChaos() cuts the box into pieces, samples of your own."
-            )
-        return moments(self.expansion, self.t, self.names)
 
     @classmethod
     def _of_record(cls, record: files.Record) -> "Bounds":
-        return cls(**attributes_of(record))
+        return cls(**result_file.attributes_of(record))
 
     @classmethod
     def _of_table(cls, table: files.Record) -> "Bounds":
-        return cls(**attributes_of(record_of_table(table)))
+        return cls(**result_file.attributes_of(result_file.record_of_table(table)))
 
     def _record(self) -> dict[str, Any]:
         inner_lower, inner_upper = self.inner or (None, None)
-        return {
-            "t": self.t,
-            "names": self.names,
-            "lower": self.lower,
-            "upper": self.upper,
-            "kind": self.kind,
-            "method": self.method,
-            "evaluations": self.evaluations,
-            "estimate": self.estimate,
-            "noise": self.noise,
+        expansion = self.expansion
+        return {name: getattr(self, name) for name in result_file.PLAIN} | {
             "inner_lower": inner_lower,
             "inner_upper": inner_upper,
             "failed": [asdict(run) for run in self.failed],
-            "failed_region": self.failed_region,
-            "seconds": self.seconds,
-            "caution": self.caution,
-            "run_doubts": self.run_doubts,
-            "remarks": self.remarks,
-            "range_of": self.range_of,
-            "nominal": self.nominal,
             "nominal_parameters": dict(self.nominal_parameters),
             "worst": [case.record() for case in self._all_worst()],
-            "units": self.units,
-            "box": self.box and dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
-            "doubts": self.doubts,
-            "parameters": self.expansion and self.expansion.parameters,
-            "alpha": self.expansion and self.expansion.alpha,
-            "coefficients": self.expansion and self.expansion.coefficients,
-            **surrogate_entries(self.surrogate),
+            "box": self.box and dict(self.box),
+            **{name: expansion and getattr(expansion, name) for name in ("parameters", "alpha", "coefficients")},
+            **result_file.surrogate_entries(self.surrogate),
         }
-
-    def _all_worst(self) -> Sequence[WorstCase]:
-        """Those over all times, for files."""
-        if self.attaining is None:
-            return self.worst_cases
-        rows = enumerate(map(self._extreme_rows, range(len(self.names))))
-        places = [(side, row, k) for k, both in rows for side, row in zip(SIDES, both, strict=True)]
-        return self._cases(self.attaining, places)
 
     def _table(self) -> files.Table:
         parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}
@@ -391,7 +143,7 @@ class Bounds(Answers, Result, files.Saved):
         return {"t": self.t, **columns, **{name: [value] * len(self.t) for name, value in same.items()}}
 
     def _labelled(self) -> Labelled:
-        return labelled(self._record(), self.outer, self.failed, self.box)
+        return result_file.labelled(self._record(), self.outer, self.failed, self.box)
 
     def plot(
         self,
@@ -439,7 +191,7 @@ class Bounds(Answers, Result, files.Saved):
         )
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 
-    def report(self, path: str | Path, limits: Mapping[str, tuple[float | None, float | None]] | None = None) -> None:
+    def report(self, path: str | Path, limits: Limits | None = None) -> None:
         """Write a report: one .html file that opens offline, and prints.
 
         It tells doubts, whether limits are kept, the bounds, worst cases and curves, what they assume and cost, and
@@ -476,7 +228,7 @@ class Bounds(Answers, Result, files.Saved):
         times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
         return [
             f"Bounds by {self.method}, {times}",
-            f"  kind         {self.kind} ({MEANING[self.kind]})",
+            f"  kind         {self.kind} ({result_file.MEANING[self.kind]})",
             f"  evaluations  {self.evaluations}, {failed}",
             *([failure_text(self.failed, 3, indent="    ")] if self.failed else []),
             *([f"  range of     {self.range_of}"] if self.range_of else []),
@@ -487,7 +239,24 @@ class Bounds(Answers, Result, files.Saved):
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        return extremes_of_bounds(self.t, names, self.lower, self.upper, self.nominal, self.estimate)
+        """Extremes of each output, the nominal run then, the largest width and estimated error. Rounding is 0."""
+        then = [] if self.nominal is None else ["nominal then"]
+        rows = [["output", "least", "at [s]", *then, "greatest", "at [s]", *then, "width", "at [s]", "estimated error"]]
+        with np.errstate(over="ignore"):
+            width = self.upper - self.lower
+        width = np.where(np.isnan(width), np.inf, width)
+        for k, name in enumerate(names):
+            sizes = np.abs([self.lower[:, k], self.upper[:, k]])
+            least = _ZERO * sizes.max(initial=0.0, where=np.isfinite(sizes))
+            places = int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())
+            cells = [name]
+            for values, i in zip((self.lower, self.upper), places, strict=True):
+                cells += [_number_text(values[i, k], least), f"{self.t[i]:.6g}"]
+                cells += [] if self.nominal is None else [_number_text(self.nominal[i, k], least)]
+            widest = int(width[:, k].argmax())
+            error = "–" if self.estimate is None else f"≤ {self.estimate[:, k].max():.1e}"
+            rows.append([*cells, _number_text(width[widest, k], least), f"{self.t[widest]:.6g}", error])
+        return over_times(rows, self.t)
 
     def __str__(self) -> str:
         return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(self.names)))])
@@ -498,3 +267,7 @@ class Bounds(Answers, Result, files.Saved):
 
     def _repr_html_(self) -> str:
         return html.page(self._tabulated(self._head()), html.picture(plot.png(self.plot())))
+
+
+def _number_text(value: float, least: float) -> str:
+    return "0" if abs(value) <= least else f"{value:.6g}"

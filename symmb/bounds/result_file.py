@@ -1,6 +1,6 @@
-"""What the files of bounds hold, entries of a record, columns of a table, labelled arrays, and what is printed."""
+"""What the files of bounds hold, entries of a record, columns of a table, and labelled arrays."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -16,8 +16,11 @@ from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import Piecewise
 
 Kind = Literal["enclosure", "estimate", "sampled"]
-_ZERO = 1e-12
-"""Share of the largest bound of an output up to which what is printed is rounding."""
+PLAIN = (
+    *("t", "names", "units", "lower", "upper", "kind", "method", "evaluations", "estimate", "noise", "nominal"),
+    *("failed_region", "seconds", "caution", "run_doubts", "remarks", "doubts", "range_of"),
+)
+"""Attributes of Bounds that files hold under the same names."""
 MEANING = {
     "enclosure": "proved: no response lies outside",
     "estimate": "of a surrogate: may miss to either side",
@@ -30,7 +33,6 @@ def attributes_of(record: Record) -> dict[str, Any]:
     t, names = record.times(), record.names("names")
     shape = len(t), len(names)
     lower, upper = record.pair("lower", "upper", *shape)
-    box = record.record("box") if "box" in record else None
     expansion = _expansion(record, *shape) if "alpha" in record else None
     return {
         "t": t,
@@ -47,20 +49,21 @@ def attributes_of(record: Record) -> dict[str, Any]:
             Failure(run.numbers("parameters"), run.number("time"), run.text("message"))
             for run in record.records("failed", "parameters", "time", "message")
         ),
-        "failed_region": record.text("failed_region", default=""),
         "seconds": record.number("seconds"),
         "expansion": expansion,
         "surrogate": _surrogate(record, expansion, *shape) if "surrogate_error" in record else None,
-        "caution": record.text("caution", default=""),
-        "run_doubts": record.texts("run_doubts", default=()),
-        "remarks": record.texts("remarks", default=()),
-        "range_of": record.text("range_of", default=""),
+        **{name: record.text(name, default="") for name in ("failed_region", "caution", "range_of")},
+        **{name: record.texts(name, default=()) for name in ("run_doubts", "remarks", "units")},
         "nominal": record.array("nominal", *shape, finite=False) if "nominal" in record else None,
         "nominal_parameters": record.numbers("nominal_parameters") if "nominal_parameters" in record else {},
         "worst_cases": tuple(map(WorstCase.of_record, record.records("worst"))) if "worst" in record else (),
-        "units": record.texts("units", default=()),
-        "box": box and Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
+        "box": box_of(record.record("box")) if "box" in record else None,
     }
+
+
+def box_of(record: Record) -> Box:
+    """The box of a file, which holds its intervals by name."""
+    return Box(**{name: tuple(record.array(name, 2).tolist()) for name in record.plain})
 
 
 def record_of_table(table: Record) -> Record:
@@ -172,40 +175,3 @@ def _failed_parameters(failed: tuple[Failure, ...], taken: list[str]) -> dict[st
     values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
     names = parameter_names([*values], taken)
     return {name: (("sample",), column) for name, column in zip(names, values.values(), strict=True)}
-
-
-def extremes_of_bounds(
-    t: Array, names: Sequence[str], lower: Array, upper: Array, nominal: Array | None, estimate: Array | None
-) -> list[list[str]]:
-    """One row of text for each output: its least and greatest bound, their times and what the nominal run has then, the
-    largest width, and the largest estimated error. What is 0 but for rounding is printed as 0.
-
-    Parameters
-    ----------
-    t : (n_t,) array                       times [s]
-    names : n_y outputs
-    lower, upper : (n_t, n_y) arrays
-    nominal : (n_t, n_y) array or None     the nominal run
-    estimate : (n_t, n_y) array or None    estimated error of both
-    """
-    then = [] if nominal is None else ["nominal then"]
-    rows = [["output", "least", "at [s]", *then, "greatest", "at [s]", *then, "width", "at [s]", "estimated error"]]
-    with np.errstate(over="ignore"):
-        width = upper - lower
-    width = np.where(np.isnan(width), np.inf, width)
-    for k, name in enumerate(names):
-        sizes = np.abs([lower[:, k], upper[:, k]])
-        least = _ZERO * sizes.max(initial=0.0, where=np.isfinite(sizes))
-        places = int(lower[:, k].argmin()), int(upper[:, k].argmax())
-        cells = [name]
-        for values, i in zip((lower, upper), places, strict=True):
-            cells += [_number_text(values[i, k], least), f"{t[i]:.6g}"]
-            cells += [] if nominal is None else [_number_text(nominal[i, k], least)]
-        widest = int(width[:, k].argmax())
-        error = "–" if estimate is None else f"≤ {estimate[:, k].max():.1e}"
-        rows.append([*cells, _number_text(width[widest, k], least), f"{t[widest]:.6g}", error])
-    return rows
-
-
-def _number_text(value: float, least: float) -> str:
-    return "0" if abs(value) <= least else f"{value:.6g}"

@@ -1,6 +1,6 @@
 """Bounds by the extremes of many samples: attained, not proved."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -12,7 +12,7 @@ from symmb._options import constructor_text, require_instance, require_kind, req
 from symmb._types import Array, Executor
 from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.failures import failed_region
-from symmb.bounds.laws import Laws, laws_text
+from symmb.bounds.laws import Correlation, Laws, laws_text
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
 from symmb.bounds.result import Bounds
@@ -54,7 +54,7 @@ class MonteCarlo(Method):
     seed: int = 0
     sampler: Sampler = _RANDOM
     laws: Mapping[str, Any] | None = field(default=None, hash=False)
-    correlation: Sequence[Sequence[float]] | Array | None = field(default=None, hash=False)
+    correlation: Correlation | None = field(default=None, hash=False)
 
     kind: ClassVar[Kind] = "sampled"
 

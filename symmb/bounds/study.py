@@ -37,15 +37,16 @@ class Study:
         ------
         DeclarationError       if the simulator is another one, which has no mechanism
         """
-        return self._prepared.scene
+        return self.prepared.scene
 
     @property
     def solver(self) -> Solver:
         """That of the scene."""
-        return self._prepared.solver
+        return self.prepared.solver
 
     @property
-    def _prepared(self) -> DAESimulator:
+    def prepared(self) -> DAESimulator:
+        """The scene, prepared for runs."""
         if isinstance(self.simulator, DAESimulator) and self.simulator.scene is not None:
             return self.simulator
         raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")
@@ -62,9 +63,9 @@ class Study:
         Parameters that are not in the box have their nominal values.
         """
         with shown_runs(None, f"range over {', '.join(box.names)}") as progress:
-            found = PolynomialChaos().bounds(self.simulator, box, progress=progress)
-        assert found.estimate is not None
-        return found.lower, found.upper, found.estimate, found.evaluations
+            bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)
+        assert bounds.estimate is not None
+        return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
     @cached_property
     def sample(self) -> tuple[Array, Array]:

@@ -9,6 +9,8 @@ WINDOW = 0.02
 
 ROUNDING_SCALE = 1e-12
 """Difference of runs, over the largest value of an output, that is rounding."""
+ROUNDING = 1e-9
+"""Share of an output's largest value below which errors are rounding."""
 DOUBTFUL = 0.1
 """Share of the width above which an estimated error is doubtful."""
 LEAST_WIDTH = 0.1

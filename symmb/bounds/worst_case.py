@@ -10,7 +10,7 @@ from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, texts
 from symmb._options import is_finite_number, shown
-from symmb._table import aligned
+from symmb._table import aligned, at_time, over_times
 from symmb._types import Array, Indices
 from symmb.black_boxes import Attained, Simulator
 from symmb.files import Record
@@ -22,6 +22,8 @@ _TOGETHER = 64
 SIDES: tuple[str, str] = ("lower", "upper")
 Place = tuple[str, int, int]
 """A side, the number of a time, and that of an output."""
+_SEVERAL = 2
+"""Output times of bounds where their number is not known."""
 _SHARE = 1e-3
 """Share of the width by which a run may miss a bound without a word: pictures do not show it."""
 
@@ -75,17 +77,17 @@ class AttainingRuns:
         SimulationError     if a run does not come again
         """
         numbers = [int(self.at[side][time, output]) for side, time, output in places]
-        found: dict[int, Sample] = {}
+        samples: dict[int, Sample] = {}
         for number in dict.fromkeys(numbers):
             own = [n for n, place in enumerate(numbers) if place == number]
             P = self.blocks[number]
             Y = None if len(P) == 1 else self.simulator.run(P).Y
             for n in own:
                 side, time, output = places[n]
-                found[n] = self._sample(
+                samples[n] = self._sample(
                     side, P, float(self.ends[side][time, output]), Y if Y is None else Y[:, time, output]
                 )
-        return [found[n] for n in range(len(places))]
+        return [samples[n] for n in range(len(places))]
 
     def _sample(self, side: str, P: Array, value: float, values: Array | None) -> Sample:
         """That of samples P (n, d) with values (n,), or the only one, which has attained a value."""
@@ -109,7 +111,8 @@ class WorstCase:
     parameters : dict          values of all parameters of the run
     attained : float           value of the output in the run at this time
     width : float              of the bounds at this time
-    varied : tuple of str      the parameters of the box, which are printed
+    varied : tuple of str      the parameters of the box that act on outputs, which are printed
+    times : int                how many output times the bounds have: an only one of 0 is not printed
     simulator : Simulator      None if the bounds were read from a file
     """
 
@@ -121,7 +124,12 @@ class WorstCase:
     attained: float
     width: float
     varied: tuple[str, ...]
+    times: int = _SEVERAL
     simulator: Simulator | None = None
+
+    @property
+    def _times(self) -> list[float]:
+        return [self.time] * self.times
 
     @property
     def shortfall(self) -> float:
@@ -162,7 +170,7 @@ class WorstCase:
     def __str__(self) -> str:
         values = ", ".join(f"{name} = {self.parameters[name]:.6g}" for name in self.varied)
         word = "least" if self.side == "lower" else "greatest"
-        text = f"{word} {self.output} {self.value:.6g} at {self.time:g} s: {values}"
+        text = f"{word} {self.output} {self.value:.6g}{at_time(self._times, 0)}{': ' if values else ''}{values}"
         if self.is_short:
             text += f"; the run there attains {self.attained:.6g}"
         return text
@@ -183,7 +191,8 @@ class WorstCase:
         value, time, attained, width = (record.number(name) for name in ("value", "time", "attained", "width"))
         side, parameters = record.text("side", *SIDES), record.numbers("parameters")
         varied = record.texts("varied", default=tuple(parameters))
-        return cls(record.text("output"), side, value, time, parameters, attained, width, varied)
+        times = record.whole("times", default=_SEVERAL)
+        return cls(record.text("output"), side, value, time, parameters, attained, width, varied, times)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,7 +214,7 @@ class Worst(Result):
         for case, word in ((self.lower, "least"), (self.upper, "greatest")):
             numbers = case.value, case.time, *(case.parameters[name] for name in varied), case.attained
             rows.append([f"{word} {case.output}", *(f"{number:.6g}" for number in numbers)])
-        return rows
+        return over_times(rows, self.lower._times)
 
     def _labelled(self) -> Labelled:
         cases = self.lower, self.upper
@@ -231,22 +240,3 @@ def row_of(owner: str, t: Array, time: object) -> int:
     if not is_finite_number(time) or not t[0] - slack <= time <= t[-1] + slack:
         raise DeclarationError(f"{owner}: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {shown(time)}.")
     return int(np.abs(t - float(time)).argmin())
-
-
-def worst_cases(
-    runs: AttainingRuns,
-    places: Sequence[Place],
-    varied: tuple[str, ...],
-    names: Sequence[str],
-    t: Array,
-    lower: Array,
-    upper: Array,
-) -> list[WorstCase]:
-    """The runs that attain bounds lower and upper (n_t, n_y) of named outputs at places, with the varied parameters."""
-    cases = []
-    for (side, i, k), sample in zip(places, runs.samples(places), strict=True):
-        parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
-        value, width = float((lower if side == "lower" else upper)[i, k]), float(upper[i, k] - lower[i, k])
-        about = parameters, sample.value, width, varied, runs.simulator
-        cases.append(WorstCase(names[k], side, value, float(t[i]), *about))
-    return cases

@@ -4,7 +4,6 @@ import argparse
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import symmb as mb
 from symmb._errors import DeclarationError
@@ -19,6 +18,7 @@ from symmb.files import save_json
 from symmb.plot import PICTURES
 from symmb.report import write_bounds
 
+_NO_CONTRIBUTIONS = "Contributions of parameters take further runs here: --contributions makes them."
 VIOLATED = 1
 """Exit status where a limit is violated, as of a test that fails."""
 
@@ -35,6 +35,7 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     )
     bound.add_argument("--method", metavar="M", default="pce", help="method; default: pce")
     bound.add_argument("--solver", metavar="S", help="solver of the runs")
+    bound.add_argument("--contributions", action="store_true", help="make the runs that contributions may take")
     bound.add_argument("--json", metavar="F", help="write everything to this file")
     bound.add_argument("--csv", metavar="F", help="write bounds over time to this file")
     bound.add_argument("--plot", metavar="F.png", help="draw bounds over time, and limits")
@@ -45,56 +46,43 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
 def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     method = specs.method(options.method)
     solver = None if options.solver is None else specs.solver(options.solver)
-    paths = _Paths.of(options)
+    wanted = {name: result_path(getattr(options, name), *suffixes) for name, suffixes in _FILES.items()}
+    paths = {name: path for name, path in wanted.items() if path is not None}
     limits = _limits(options)
     subject, own = load_subject(options.scene)
     box = _box(options, subject, own)
-    if paths.view is not None and not isinstance(subject, mb.Scene):
+    if "view" in paths and not isinstance(subject, mb.Scene):
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)
     check = bounds.check(limits) if limits else None
     print(*filter(None, (bounds, check)), sep="\n\n")
-    contributions = bounds.contributions() if bounds.range_of else None  # others would need a study of their own
-    if contributions is not None:
-        print("", contributions, sep="\n")
-    paths.write(bounds, check)
-    if paths.report is not None:
+    is_known = bool(bounds.range_of) and not bounds._contributions_take_runs()
+    contributions = bounds.contributions() if is_known or options.contributions else None
+    if contributions is not None or bounds.range_of:
+        print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
+    _write(paths, bounds, check)
+    if "report" in paths:
         command = shlex.join(["symmb", *options.words])
-        write_bounds(bounds, paths.report, limits or None, command=command, contributions=contributions)
+        write_bounds(bounds, paths["report"], limits or None, command=command, contributions=contributions)
     if check is None or check.kept:
         return bounds.doubts
     return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")
 
 
-class _Paths(NamedTuple):
-    """Files of results; None for one that is not asked for."""
+_FILES = {"json": (".json",), "csv": (".csv",), "plot": PICTURES, "view": FORMATS, "report": (".html",)}
+"""Options that name files of results, and their suffixes."""
 
-    json: Path | None
-    csv: Path | None
-    picture: Path | None
-    view: Path | None
-    report: Path | None
 
-    @classmethod
-    def of(cls, options: argparse.Namespace) -> "_Paths":
-        return cls(
-            result_path(options.json, ".json"),
-            result_path(options.csv, ".csv"),
-            result_path(options.plot, *PICTURES),
-            result_path(options.view, *FORMATS),
-            result_path(options.report, ".html"),
-        )
-
-    def write(self, bounds: mb.Bounds, check: LimitCheck | None) -> None:
-        """Write what is asked for, but the report."""
-        if self.json is not None:
-            save_json(self.json, bounds.to_json() | ({"limits": check.to_json()} if check else {}))
-        if self.csv is not None:
-            bounds.save(self.csv)
-        if self.picture is not None:
-            (check or bounds).plot(self.picture)
-        if self.view is not None:
-            mb.view(bounds, self.view)
+def _write(paths: dict[str, Path], bounds: mb.Bounds, check: LimitCheck | None) -> None:
+    """Write what is asked for, but the report."""
+    if "json" in paths:
+        save_json(paths["json"], bounds.to_json() | ({"limits": check.to_json()} if check else {}))
+    if "csv" in paths:
+        bounds.save(paths["csv"])
+    if "plot" in paths:
+        (check or bounds).plot(paths["plot"])
+    if "view" in paths:
+        mb.view(bounds, paths["view"])
 
 
 def _limits(options: argparse.Namespace) -> dict[str, tuple[float | None, float | None]]:
@@ -108,17 +96,17 @@ def _limits(options: argparse.Namespace) -> dict[str, tuple[float | None, float 
 
 def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:
     """The intervals of --box and of --tolerances, or those of the scene where both are left out."""
-    given: dict[str, tuple[float, float]] = {}
+    intervals: dict[str, tuple[float, float]] = {}
     for name, (low, high) in _ranges("--box", options.box).items():
         if low is None or high is None:
             raise DeclarationError(f"--box: the interval of {name!r} needs both ends, as {name}=1:2.")
-        given[name] = low, high
+        intervals[name] = low, high
     if options.tolerances is not None:
         nominal = subject.system.parameters if isinstance(subject, mb.Scene) else subject.parameters
         table = mb.Box.read(options.tolerances, nominal)
-        return table | mb.Box(**given) if given else table
-    if given:
-        return mb.Box(**given)
+        return table | mb.Box(**intervals) if intervals else table
+    if intervals:
+        return mb.Box(**intervals)
     if own is None:
         raise DeclarationError(
             f"{options.scene} has no box that says which parameters are uncertain. Give intervals: --box NAME=1:2."
@@ -128,7 +116,7 @@ def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box
 
 def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[float | None, float | None]]:
     """The ends of texts such as k=1:2, by name; None for an end that is left out."""
-    found: dict[str, tuple[float | None, float | None]] = {}
+    ranges: dict[str, tuple[float | None, float | None]] = {}
     for word in words:
         name, _, text = word.partition("=")
         low, colon, high = text.partition(":")
@@ -138,7 +126,7 @@ def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[float | None, 
             colon, ends = "", (None, None)
         if not name or not colon:
             raise DeclarationError(f"{option} takes name=low:high, got {shown(word)}.")
-        if name in found:
+        if name in ranges:
             raise DeclarationError(f"{option} has {name!r} twice.")
-        found[name] = ends
-    return found
+        ranges[name] = ends
+    return ranges

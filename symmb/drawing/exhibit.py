@@ -1,14 +1,14 @@
 """What is shown together: a run, the runs that attain bounds, and where a point is over the box."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._options import require_name
 from symmb._types import Array, Indices
 from symmb.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of
 from symmb.drawing.draw import draw
@@ -86,8 +86,8 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
             "These bounds hold no scene: they were read from a file. Draw those that propagate(scene, method) returns."
         )
     scene = study.scene
-    if output is not None and output not in bounds.names:
-        raise DeclarationError(f"view: no output {output!r}.{did_you_mean(output, bounds.names)}")
+    if output is not None:
+        require_name("view", "output", output, bounds.names)
     column = bounds.names.index(output) if output else _widest(bounds)
     width = bounds.upper[:, column] - bounds.lower[:, column]
     row = int(width.argmax()) if time is None else row_of("view", bounds.t, time)
@@ -98,13 +98,17 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
             "Use PolynomialChaos() or Vertex()."
         )
     samples = bounds.attaining.samples([(side, row, column) for side in SIDES])
-    least, largest = attaining_runs(study, samples)
+    middle = Sample(np.nan, np.array([[*study.simulator.parameters.values()]]), 0)
+    nominal, least, largest = attaining_runs(study, [middle, *samples])
+    if not np.isfinite(nominal.x).all():
+        nominal = simulate(scene, study.solver)  # which tells why
     also = [row, *_extremes(bounds.lower, bounds.upper)]
-    drawing = draw(simulate(scene, study.solver), also=also)
+    drawing = draw(nominal, also=also)
 
+    acting = bounds._acting(study.box)
     ghosts = [
         Ghost(
-            f"{side} {name}({t:g} s) = {run[name][row]:.6g} (bound {bound:.6g}) at {_values(study, run)}",
+            f"{side} {name}({t:g} s) = {run[name][row]:.6g} (bound {bound:.6g}){_place(run, acting)}",
             tint,
             draw(run, also=also),
         )
@@ -124,22 +128,23 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
 
 
 def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
-    """The runs of samples with all their states, repeated to the last bit.
+    """The runs of samples with all their states, repeated to the last bit, without work and events.
 
-    Their states are outputs of a second simulator, as studies keep only the outputs of the scene.
+    Their states are outputs of a second simulator, as studies keep only the outputs of the scene. It is one for all
+    runs, because a large model compiles for half a minute.
     """
     scene, solver = study.scene, study.solver
     system = scene.system
     states = ca.vertsplit(ca.vertcat(system.q, system.v, system.s))
     named = {f"x{i}": x for i, x in enumerate(states)}
     simulator = simulator_with(scene.with_outputs(named or {"t": 0.0}), solver)
-    nominal = simulate(scene, solver)
     runs = []
     for sample in samples:
         x = simulator.run(sample.P).Y[sample.index][:, : len(states)]
         values = dict(zip(study.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
+        work = np.full(len(x), np.nan)
         runs.append(
-            replace(nominal, parameters=values, x=x, work=np.full(len(x), np.nan), events=(), run_examination=None)
+            Trajectory(scene, study.prepared, values, repr(solver), "", simulator.times, x, work, {}, np.nan, np.nan)
         )
     return runs
 
@@ -243,5 +248,6 @@ def _picture(drawing: Drawing, time: float) -> int:
     return int(np.abs(drawing.t - time).argmin())
 
 
-def _values(study: Study, run: Trajectory) -> str:
-    return ", ".join(f"{name} = {run.parameters[name]:.4g}" for name in study.box.names)
+def _place(run: Trajectory, names: Sequence[str]) -> str:
+    values = ", ".join(f"{name} = {run.parameters[name]:.4g}" for name in names)
+    return f" at {values}" if values else ""

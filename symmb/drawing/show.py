@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
+import numpy as np
+
 from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._options import shown
@@ -15,7 +17,7 @@ from symmb.drawing.still import STILLS, still
 from symmb.files import replacement, require_suffix
 from symmb.mechanics import Point
 from symmb.model import Scene
-from symmb.simulation import DAESimulator, Trajectory, simulate
+from symmb.simulation import DAESimulator, Trajectory, prepare_equations, simulate
 
 FORMATS = (".html", *STILLS, *FILMS)
 
@@ -100,9 +102,15 @@ def view(
     return None
 
 
-def start_picture(scene: Scene) -> bytes:
-    """A scene at its start as a PNG. Nothing is integrated."""
-    run = simulate(scene.with_times(scene.times[:1]))
+def start_picture(subject: Scene | DAESimulator) -> bytes:
+    """A scene at its start as a PNG. Nothing is compiled or integrated."""
+    simulator = prepare_equations(subject) if isinstance(subject, Scene) else subject
+    at_start, parameters = simulator.scene.with_times(simulator.times[:1]), simulator.parameters
+    x, (fault,) = simulator.start.states(np.array([[*parameters.values()]]))
+    if fault:
+        simulate(at_start)  # which tells why
+    none, text = np.full(1, np.nan), repr(simulator.solver)
+    run = Trajectory(at_start, simulator, parameters, text, "", simulator.times[:1], x, none, {}, np.nan, np.nan)
     file = BytesIO()
     still(of_run(run, None, None), file, ".png")
     return file.getvalue()

@@ -13,7 +13,7 @@ class Saved:
     """A result with a record, from which it is built again, and perhaps a table."""
 
     def _record(self) -> Mapping[str, Any]:
-        raise NotImplementedError
+        return dict(vars(self))
 
     @classmethod
     def _of_record(cls, record: Record) -> Self:

@@ -70,10 +70,8 @@ class IDAS(_Multistep):
 
     Parameters
     ----------
-    rtol : float
-        relative tolerance
-    atol : float
-        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    rtol, atol : float
+        as of `CVODES`
     stabilization
         None, Baumgarte(...) or Projection()
 
@@ -148,10 +146,8 @@ class StabilizedIndex2(Solver):
 
     Parameters
     ----------
-    rtol : float
-        relative tolerance
-    atol : float
-        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    rtol, atol : float
+        as of `CVODES`
 
     Examples
     --------

@@ -86,12 +86,8 @@ class DormandPrince(Explicit):
 
     Parameters
     ----------
-    rtol : float
-        relative tolerance
-    atol : float
-        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
-    stabilization
-        None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
+    rtol, atol, stabilization
+        as of `CVODES`
 
     Examples
     --------

@@ -96,14 +96,10 @@ class Rosenbrock(_SchemeSolver):
 
     Parameters
     ----------
-    rtol : float
-        relative tolerance
-    atol : float
-        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    rtol, atol, stabilization
+        as of `CVODES`
     step : float
         a fixed step instead of tolerances, if given [s]
-    stabilization
-        None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
 
     Examples
     --------
@@ -248,12 +244,10 @@ class Newmark(_AlphaScheme):
 
     Parameters
     ----------
-    step : float
-        longest step [s]
+    step, tolerance : float
+        as of `BDFI3`
     gamma : float
         damping, 1/2 (trapezoidal rule, none) to 1
-    tolerance : float
-        of Newton's method, largest displacement over the motion's size
 
     Examples
     --------
@@ -285,12 +279,10 @@ class GeneralizedAlpha(_AlphaScheme):
 
     Parameters
     ----------
-    step : float
-        longest step [s]
+    step, tolerance : float
+        as of `BDFI3`
     rho : float
         spectral radius at infinite frequency, 1 (no damping) to 0
-    tolerance : float
-        of Newton's method, largest displacement over the motion's size
 
     Examples
     --------
@@ -319,12 +311,10 @@ class HHT(_AlphaScheme):
 
     Parameters
     ----------
-    step : float
-        longest step [s]
+    step, tolerance : float
+        as of `BDFI3`
     alpha : float
         damping, 0 (trapezoidal rule) to 1/3
-    tolerance : float
-        of Newton's method, largest displacement over the motion's size
 
     Examples
     --------

@@ -28,10 +28,8 @@ class StateSpace(CompiledSolver):
 
     Parameters
     ----------
-    rtol : float
-        relative tolerance
-    atol : float
-        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    rtol, atol : float
+        as of `CVODES`
 
     Examples
     --------

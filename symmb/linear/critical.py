@@ -6,8 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._names import did_you_mean
-from symmb._options import is_finite_number, shown
+from symmb._options import is_finite_number, require_name, shown
 from symmb._types import Array
 from symmb.black_boxes import BlackBox
 from symmb.linear.eigenvalues import Eigenvalues
@@ -127,8 +126,7 @@ def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, 
     DeclarationError           if there is no such parameter, or the range is empty
     """
     names = list(scene.system.parameters)
-    if not isinstance(parameter, str) or parameter not in names:
-        raise DeclarationError(f"{owner}: no parameter {shown(parameter)}.{did_you_mean(parameter, names)}")
+    require_name(owner, "parameter", parameter, names)
     if not (isinstance(range, tuple | list) and len(range) == 2 and all(map(is_finite_number, range))):
         raise DeclarationError(f"{owner}: range must be two numbers, lower and upper, got {shown(range)}.")
     lower, upper = map(float, range)

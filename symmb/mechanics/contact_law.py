@@ -129,14 +129,8 @@ class LankaraniNikravesh(_Hertzian):
 
     Parameters
     ----------
-    stiffness : Expr
-        k [N/m^n]
-    restitution : Expr
-        e, above 0 and up to 1 [-]; 1 is a spring without losses
-    speed : Expr
-        v of approach when the contact begins [m/s]
-    exponent : Expr
-        n, 3/2 of Hertz if left out [-]
+    stiffness, restitution, speed, exponent : Expr
+        as of `HuntCrossley`
 
     Examples
     --------
@@ -165,14 +159,8 @@ class Flores(_Hertzian):
 
     Parameters
     ----------
-    stiffness : Expr
-        k [N/m^n]
-    restitution : Expr
-        e, above 0 and up to 1 [-]; 1 is a spring without losses
-    speed : Expr
-        v of approach when the contact begins [m/s]
-    exponent : Expr
-        n, 3/2 of Hertz if left out [-]
+    stiffness, restitution, speed, exponent : Expr
+        as of `HuntCrossley`
 
     Examples
     --------

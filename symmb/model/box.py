@@ -111,8 +111,9 @@ class Box:
         ----------
         parameters : mapping of name to nominal value
         **tolerances : by name, a number (to both sides), a pair (lower, upper) of signed deviations, a share such as
-            "1%", or a size in mm with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The
-            nominal value must then be this size, in m or in mm
+            "1%", or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or "40 +0.1/-0.2", or
+            with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value must then be
+            this size, in m or in mm
 
         Raises
         ------
@@ -143,8 +144,8 @@ class Box:
 
         A CSV file has a head with `name`, `nominal`, `plus` and `minus`. The latter are the distances of the ends from
         the nominal value; without `minus`, `plus` holds for both sides. In their place a column `tolerance` may hold
-        what `plus_minus` takes as a text, such as 1% or 40 H7. In a TOML file each parameter is a table with these
-        keys.
+        what `plus_minus` takes as a text, such as 1%, 40 ±0.1 or 40 H7. In a TOML file each parameter is a table with
+        these keys.
 
         Parameters
         ----------

@@ -83,8 +83,8 @@ def sizes_of_grade(text: str) -> tuple[float, float, float]:
         lower, upper = -width, width
     else:
         raise DeclarationError(
-            f"{text!r} is no tolerance. Write a number, a share such as '1%', or a size in mm with its grade, as "
-            "'40 H7' or '120 ISO 2768-m'."
+            f"{text!r} is no tolerance. Write a number, a share such as '1%', or a size in mm with its "
+            "deviations or grade, as '40 ±0.1', '40 H7' or '120 ISO 2768-m'."
         )
     return size, size + 1e-3 * lower, size + 1e-3 * upper
 

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -17,6 +18,13 @@ Interval = tuple[float, float]
 _SAME = 1e-9
 """Share by which a nominal value may differ from that of a table, or from the size told with a grade, by rounding."""
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
+_SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "\N{NO-BREAK SPACE}": " "})
+"""Characters of texts from word processors."""
+_SIZE, _DEVIATION = r" *(-?\d+(?:\.\d+)?)", r"([+-] *\d+(?:\.\d+)?|0(?:\.0+)?)"
+_BOTH_SIDES = re.compile(_SIZE + r" *(?:±|\+ */ *-|\+-) *(\d+(?:\.\d+)?) *(%?) *")
+_EACH_SIDE = re.compile(_SIZE + r"(?: +|(?=[+-]))" + _DEVIATION + r"(?: */ *| +|(?=[+-]))" + _DEVIATION + " *")
+_LIKE_DEVIATIONS = re.compile(r" *-?\d.*[±+/]")
+"""Deviations of a drawing: to both sides, as 40 ±0.1 or 40 ±1%, to each side, as 40 +0.1/-0.2, and what is meant so."""
 _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
 
 
@@ -37,34 +45,66 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Int
     if ends is None or ends.shape != (2,) or not ends[0] <= ends[1] or not all(map(is_finite_number, ends)):
         raise DeclarationError(
             f"{owner}: the tolerance of {name!r} must be a number, a pair (lower, upper) of deviations such as "
-            f"(-1e-5, 3e-5), a share such as '1%', or a size with its grade such as '40 H7', got {shown(tolerance)}."
+            f"(-1e-5, 3e-5), a share such as '1%', or a size with its deviations or grade such as '40 ±0.1' or "
+            f"'40 H7', got {shown(tolerance)}."
         )
     lower, upper = ends.tolist()
     return nominal + lower, nominal + upper
 
 
 def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
+    plain = text.translate(_SIGNS)
+    if match := _BOTH_SIDES.fullmatch(plain):
+        size, deviation = float(match[1]), float(match[2])
+        unit = _unit(owner, name, nominal, text, size)
+        if match[3]:
+            return _share(owner, name, nominal, text, deviation)
+        return unit * (size - deviation), unit * (size + deviation)
+    if match := _EACH_SIDE.fullmatch(plain):
+        size, *deviations = (float(number.replace(" ", "")) for number in match.groups())
+        unit = _unit(owner, name, nominal, text, size)
+        return unit * (size + min(deviations)), unit * (size + max(deviations))
+    if _LIKE_DEVIATIONS.match(plain):
+        comma = " Decimals have a point." if "," in text else ""
+        raise DeclarationError(
+            f"{owner}: {text!r} of {name!r} is no tolerance. Write a size with its deviations, such as '40 ±0.1', "
+            f"'40 ±1%' or '40 +0.1/-0.2'.{comma}"
+        )
     if text.strip().endswith("%"):
         percent = _number_or_text(text.strip().removesuffix("%"))
         if isinstance(percent, str):
             raise DeclarationError(f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.")
-        share = percent / 100
-        if not 0 <= share < 1 or not nominal:
-            raise DeclarationError(
-                f"{owner}: the share {text!r} of {name!r} must be from 0 % to below 100 % of a value that is not 0."
-            )
-        return nominal - abs(nominal) * share, nominal + abs(nominal) * share
+        return _share(owner, name, nominal, text, percent)
     try:
         size, lower, upper = sizes_of_grade(text)
     except DeclarationError as error:
         raise DeclarationError(f"{owner}: {name!r}: {error}") from None
-    unit = next((unit for unit in (1e-3, 1.0) if abs(nominal - unit * size) <= _SAME * unit * size), None)
+    unit = _unit(owner, name, nominal, text, size)
+    return unit * lower, unit * upper
+
+
+def _share(owner: str, name: str, nominal: float, text: str, percent: float) -> Interval:
+    share = percent / 100
+    if not 0 <= share < 1 or not nominal:
+        raise DeclarationError(
+            f"{owner}: the share {text!r} of {name!r} must be from 0 % to below 100 % of a value that is not 0."
+        )
+    return nominal - abs(nominal) * share, nominal + abs(nominal) * share
+
+
+def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> float:
+    """The unit of a nominal value, m or mm, over that of its size in a text [mm]."""
+    if size == 0:
+        raise DeclarationError(
+            f"{owner}: {text!r} of {name!r}: deviations from 0 may be in m or in mm. Write a number, or a pair of them."
+        )
+    unit = next((unit for unit in (1e-3, 1.0) if abs(nominal - unit * size) <= _SAME * unit * abs(size)), None)
     if unit is None:
         raise DeclarationError(
             f"{owner}: {name!r} is {nominal:g}, and {text!r} is a tolerance of {size:g} mm: the nominal value must be "
             f"{1e-3 * size:g} (in m) or {size:g} (in mm)."
         )
-    return unit * lower, unit * upper
+    return unit
 
 
 def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None = None) -> dict[str, Interval]:

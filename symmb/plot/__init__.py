@@ -9,8 +9,9 @@ from symmb.plot.comparison import plot_comparison
 from symmb.plot.contributions import plot_contributions
 from symmb.plot.curve_family import plot_family
 from symmb.plot.curves import Band, PlottedBounds, family
+from symmb.plot.drawn import OverTime, OverTimeBesideGiven, ThreeDiagrams
 from symmb.plot.fit import plot_fit
-from symmb.plot.layout import MOST_PANELS, PICTURES, columns_of, finish, labels, png, save
+from symmb.plot.layout import MOST_PANELS, PICTURES, columns_of, finish, labels, narrow_png, png, save
 from symmb.plot.root_locus import plot_root_locus
 from symmb.plot.stability import plot_stability
 from symmb.plot.trajectory import plot_trajectory

@@ -1,7 +1,6 @@
 """Pictures of bounds over time."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,23 +10,16 @@ from symmb.plot.colours import BAND_COLOUR, RUN_COLOUR, colour_of
 from symmb.plot.curves import Band, PlottedBounds
 from symmb.plot.layout import (
     DASHES,
-    HEAD_HEIGHT,
     MOST_PANELS,
-    ROW_HEIGHT,
     abscissa,
     along,
+    axes_in,
     cyclic,
     flatten,
-    given_panels,
-    labels,
-    n_rows,
-    new_figure,
-    new_panels,
-    own_legend,
-    root,
+    legends,
+    outputs_of,
+    panels_over_time,
     rounding,
-    save,
-    shared_legend,
 )
 
 if TYPE_CHECKING:
@@ -52,10 +44,9 @@ def plot_bounds(
     inner: tuple[Array, Array] | None = None,
     nominal: Array | None = None,
     deviation: bool = False,
-    path: str | Path | None = None,
     ax: "GivenAxes | None" = None,
 ) -> "Figure":
-    """Bounds over time, one panel an output; see `plot_comparison` for t, names, units, path and ax.
+    """Bounds over time, one panel an output; see `plot_comparison` for t, names, units and ax.
 
     Parameters
     ----------
@@ -67,18 +58,21 @@ def plot_bounds(
     deviation                          draw deviations from the nominal run
     """
     least = rounding(np.stack([band.lower, band.upper]), units)
-    every = range(len(names) if ax is not None else min(len(names), MOST_PANELS))
-    shown = [*every] if chosen is None else [*chosen]
-    own_names, own_units = _own_labels(names, units, shown, deviation)
+    shown, own_names, own_units = outputs_of(names, units, chosen, MOST_PANELS if ax is None else None)
+    if deviation:
+        own_names = [f"{name} − nominal" for name in own_names]
+    is_part = chosen is None and len(shown) < len(names)
+    title = f"the first {len(shown)} of {len(names)} outputs" if is_part else None
     origin = nominal if deviation and nominal is not None else np.zeros_like(band.lower)
     colour = colour_of(family)
-    pairs = _pairs(band, outer, inner)
-    if ax is None:
-        figure = new_figure(HEAD_HEIGHT + 0.2 + ROW_HEIGHT * n_rows(len(shown)))
-        panels = new_panels(figure, t, labels(own_names, own_units))
-    else:
-        panels = given_panels("Bounds.plot", ax, t, own_names, own_units)
-        figure = root(panels[0])
+    pairs: list[tuple[tuple[Array, Array], str | None, dict[str, Any]]] = [
+        ((band.lower, band.upper), None, {"linewidth": 1.1})
+    ]
+    if outer is not None:
+        pairs.append((outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}))
+    if inner is not None:
+        pairs.append((inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}))
+    figure, panels = panels_over_time("Bounds.plot", ax, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
         low, high = (along(t, end[:, i] - origin[:, i]) for end in (band.lower, band.upper))
         axes.fill_between(abscissa(t), low, high, color=colour, alpha=_TINT, linewidth=0, label=band.label)
@@ -88,36 +82,9 @@ def plot_bounds(
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])
             axes.plot(abscissa(t), run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")
-        if ax is not None:
-            own_legend(axes)
     flatten(panels, least[shown])
-    if ax is None:
-        shared_legend(figure, panels)
-        if chosen is None and len(shown) < len(names):
-            figure.suptitle(f"the first {len(shown)} of {len(names)} outputs", fontsize=10)
-    return save(figure, path)
-
-
-def _own_labels(
-    names: Sequence[str], units: Sequence[str], shown: Sequence[int], deviation: bool
-) -> tuple[list[str], list[str]]:
-    """Names and units of the panels."""
-    own = [f"{names[i]} − nominal" if deviation else names[i] for i in shown]
-    return own, [units[i] for i in shown] if units else []
-
-
-def _pairs(
-    band: Band, outer: tuple[Array, Array] | None, inner: tuple[Array, Array] | None
-) -> list[tuple[tuple[Array, Array], str | None, dict[str, Any]]]:
-    """Lower and upper (n_t, n_y) of what is drawn, labels, and styles of lines."""
-    pairs: list[tuple[tuple[Array, Array], str | None, dict[str, Any]]] = [
-        ((band.lower, band.upper), None, {"linewidth": 1.1})
-    ]
-    if outer is not None:
-        pairs.append((outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}))
-    if inner is not None:
-        pairs.append((inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}))
-    return pairs
+    legends(figure, panels, ax)
+    return figure
 
 
 def draw_bounds(
@@ -159,9 +126,12 @@ def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[f
     return float(bottom - margin), float(top + margin)
 
 
-def add_limits(figure: "Figure", limits: Sequence[tuple[float, float]]) -> None:
-    """Draw limits (low, high) as lines, one pair for each panel of a picture; infinite ones are left out."""
-    for axes, ends in zip(figure.axes, limits, strict=False):
+def add_limits(figure: "Figure", ax: "GivenAxes | None", limits: Sequence[tuple[float, float]]) -> None:
+    """Draw limits (low, high) as lines, one pair for each panel of a picture, or for each of the caller's axes.
+
+    Infinite ones are left out.
+    """
+    for axes, ends in zip(figure.axes if ax is None else axes_in("LimitCheck.plot", ax), limits, strict=False):
         for end in ends:
             if np.isfinite(end):
                 axes.axhline(end, color="#d1495b", linestyle="--", linewidth=1.2)

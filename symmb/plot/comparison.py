@@ -1,7 +1,6 @@
 """The picture of a comparison: bounds over time, and error against run time."""
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,15 +22,15 @@ from symmb.plot.layout import (
     ROW_HEIGHT,
     axes_in,
     cyclic,
-    given_panels,
     labels,
+    legends,
     n_rows,
     new_figure,
     new_panels,
-    own_legend,
+    outputs_of,
+    panels_over_time,
     plain,
     root,
-    save,
     shared_legend,
     style_axes,
 )
@@ -54,7 +53,6 @@ def plot_comparison(
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
     title: str = "",
-    path: str | Path | None = None,
     ax: "GivenAxes | None" = None,
 ) -> "Figure":
     """Bounds over time above, mean error against run time below.
@@ -72,14 +70,21 @@ def plot_comparison(
     chosen : columns        of the outputs to draw; default: those with the largest errors
     ax : optional           the caller's axes, to draw in: one an output for bounds over time; a single one without
                             chosen outputs takes the errors
-    path : optional         where to write the picture; the suffix decides the format
     """
     families: dict[str, list[PlottedBounds]] = {}
     for curve in curves:
         families.setdefault(curve.family, []).append(curve)
     best = [min(group, key=lambda curve: largest_error(curve, measured)) for group in families.values()]
     if ax is not None:
-        return save(_drawn_into(ax, t, names, units, reference, families, best, chosen, measured, uncertainty), path)
+        panels = axes_in("Comparison.plot", ax)
+        if chosen is None and len(panels) == 1:
+            _draw_errors(panels[0], list(families.values()), measured, uncertainty)
+            return root(panels[0])
+        shown, own_names, own_units = outputs_of(names, units, chosen)
+        figure, panels = panels_over_time("Comparison.plot", panels, t, own_names, own_units)
+        draw_bounds(panels, t, shown, reference, best, units)
+        legends(figure, panels, ax)
+        return figure
     shown = hardest_outputs(curves, measured) if chosen is None else [*chosen]
     n_legend = -(-(len(families) + 1) // 3)
     heights = [HEAD_HEIGHT + 0.2 * n_legend + ROW_HEIGHT * n_rows(len(shown)), DIAGRAM_HEIGHT]
@@ -93,33 +98,7 @@ def plot_comparison(
     part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if is_part else ""
     above.suptitle(plain(": ".join(filter(None, [title, part]))), fontsize=10)
     _draw_errors(below.subplots(), list(families.values()), measured, uncertainty)
-    return save(figure, path)
-
-
-def _drawn_into(
-    ax: "GivenAxes",
-    t: Array,
-    names: Sequence[str],
-    units: Sequence[str],
-    reference: Band,
-    families: Mapping[str, Sequence[PlottedBounds]],
-    best: Sequence[PlottedBounds],
-    chosen: Sequence[int] | None,
-    measured: npt.NDArray[np.bool_],
-    uncertainty: Array,
-) -> "Figure":
-    """The picture, or a part of it, in the caller's axes."""
-    panels = axes_in("Comparison.plot", ax)
-    if chosen is None and len(panels) == 1:
-        _draw_errors(panels[0], list(families.values()), measured, uncertainty)
-        return root(panels[0])
-    shown = range(len(names)) if chosen is None else chosen
-    own_units = [units[i] for i in shown] if units else []
-    panels = given_panels("Comparison.plot", panels, t, [names[i] for i in shown], own_units)
-    draw_bounds(panels, t, shown, reference, best, units)
-    for axes in panels:
-        own_legend(axes)
-    return root(panels[0])
+    return figure
 
 
 def _draw_errors(

@@ -1,28 +1,13 @@
 """Pictures of what parameters contribute to widths."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symmb._types import Array
 from symmb.plot.colours import COLOURS
-from symmb.plot.layout import (
-    HEAD_HEIGHT,
-    MOST_PANELS,
-    ROW_HEIGHT,
-    abscissa,
-    along,
-    cyclic,
-    labels,
-    n_rows,
-    new_figure,
-    new_panels,
-    plain,
-    save,
-    shared_legend,
-)
+from symmb.plot.layout import MOST_PANELS, abscissa, along, cyclic, outputs_of, panels_over_time, plain, shared_legend
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,16 +24,14 @@ def plot_contributions(
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
     row: int | None = None,
-    path: str | Path | None = None,
 ) -> "Figure":
     """Widths alone (n_t, n_y, n_p) stacked over time below that of all, (n_t, n_y), one panel an output; at the time
     of a row, or if there is one time only, bars of alone and saved.
     """
-    columns = [*range(min(len(names), MOST_PANELS))] if chosen is None else [*chosen]
-    titles = labels([names[k] for k in columns], [units[k] for k in columns] if units else [])
-    figure = new_figure(HEAD_HEIGHT + ROW_HEIGHT * n_rows(len(columns)))
+    columns, names, units = outputs_of(names, units, chosen, MOST_PANELS)
     row = 0 if len(t) == 1 else row
-    panels = new_panels(figure, t if row is None else np.zeros(1), titles)
+    abscissae = t if row is None else np.zeros(1)
+    figure, panels = panels_over_time("Contributions.plot", None, abscissae, names, units)
     for axes, k in zip(panels, columns, strict=True):
         if row is None:
             colours = [cyclic(COLOURS, p) for p in range(len(parameters))]
@@ -64,4 +47,4 @@ def plot_contributions(
         axes.set_xticks(at, [*map(plain, parameters)])
         axes.set_xlabel("")
     shared_legend(figure, panels)
-    return save(figure, path)
+    return figure

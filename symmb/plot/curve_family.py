@@ -1,29 +1,11 @@
 """The picture of several curves for each output."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from symmb._types import Array
 from symmb.plot.colours import COLOURS
-from symmb.plot.layout import (
-    HEAD_HEIGHT,
-    ROW_HEIGHT,
-    abscissa,
-    along,
-    flatten,
-    given_panels,
-    labels,
-    n_rows,
-    new_figure,
-    new_panels,
-    own_legend,
-    plain,
-    root,
-    rounding,
-    save,
-    shared_legend,
-)
+from symmb.plot.layout import abscissa, along, flatten, legends, outputs_of, panels_over_time, rounding
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,7 +18,6 @@ def plot_family(
     curves: Array,
     names: Sequence[str],
     curve_names: Sequence[str],
-    path: str | Path | None = None,
     *,
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
@@ -51,27 +32,16 @@ def plot_family(
     """
     from matplotlib import colormaps
 
-    columns = [*range(len(names))] if chosen is None else [*chosen]
-    least = rounding(curves, units)[columns]
-    names, units = [names[i] for i in columns], [units[i] for i in columns] if units else []
+    columns, own_names, own_units = outputs_of(names, units, chosen)
     N = len(curves)
     few = N <= len(COLOURS)
     shades = COLOURS if few else [colormaps["viridis"](0.9 * k / (N - 1)) for k in range(N)]
     named = {*range(N)} if few else {0, N // 2, N - 1}
-    if ax is None:
-        figure = new_figure(HEAD_HEIGHT + ROW_HEIGHT * n_rows(len(names)))
-        panels = new_panels(figure, t, labels(names, units))
-        figure.suptitle(plain(title), fontsize=10)
-    else:
-        panels = given_panels(owner, ax, t, names, units)
-        figure = root(panels[0])
+    figure, panels = panels_over_time(owner, ax, t, own_names, own_units, title=title)
     for axes, i in zip(panels, columns, strict=True):
         for k in range(N):
             label = curve_names[k] if k in named else None
             axes.plot(abscissa(t), along(t, curves[k, :, i]), color=shades[k], linewidth=1.2, label=label)
-    flatten(panels, least)
-    if ax is None:
-        shared_legend(figure, panels)
-    else:
-        own_legend(panels[0])
-    return save(figure, path)
+    flatten(panels, rounding(curves, units)[columns])
+    legends(figure, panels[:1], ax)
+    return figure

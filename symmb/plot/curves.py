@@ -2,12 +2,8 @@
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from symmb._types import Array
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,21 @@ import io
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import numbers_of, require_names, shown
+from symmb._table import is_timeless
 from symmb._types import Array
 from symmb.files import replacement, require_suffix
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
+    from matplotlib.legend import Legend
 
     GivenAxes = Axes | Sequence[Axes] | np.ndarray
     """The axes that a caller wants a picture in: one, or one an output."""
@@ -30,6 +33,9 @@ MOST_PANELS = 6
 """Most outputs whose bounds are drawn: more panels are too small to read."""
 WIDTH, ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 10.0, 1.8, 0.3, 3.8
 """Width of a figure, and heights of a row of panels, of the title and of a diagram [inch]."""
+_NARROW, _LINE = (4.2, 2.4), 50
+"""Width and height [inch] of a picture of one panel without its legend, for telephones, and characters of its lines."""
+_LEGEND_COLUMNS = 3
 DPI = 150
 """Resolution of saved pictures [1/inch]: sharp at the width of a text column."""
 MARKERS = "osD^vPX*"
@@ -64,6 +70,29 @@ def png(figure: "Figure") -> bytes:
     file = io.BytesIO()
     figure.savefig(file, format="png")
     return file.getvalue()
+
+
+def narrow_png(figure: "Figure") -> bytes:
+    """A figure of one panel as a PNG file that is legible at the width of a telephone, whatever its legend needs."""
+    figure.set_size_inches(*_NARROW)
+    for axes in figure.axes:
+        _entitle(axes, "\n".join(wrap(axes.get_title(loc="left"), _LINE)))
+    below = sum(_fitted(figure, legend) for legend in [*figure.legends])
+    figure.set_size_inches(_NARROW[0], _NARROW[1] + below)
+    return png(figure)
+
+
+def _fitted(figure: "Figure", legend: "Legend") -> float:
+    """Give the legend so few columns and so short lines that it fits into the figure; its height [inch]."""
+    canvas: Any = figure.canvas
+    handles, texts = legend.legend_handles, ["\n".join(wrap(text.get_text(), _LINE)) for text in legend.get_texts()]
+    columns, extent = _LEGEND_COLUMNS, legend.get_window_extent(canvas.get_renderer())
+    while extent.width > figure.bbox.width and columns > 1:
+        legend.remove()
+        columns -= 1
+        legend = _add_legend(figure, handles, texts, columns)
+        extent = legend.get_window_extent(canvas.get_renderer())
+    return extent.height / figure.dpi
 
 
 def _shown(figure: "Figure") -> tuple[bytes, dict[str, int]]:
@@ -149,15 +178,19 @@ def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list["A
     for axes in grid[len(titles) :]:
         axes.set_visible(False)
     for i, (axes, title) in enumerate(zip(grid, titles, strict=False)):
-        axes.set_title(plain(title), fontsize=9, loc="left", fontweight="bold", pad=3)
+        _entitle(axes, plain(title))
         _over_time(axes, t)
         axes.grid(color="#e3e7eb", linewidth=0.6)
         axes.ticklabel_format(useOffset=False)
         style_axes(axes)
         if i + columns >= len(titles):
-            axes.set_xlabel("time [s]", fontsize=8)
+            axes.set_xlabel(_time_label(t), fontsize=8)
             axes.tick_params(labelbottom=True)
     return list(grid[: len(titles)])
+
+
+def _entitle(axes: "Axes", title: str) -> None:
+    axes.set_title(title, fontsize=9, loc="left", fontweight="bold", pad=3)
 
 
 def given_panels(
@@ -177,11 +210,67 @@ def given_panels(
         own = [k for k, panel in enumerate(panels) if panel is axes]
         if not axes.has_data():
             _over_time(axes, t)
-        axes.set_xlabel("time [s]")
+        axes.set_xlabel(_time_label(t))
         shared = {units[k] if units else "" for k in own}
         text = texts[own[0]] if len(own) == 1 else f"[{shared.pop()}]" if len(shared) == 1 and shared != {""} else ""
         axes.set_ylabel(plain(text))
     return panels
+
+
+def outputs_of(
+    names: Sequence[str], units: Sequence[str], chosen: Sequence[int] | None, most: int | None = None
+) -> tuple[list[int], list[str], list[str]]:
+    """Columns of the outputs to draw, their names and their units; by default the first ones, or all."""
+    columns = [*range(len(names))][:most] if chosen is None else [*chosen]
+    return columns, [names[i] for i in columns], [units[i] for i in columns] if units else []
+
+
+def panels_over_time(
+    owner: str,
+    ax: "GivenAxes | None",
+    t: Array,
+    names: Sequence[str],
+    units: Sequence[str],
+    *,
+    title: str | None = None,
+    room: float = 0.0,
+    overlay: bool = False,
+) -> tuple["Figure", list["Axes"]]:
+    """A new figure with one panel an output and room for a legend [inch], or that of the caller's axes; and its panels.
+
+    See `given_panels` for owner and overlay.
+    """
+    if ax is not None:
+        panels = given_panels(owner, ax, t, names, units, overlay=overlay)
+        return root(panels[0]), panels
+    figure = new_figure(HEAD_HEIGHT + room + ROW_HEIGHT * n_rows(len(names)))
+    if title is not None:
+        figure.suptitle(plain(title), fontsize=10)
+    return figure, new_panels(figure, t, labels(names, units))
+
+
+def three_diagrams(owner: str, ax: "GivenAxes | None", room: float) -> tuple["Figure", list["Axes"]]:
+    """A new figure with three diagrams and room for a legend [inch], or that of up to three axes of the caller."""
+    if ax is None:
+        figure = new_figure(DIAGRAM_HEIGHT + room)
+        return figure, list(figure.subplots(1, 3))
+    panels = axes_in(owner, ax)
+    if len(panels) > 3:
+        raise DeclarationError(f"{owner}: there are three diagrams, got {len(panels)} axes.")
+    return root(panels[0]), panels
+
+
+def finish_diagrams(
+    figure: "Figure", panels: Sequence["Axes"], ax: "GivenAxes | None", title: str, columns: int
+) -> None:
+    """The style of diagrams, and the title and legend of a new figure, or a legend in the caller's axes."""
+    for axes in panels:
+        style_axes(axes)
+        axes.grid(alpha=0.25)
+    if ax is not None:
+        return own_legend(panels[0])
+    _add_legend(figure, *panels[0].get_legend_handles_labels(), columns)
+    figure.suptitle(plain(title), fontsize=10)
 
 
 def axes_in(owner: str, ax: "GivenAxes") -> list["Axes"]:
@@ -202,7 +291,11 @@ def root(axes: "Axes") -> "Figure":
 def _over_time(axes: "Axes", t: Array) -> None:
     axes.set_xlim(*abscissa(t)[[0, -1]])
     if len(t) == 1:
-        axes.set_xticks(t)
+        axes.set_xticks([] if is_timeless(t) else t)
+
+
+def _time_label(t: Array) -> str:
+    return "" if is_timeless(t) else "time [s]"
 
 
 def plain(text: str) -> str:
@@ -242,7 +335,19 @@ def cyclic(styles: Sequence[Any], k: int) -> Any:
 def shared_legend(figure: "FigureBase", panels: Sequence["Axes"]) -> None:
     """One legend of all panels, which is that of the first."""
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, [*map(plain, labels)], loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    _add_legend(figure, handles, [*map(plain, labels)], _LEGEND_COLUMNS)
+
+
+def _add_legend(figure: "FigureBase", handles: Sequence[Any], texts: Sequence[str], columns: int) -> "Legend":
+    return figure.legend(handles, texts, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
+
+
+def legends(figure: "FigureBase", panels: Sequence["Axes"], ax: "GivenAxes | None") -> None:
+    """One legend of a new figure, or one in each of the caller's axes."""
+    if ax is None:
+        return shared_legend(figure, panels)
+    for axes in panels:
+        own_legend(axes)
 
 
 def own_legend(axes: "Axes") -> None:

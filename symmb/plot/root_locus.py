@@ -2,15 +2,13 @@
 
 from collections.abc import Mapping
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.plot.colours import COLOURS, RUN_COLOUR
-from symmb.plot.layout import DIAGRAM_HEIGHT, axes_in, cyclic, new_figure, own_legend, plain, root, save, style_axes
+from symmb.plot.layout import cyclic, finish_diagrams, plain, three_diagrams
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,13 +25,12 @@ def plot_root_locus(
     eigenvalues: Array,
     curves: Mapping[str, Array],
     bands: Mapping[str, tuple[Array, Array]],
-    path: str | Path | None = None,
     *,
     parameter: str = "",
     title: str = "",
     ax: "GivenAxes | None" = None,
 ) -> "Figure":
-    """Eigenvalues in the complex plane, and frequency and damping over a parameter; see `plot_comparison` for path.
+    """Eigenvalues in the complex plane, and frequency and damping over a parameter.
 
     Parameters
     ----------
@@ -43,14 +40,7 @@ def plot_root_locus(
     bands : the same -> lower and upper (n, k); may be empty
     ax : the caller's axes             up to three, one for each of these diagrams in this order
     """
-    if ax is None:
-        figure = new_figure(DIAGRAM_HEIGHT + 0.4)
-        panels = list(figure.subplots(1, 3))
-    else:
-        panels = axes_in("RootLocus.plot", ax)
-        figure = root(panels[0])
-        if len(panels) > 3:
-            raise DeclarationError(f"RootLocus.plot: there are three diagrams, got {len(panels)} axes.")
+    figure, panels = three_diagrams("RootLocus.plot", ax, 0.4)
     _draw_plane(panels[0], eigenvalues, curves, bands)
     texts = (("f", "frequency [Hz]"), ("zeta", "damping [-]"))
     for axes, (name, label) in zip(panels[1:], texts, strict=False):  # the caller may have fewer axes
@@ -63,16 +53,8 @@ def plot_root_locus(
         axes.set(xlabel=plain(parameter), ylabel=label, xlim=(values[0], values[-1]))
     for axes in panels[2:]:
         axes.axhline(0.0, color=RUN_COLOUR, linewidth=0.6)
-    for axes in panels:
-        style_axes(axes)
-        axes.grid(alpha=0.25)
-    if ax is None:
-        shown = panels[0].get_legend_handles_labels()
-        figure.legend(*shown, loc="outside lower center", ncols=6, fontsize=8, frameon=False)
-        figure.suptitle(plain(f"{title}: from {parameter} = {values[0]:g} (o) to {values[-1]:g} (x)"), fontsize=10)
-    else:
-        own_legend(panels[0])
-    return save(figure, path)
+    finish_diagrams(figure, panels, ax, f"{title}: from {parameter} = {values[0]:g} (o) to {values[-1]:g} (x)", 6)
+    return figure
 
 
 def _draw_plane(

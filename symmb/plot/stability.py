@@ -1,28 +1,21 @@
 """The picture of a stability study: error against run time, drift over time, errors under stress."""
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.plot.colours import colour_of
 from symmb.plot.layout import (
     DASHES,
-    DIAGRAM_HEIGHT,
     LARGEST_ERROR,
     LEAST_ERROR,
     MARKERS,
-    axes_in,
     cyclic,
-    new_figure,
-    own_legend,
+    finish_diagrams,
     plain,
-    root,
-    save,
-    style_axes,
+    three_diagrams,
 )
 
 if TYPE_CHECKING:
@@ -37,12 +30,11 @@ def plot_stability(
     points: Mapping[str, Sequence[tuple[float, float]]],
     drift: Mapping[str, Array],
     stress: Mapping[str, Mapping[str, float]],
-    path: str | Path | None = None,
     *,
     title: str = "",
     ax: "GivenAxes | None" = None,
 ) -> "Figure":
-    """Error against run time, drift of positions over time, and errors under stress; see `plot_comparison` for path.
+    """Error against run time, drift of positions over time, and errors under stress.
 
     Parameters
     ----------
@@ -51,14 +43,7 @@ def plot_stability(
     stress : solver -> what was done to the scene -> error
     ax : the caller's axes     up to three, one for each of these diagrams in this order
     """
-    if ax is None:
-        figure = new_figure(DIAGRAM_HEIGHT + 0.8)
-        panels = list(figure.subplots(1, 3))
-    else:
-        panels = axes_in("Stability.plot", ax)
-        figure = root(panels[0])
-        if len(panels) > 3:
-            raise DeclarationError(f"Stability.plot: there are three diagrams, got {len(panels)} axes.")
+    figure, panels = three_diagrams("Stability.plot", ax, 0.8)
     over_time = {name: (t, values) for name, values in drift.items()}
     diagrams: list[tuple[Callable[..., None], Any]] = [
         (_draw_errors, points),
@@ -69,15 +54,8 @@ def plot_stability(
         for k, name in enumerate(points):
             style = {"color": colour_of(name), "linestyle": cyclic(DASHES, k), "linewidth": 1.1, "label": plain(name)}
             draw(axes, values.get(name, {}), cyclic(MARKERS, k), style)
-        style_axes(axes)
-        axes.grid(alpha=0.25)
-    if ax is None:
-        shown = panels[0].get_legend_handles_labels()
-        figure.legend(*shown, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-        figure.suptitle(plain(title), fontsize=10)
-    else:
-        own_legend(panels[0])
-    return save(figure, path)
+    finish_diagrams(figure, panels, ax, title, 4)
+    return figure
 
 
 def _draw_errors(axes: "Axes", points: Sequence[tuple[float, float]], marker: str, style: dict[str, Any]) -> None:

@@ -1,7 +1,6 @@
 """Legendre expansions of the responses, and their mean, variance and Sobol indices."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -79,7 +78,7 @@ class Expansion:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Moments:
+class Moments(files.Saved):
     """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
     intervals.
 
@@ -111,27 +110,6 @@ class Moments:
     variance: Array
     first: Array
     total: Array
-
-    def save(self, path: str | Path) -> None:
-        """Write an .npz or .json file.
-
-        Raises
-        ------
-        DeclarationError
-            If the name has another suffix.
-        """
-        files.save(path, vars(self))
-
-    @classmethod
-    def load(cls, path: str | Path) -> "Moments":
-        """Read an .npz or .json file of ``save``.
-
-        Raises
-        ------
-        DeclarationError
-            If the file is damaged or has other contents.
-        """
-        return files.load(path, "saved Moments", cls._of_record)
 
     @classmethod
     def _of_record(cls, record: files.Record) -> "Moments":

@@ -43,8 +43,8 @@ def _versions() -> str:
 def seed(method: str) -> str:
     """The seed of the method that has this text, '' if it takes none."""
     kinds = {type(example).__name__: type(example) for entry in METHODS for example in entry.examples}
-    given = re.search(r"\bseed=(\d+)", method)
-    return given[1] if given else str(getattr(kinds.get(method.partition("(")[0]), "seed", ""))
+    match = re.search(r"\bseed=(\d+)", method)
+    return match[1] if match else str(getattr(kinds.get(method.partition("(")[0]), "seed", ""))
 
 
 def called(*texts: str) -> str:

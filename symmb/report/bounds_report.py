@@ -1,6 +1,6 @@
 """The report of bounds."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError, SymmbError
-from symmb.bounds import Bounds, Contributions, LimitCheck, Study
+from symmb.bounds import Bounds, Contributions, LimitCheck, Limits, Study
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
@@ -22,9 +22,9 @@ from symmb.simulation import DAESimulator, simulate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NO_CONTRIBUTIONS = "The polynomials of the study do not show them: `bounds.contributions()` takes further runs."
+_NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
+_ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
 _AT_MARGIN = "Outputs with limits: at the time of their least margin. Others: where they are widest."
-Limits = Mapping[str, tuple[float | None, float | None]]
 
 
 def write_bounds(
@@ -50,21 +50,25 @@ def write_bounds(
 def _parts(
     bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
 ) -> Iterator[str]:
-    scene = _scene(bounds)
+    prepared = _prepared(bounds)
+    scene = None if prepared is None else prepared.scene
     yield document.warnings(bounds.doubts, bounds.remarks)
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
-        yield section("Limits", check._repr_html_(), *worst, style="limits")
+        drawn = _pictures([limit.output for limit in check.limits], lambda name: check.plot(outputs=name))
+        yield section("Limits", check._tabulated(), drawn, *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
-    cases = _told(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
-    yield section("Worst cases", cases, _told(lambda: _motion(bounds, scene, check)) if scene else "")
-    if bounds.range_of:  # other methods would be followed by a study of their own
-        shares = _told(lambda: _contributions(bounds, check, contributions))
+    cases = _part_or_reason(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
+    yield section("Worst cases", cases, _part_or_reason(lambda: _motion(bounds, scene, check)) if scene else "")
+    if bounds.range_of or contributions is not None:  # other methods would be followed by a study of their own
+        asked = _ASKED_BY_COMMAND if command else _ASKED
+        shares = _part_or_reason(lambda: _contributions(bounds, check, contributions, asked))
         yield section("What each parameter contributes", shares, style="contributions")
-    yield section("Curves", html.picture(plot.png(_curves(bounds, check))))
-    if scene is not None:
+    yield section("Curves", _curves(bounds, check))
+    if prepared is not None and scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
-        yield section("The mechanism", at_start, _told(lambda: html.picture(start_picture(scene))), style="still")
+        start = _part_or_reason(lambda: html.picture(start_picture(prepared)))
+        yield section("The mechanism", at_start, start, style="still")
         equations = f"{scene.system}\n\n{equations_text(scene.system, 'system.latex()')}".rstrip()
         yield document.folded("Equations", equations)
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
@@ -78,27 +82,32 @@ def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
     return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
 
 
-def _curves(bounds: Bounds, check: LimitCheck | None) -> "Figure":
-    shown = _shown(bounds, check)
-    if check is None or len(shown) == len(bounds.names):
-        return bounds.plot()
-    return bounds.plot(outputs=[bounds.names[k] for k in shown], title=f"{len(shown)} of {len(bounds.names)} outputs")
+def _pictures(names: Sequence[str], draw: Callable[[str], "Figure"]) -> str:
+    """One picture an output: a wide one with many panels could not be read on a telephone."""
+    return document.pictures((name, plot.narrow_png(draw(name))) for name in names)
 
 
-def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None) -> str:
+def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
+    shown = [bounds.names[k] for k in _shown(bounds, check)]
+    part = f"{len(shown)} of {len(bounds.names)} outputs." if len(shown) < len(bounds.names) else ""
+    return (document.note(part) if part else "") + _pictures(shown, lambda name: bounds.plot(outputs=name))
+
+
+def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None, asked: str) -> str:
     """Those that are known, or those of the polynomials of the study; at the least margin of outputs with limits."""
     if known is None and bounds._contributions_take_runs():
-        return document.note(_NO_CONTRIBUTIONS)
-    found, shown = known or bounds.contributions(), _shown(bounds, check)
+        return document.note(_NO_CONTRIBUTIONS.format(asked))
+    shares, shown = known or bounds.contributions(), _shown(bounds, check)
     rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
     notes = [_AT_MARGIN] if rows else []
     if left := len(bounds.names) - len(shown):
         notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
     order = shown if left else range(len(bounds.names))
-    return "".join(map(document.note, notes)) + found.some_as_html(order, rows)
+    drawn = _pictures([bounds.names[k] for k in shown], lambda name: shares.plot(outputs=name))
+    return "".join(map(document.note, notes)) + shares.some_as_html(order, rows) + drawn
 
 
-def _told(part: Callable[[], str]) -> str:
+def _part_or_reason(part: Callable[[], str]) -> str:
     """A part, or why there is none: a run may not come again."""
     try:
         return part()
@@ -113,10 +122,10 @@ def _title(bounds: Bounds) -> str:
     return f"Bounds of {simulator.name if isinstance(simulator, DAESimulator) else repr(simulator)}"
 
 
-def _scene(bounds: Bounds) -> Scene | None:
-    """The scene of bounds that hold one."""
+def _prepared(bounds: Bounds) -> DAESimulator | None:
+    """The prepared scene of bounds that hold one."""
     simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
-    return simulator.scene if isinstance(simulator, DAESimulator) else None
+    return simulator if isinstance(simulator, DAESimulator) else None
 
 
 def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:

@@ -20,7 +20,7 @@ def _parts(comparison: Comparison, command: str) -> Iterator[str]:
     yield document.warnings(comparison.doubts)
     yield section("Methods", comparison._repr_html_())
     methods = [row.name for row in comparison.rows]
-    seeds = [f"{found} of {name}" for name in methods if (found := seed(name))]
+    seeds = [f"{number} of {name}" for name in methods if (number := seed(name))]
     settings = [
         ("methods", ", ".join(methods)),
         ("seeds", ", ".join(seeds)),

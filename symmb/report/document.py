@@ -35,6 +35,8 @@ iframe { display: block; width: 100%; height: 560px; margin: 8px 0; border: 1px 
 details { margin: 28px 0 0; } summary { cursor: pointer; font-weight: 600; font-size: 18px; }
 .printed { display: none; } .limits pre { font-weight: 600; font-size: 15px; }
 .still img { max-height: 440px; width: auto !important; }
+.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 330px), 1fr)); gap: 6px 14px; }
+figure { margin: 0; break-inside: avoid; } figure img { width: 100% !important; max-width: 560px !important; }
 .contributions table { display: inline-table; margin-right: 28px; vertical-align: top; }
 @media (max-width: 640px) { body { padding: 12px 14px 32px; } th, td { padding: 3px 6px; } iframe { height: 640px; } }
 @media print { body { max-width: none; padding: 0; font-size: 10pt; print-color-adjust: exact; }
@@ -74,6 +76,12 @@ def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
 def note(text: str) -> str:
     """A sentence about what stands beside it."""
     return f'<p class="note">{escape(text)}</p>'
+
+
+def pictures(files: Iterable[tuple[str, bytes]]) -> str:
+    """PNG files with what they show in words, as many beside each other as are legible."""
+    figures = "".join(f"<figure>{html.picture(png, shown)}</figure>" for shown, png in files)
+    return f'<div class="pictures">{figures}</div>'
 
 
 def moving(page: str, png: bytes) -> str:

@@ -2,18 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
-from symmb._names import counted, did_you_mean
-from symmb._options import shown
-from symmb._table import aligned
+from symmb._names import counted
+from symmb._options import require_name, shown
+from symmb._table import over_times
 from symmb._types import Array, Expr
 from symmb.black_boxes import Jets, Simulator
 from symmb.integrate import Solver
@@ -21,16 +19,15 @@ from symmb.model import Scene
 from symmb.simulation.subject import chosen_parameters, simulator_for
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivities(Result, files.Saved):
+class Sensitivities(plot.OverTime, Result, files.Saved):
     """dy/dp of outputs y over time at the nominal values of parameters p.
 
-    `found["x", "k"]` gives one of them (n_t,). `print` shows the largest ones, `plot` draws them, `save` and `load`
-    keep them.
+    `slopes["x", "k"]` gives one of them (n_t,). `print` shows the largest ones. `plot` draws the change of outputs
+    for 1 % of each parameter. `save` and `load` keep them.
 
     Attributes
     ----------
@@ -54,8 +51,8 @@ class Sensitivities(Result, files.Saved):
     >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
     >>> system = mb.System(bob, spring, parameters=p)
     >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
-    >>> found = mb.sensitivities(scene)
-    >>> found["x", "k"].round(4)
+    >>> slopes = mb.sensitivities(scene)
+    >>> slopes["x", "k"].round(4)
     array([ 0.    , -0.2273,  0.3784])
     """
 
@@ -67,6 +64,8 @@ class Sensitivities(Result, files.Saved):
     run: Array
     values: Array
 
+    _left = (0, 1)
+
     def __getitem__(self, key: tuple[str, str]) -> Array:
         """dy/dp (n_t,) of an output and a parameter."""
         if not isinstance(key, tuple) or len(key) != 2:
@@ -75,8 +74,7 @@ class Sensitivities(Result, files.Saved):
             )
         name, parameter = key
         for what, one, known in (("output", name, self.names), ("parameter", parameter, self.parameters)):
-            if not isinstance(one, str) or one not in known:
-                raise DeclarationError(f"Sensitivities: no {what} {one!r}.{did_you_mean(one, known)}")
+            require_name("Sensitivities", what, one, known)
         return self.values[:, self.names.index(name), [*self.parameters].index(parameter)]
 
     def _head(self) -> str:
@@ -91,56 +89,21 @@ class Sensitivities(Result, files.Saved):
                 slope = self.values[places[j], k, j]
                 numbers = [f"{nominal:g}", f"{slope:.4g}", f"{self.t[places[j]]:.4g}", f"{0.01 * nominal * slope:.2g}"]
                 rows.append([name, parameter, *numbers])
-        return rows
+        return over_times(rows, self.t)
 
-    def __str__(self) -> str:
-        return "\n".join([self._head(), "", *aligned(self._rows(self.names), left=(0, 1))])
-
-    def _repr_html_(self) -> str:
-        rows = self._rows(plot.labels(self.names, self.units))
-        return html.page(
-            html.text(self._head()),
-            html.table(rows, (0, 1)),
-            html.picture(plot.png(self.plot(outputs=self.names[: plot.MOST_PANELS]))),
-        )
-
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        ax: "Axes | Sequence[Axes] | None" = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw the change of outputs over time for 1 % of each parameter; write the picture to `path` if given.
-
-        Parameters
-        ----------
-        outputs : str or list
-            those to draw; default: all
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure, one an output
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
-        """
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
         changes = 0.01 * self.values * np.array(list(self.parameters.values()))
-        figure = plot.plot_family(
+        return plot.plot_family(
             self.t,
             np.moveaxis(changes, -1, 0),
             self.names,
             [*self.parameters],
             units=self.units,
-            chosen=plot.columns_of("Sensitivities.plot", outputs, self.names),
+            chosen=columns,
             title=f"{self.name}: change for 1 % of each parameter",
             owner="Sensitivities.plot",
             ax=ax,
         )
-        return plot.finish(figure, "Sensitivities.plot", path, ax, figsize, title)
-
-    def _record(self) -> dict[str, Any]:
-        return dict(vars(self))
 
     @classmethod
     def _of_record(cls, record: files.Record) -> "Sensitivities":

@@ -1,23 +1,21 @@
 """Runs of a scene or a simulator with several values of its parameters."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
 from symmb._limits import require_memory, require_runs
-from symmb._names import counted, did_you_mean
-from symmb._options import is_finite_number, numbers_of, shown
+from symmb._names import counted
+from symmb._options import is_finite_number, numbers_of, require_name, shown
 from symmb._progress import shown_runs
-from symmb._table import aligned
+from symmb._table import over_times
 from symmb._types import Array, Executor, Expr, Indices, Mask
 from symmb.black_boxes import Progress, Reduction, Samples, Simulator
 from symmb.integrate import Solver
@@ -25,7 +23,6 @@ from symmb.model import Scene
 from symmb.simulation.subject import simulator_for
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
 
@@ -36,10 +33,11 @@ Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(Result, files.Saved):
+class Sweep(plot.OverTime, Result, files.Saved):
     """Runs with several values of parameters.
 
-    `runs["x"]` gives an output of all runs. `print` shows extremes, `plot` draws all runs, `save` and `load` keep them.
+    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs,
+    coloured by the first parameter that varies. `save` and `load` keep them.
 
     Attributes
     ----------
@@ -88,8 +86,7 @@ class Sweep(Result, files.Saved):
 
     def __getitem__(self, name: str) -> Array:
         """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid."""
-        if not isinstance(name, str) or name not in self.names:
-            raise DeclarationError(f"Sweep: no output '{name}'.{did_you_mean(name, self.names)}")
+        require_name("Sweep", "output", name, self.names)
         return self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
 
     @property
@@ -130,54 +127,22 @@ class Sweep(Result, files.Saved):
                 run, i = np.unravel_index(place, values.shape)
                 cells += [f"{values[run, i]:.6g}", f"{self.t[i]:.6g}", f"{np.flatnonzero(self.ok)[run]}"]
             rows.append(cells + ["–"] * (len(rows[0]) - len(cells)))
-        return rows
+        return over_times(rows, self.t)
 
-    def __str__(self) -> str:
-        return "\n".join([self._head(), "", *aligned(self._rows(self.names))])
-
-    def _repr_html_(self) -> str:
-        rows = self._rows(plot.labels(self.names, self.units))
-        return html.page(
-            html.text(self._head()),
-            html.table(rows),
-            html.picture(plot.png(self.plot(outputs=self.names[: plot.MOST_PANELS]))),
-        )
-
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        ax: "Axes | Sequence[Axes] | None" = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw all runs over time, coloured by the first parameter that varies; write the picture to `path` if given.
-
-        Parameters
-        ----------
-        outputs : str or list
-            those to draw; default: all
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure, one an output
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
-        """
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
         by, values = next(iter(self._varied().items()), ("run", np.arange(len(self), dtype=float)))
         order = np.argsort(values, kind="stable")
-        figure = plot.plot_family(
+        return plot.plot_family(
             self.t,
             self.values[order],
             self.names,
             [f"{by} = {values[k]:g}" for k in order],
             units=self.units,
-            chosen=plot.columns_of("Sweep.plot", outputs, self.names),
+            chosen=columns,
             title=self.name,
             owner="Sweep.plot",
             ax=ax,
         )
-        return plot.finish(figure, "Sweep.plot", path, ax, figsize, title)
 
     def _record(self) -> dict[str, Any]:
         return {**vars(self), "doubts": self.doubts}
@@ -281,7 +246,8 @@ def sweep(
         grid[name] = column
     simulator = simulator_for("sweep", scene, solver, times, outputs)
     nominal = simulator.parameters
-    _require_known("sweep", grid, nominal)
+    for name in grid:
+        require_name("sweep", "parameter", name, nominal)
     count = math.prod(map(len, grid.values()))
     require_runs("sweep", count, "Give fewer values.")
     _require_room("sweep", simulator, count)
@@ -301,19 +267,14 @@ def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str)
     for run in runs:
         if not isinstance(run, Mapping):
             raise DeclarationError(f'{owner}: expected values by name, such as {{"l1": 1.02}}, got {shown(run)}.')
-        _require_known(owner, run, nominal)
+        for name in run:
+            require_name(owner, "parameter", name, nominal)
         for name, value in run.items():
             if not is_finite_number(value):
                 raise DeclarationError(f"{owner}: parameter {name!r} is {shown(value)}, which is no finite number.")
     _require_room(owner, simulator, len(runs))
     P = np.array([[float(run.get(name, value)) for name, value in nominal.items()] for run in runs])
     return _of_rows(simulator, P.reshape(len(runs), len(nominal)), {}, owner)
-
-
-def _require_known(owner: str, names: Iterable[object], nominal: Mapping[str, float]) -> None:
-    for name in names:
-        if not isinstance(name, str) or name not in nominal:
-            raise DeclarationError(f"{owner}: no parameter {name!r}.{did_you_mean(name, nominal)}")
 
 
 def _require_room(owner: str, simulator: Simulator, runs: int) -> None:

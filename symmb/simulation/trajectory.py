@@ -12,14 +12,11 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from symmb import _html as html
-from symmb import files
-from symmb import plot as figures
+from symmb import files, plot
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean
 from symmb._options import require_instance
-from symmb._table import aligned
 from symmb._types import Array, Expr
 from symmb.events import Event, event_doubts
 from symmb.formulations import output_function
@@ -32,7 +29,6 @@ from symmb.symbolic import batch
 from symmb.verification import Drift, Energy, Examination, drift, energy, linear_theory_doubts
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _ROUNDING = 1e-12, 1e-30
@@ -41,7 +37,7 @@ _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(Result, files.Saved):
+class Trajectory(plot.OverTime, Result, files.Saved):
     """One run of a scene.
 
     `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
@@ -262,19 +258,11 @@ class Trajectory(Result, files.Saved):
         pulse = f"Steps of {step:.2g} s may pass over a pulse in a law of time: take less than {longest:.2g} s."
         return (*doubts, pulse)
 
-    def __str__(self) -> str:
-        return (
-            "\n".join([self._text, "", *aligned(_extremes(self.t, self.values, self.names))])
-            if self.names
-            else self._text
-        )
+    def _head(self) -> str:
+        return self._text
 
-    def _repr_html_(self) -> str:
-        if not self.names:
-            return html.page(html.text(self._text))
-        picture = html.picture(figures.png(self.plot(outputs=self.names[: figures.MOST_PANELS])))
-        rows = _extremes(self.t, self.values, figures.labels(self.names, self.units))
-        return html.page(html.text(self._text), html.table(rows), picture)
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        return _extremes(self.t, self.values, names)
 
     @cached_property
     def _text(self) -> str:
@@ -343,29 +331,9 @@ class Trajectory(Result, files.Saved):
     def _labelled(self) -> Labelled:
         return labelled(self._record())
 
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        ax: "Axes | Sequence[Axes] | None" = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw outputs over time, all if none are named; write the picture to `path` if given.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure: one for all outputs, or one each
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
-        """
-        chosen = figures.columns_of("Trajectory.plot", outputs, self.names)
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
         values = self.t, self.values, self.names
-        figure = figures.plot_trajectory(*values, units=self.units, chosen=chosen, title=self.name, ax=ax)
-        return figures.finish(figure, "Trajectory.plot", path, ax, figsize, title)
+        return plot.plot_trajectory(*values, units=self.units, chosen=columns, title=self.name, ax=ax)
 
 
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:

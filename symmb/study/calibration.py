@@ -2,19 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Result, texts
-from symmb._names import counted, did_you_mean
-from symmb._options import is_finite_number, numbers_of, require_positive, shown
-from symmb._table import aligned
+from symmb._names import counted
+from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
@@ -36,8 +33,10 @@ _STEPS = 200
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(Result, files.Saved):
+class Calibration(plot.OverTimeBesideGiven, Result, files.Saved):
     """Estimates of parameters from data, and how far they can be trusted.
+
+    `print` shows them, `plot` draws the data and the fitted run, `save` and `load` keep them.
 
     Attributes
     ----------
@@ -83,6 +82,13 @@ class Calibration(Result, files.Saved):
     degrees: int
     undetermined: tuple[str, ...]
     evaluations: int
+
+    _most = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The outputs that have data."""
+        return tuple(self.data)
 
     @property
     def deviations(self) -> dict[str, float]:
@@ -146,7 +152,7 @@ class Calibration(Result, files.Saved):
             ]
         )
 
-    def _rows(self) -> list[list[str]]:
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
         rows = [["parameter", "estimate", "deviation", "share"]]
         for name, size in self.deviations.items():
             value = self.parameters[name]
@@ -154,31 +160,10 @@ class Calibration(Result, files.Saved):
             rows.append([name, f"{value:.6g}", f"{size:.2g}", share])
         return rows
 
-    def __str__(self) -> str:
-        return "\n".join([self._head(), "", *aligned(self._rows())])
-
-    def _repr_html_(self) -> str:
-        return html.page(html.text(self._head()), html.table(self._rows()), html.picture(plot.png(self.plot())))
-
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw the data and the fitted run over time; write the picture to `path` if given.
-
-        Parameters
-        ----------
-        figsize : (width, height)  of the figure [inch]
-        title : str                of the figure
-        """
-        names = [*self.data]
-        chosen = plot.columns_of("Calibration.plot", outputs, names)
-        some = names if chosen is None else [names[k] for k in chosen]
-        figure = plot.plot_fit([(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in some])
-        return plot.finish(figure, "Calibration.plot", path, None, figsize, title)
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+        names = self.names if columns is None else [self.names[k] for k in columns]
+        series = [(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in names]
+        return plot.plot_fit(series, ax)
 
     def _labelled(self) -> Labelled:
         names, series = texts([*self.parameters]), ("value",)
@@ -279,12 +264,12 @@ def calibrate(
     measured = _measured(scene, data)
     times = np.unique(np.concatenate([scene.times[:1], *(t for t, _ in measured.values())]))
     own = scene.with_times(times)
-    given = _noise(noise, measured)
+    known_noise = _noise(noise, measured)
     count = sum(len(values) for _, values in measured.values())
-    if count < len(some) + (not given):
+    if count < len(some) + (not known_noise):
         raise DeclarationError(f"{OWNER}: {count} values cannot determine {len(some)} parameters and the noise.")
     with kept_interrupts():
-        result = _fitted(_Fit(simulator_with(own, solver), some, measured), given, scene.name)
+        result = _fitted(_Fit(simulator_with(own, solver), some, measured), known_noise, scene.name)
     warn_of(result.undetermined, f"{OWNER}: {scene.name}")
     return result
 
@@ -293,10 +278,9 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
     """Times and values of each output that has data."""
     if not isinstance(data, Mapping) or not data:
         raise DeclarationError(f'{OWNER}: data must be values by output, such as {{"x": [...]}}, got {shown(data)}.')
-    found = {}
+    measured = {}
     for name, values in data.items():
-        if name not in scene.output_names:
-            raise DeclarationError(f"{OWNER}: no output {name!r}.{did_you_mean(name, scene.output_names)}")
+        require_name(OWNER, "output", name, scene.output_names)
         pair = isinstance(values, tuple) and len(values) == 2 and np.ndim(values[0]) == 1
         t, y = (numbers_of(part) for part in (values if pair else (scene.times, values)))
         if t is None or y is None or t.ndim != 1 or y.shape != t.shape:
@@ -305,8 +289,8 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
         if fault := _fault(t, y, scene.times[0]):
             raise DeclarationError(f"{OWNER}: {fault.format(name=repr(name))}")
         known = ~np.isnan(y)
-        found[name] = t[known], y[known]
-    return found
+        measured[name] = t[known], y[known]
+    return measured
 
 
 def _fault(t: Array, y: Array, begin: float) -> str:
@@ -375,14 +359,14 @@ class _Fit:
         return np.split(values, np.cumsum(self.counts)[:-1])
 
 
-def _fitted(fit: _Fit, given: Mapping[str, float], name: str) -> Calibration:
+def _fitted(fit: _Fit, known_noise: Mapping[str, float], name: str) -> Calibration:
     nominal = fit.p[fit.columns] / fit.sizes
     if not np.isfinite(fit(nominal)[0]).all():
         raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) tells why.")
-    u, noise = _least_squares(fit, nominal, np.eye(len(nominal)), given)
+    u, noise = _least_squares(fit, nominal, np.eye(len(nominal)), known_noise)
     sizes, directions = _determination(fit, u, noise)
     if not (sizes > 0).all():  # along the others the fit went anywhere
-        u, noise = _least_squares(fit, nominal, directions[sizes > 0], given)
+        u, noise = _least_squares(fit, nominal, directions[sizes > 0], known_noise)
         sizes, directions = _determination(fit, u, noise)
     is_known = sizes > 0
     root = fit.sizes[:, None] * directions[is_known].T / sizes[is_known]
@@ -398,22 +382,22 @@ def _fitted(fit: _Fit, given: Mapping[str, float], name: str) -> Calibration:
         {output: t for output, (t, _) in fit.measured.items()},
         {output: values for output, (_, values) in fit.measured.items()},
         dict(zip(fit.measured, fit.parts(fit(u)[0]), strict=True)),
-        0 if given else len(fit.data) - int(is_known.sum()),
+        0 if known_noise else len(fit.data) - int(is_known.sum()),
         tuple(_undetermined(fit.names, direction) for direction in directions[~is_known]),
         fit.runs,
     )
 
 
-def _least_squares(fit: _Fit, begin: Array, basis: Array, given: Mapping[str, float]) -> tuple[Array, Array]:
+def _least_squares(fit: _Fit, begin: Array, basis: Array, known_noise: Mapping[str, float]) -> tuple[Array, Array]:
     """Shares of the parameters (n_p,), moved from `begin` along the orthonormal rows of a basis, and noise of the
     outputs.
     """
     from scipy.optimize import least_squares
 
     spreads = [np.ptp(part) or np.abs(part).max() or 1.0 for part in fit.parts(fit.data)]
-    noise, u, along = np.array([*given.values()] or spreads), begin, basis @ begin
+    noise, u, along = np.array([*known_noise.values()] or spreads), begin, basis @ begin
     rest = begin - along @ basis
-    for _ in range(1 if given else _ROUNDS):
+    for _ in range(1 if known_noise else _ROUNDS):
         weights = np.repeat(1 / noise, fit.counts)
 
         def residuals(along: Array, weights: Array = weights) -> Array:
@@ -424,14 +408,14 @@ def _least_squares(fit: _Fit, begin: Array, basis: Array, given: Mapping[str, fl
 
         if len(basis):
             tight = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12, "max_nfev": _STEPS}
-            found = least_squares(residuals, along, jac=cast(Any, slopes), **tight)
-            if not found.status:
+            solution = least_squares(residuals, along, jac=cast(Any, slopes), **tight)
+            if not solution.status:
                 raise SimulationError(
                     f"{OWNER}: the fit has not ended after {_STEPS} runs. Give nominal values closer by."
                 )
-            along = found.x
+            along = solution.x
             u = rest + along @ basis
-        if not given:  # each output bears its share of the parameters
+        if not known_noise:  # each output bears its share of the parameters
             share = 1 - len(basis) / len(fit.data)
             floor = 1e-12 * np.array(spreads)
             noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)

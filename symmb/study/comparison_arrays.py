@@ -1,7 +1,7 @@
 """A comparison as arrays with named dimensions."""
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,41 +13,20 @@ from symmb.study.reference import Reference
 from symmb.study.row import Row
 
 
-class Compared(Protocol):
-    """What a comparison consists of. See `Comparison`."""
+def labelled(record: Mapping[str, Any], rows: Sequence[Row], reference: Reference, box: Box) -> Labelled:
+    """Bounds of all methods, their cost and their scores. Estimates of methods that have none are nan.
 
-    @property
-    def scene(self) -> str: ...
-    @property
-    def times(self) -> Array: ...
-    @property
-    def outputs(self) -> tuple[str, ...]: ...
-    @property
-    def box(self) -> Box: ...
-    @property
-    def solver(self) -> str: ...
-    @property
-    def reference(self) -> Reference: ...
-    @property
-    def rows(self) -> tuple[Row, ...]: ...
-    @property
-    def solver_error(self) -> Array | None: ...
-    @property
-    def units(self) -> tuple[str, ...]: ...
-    @property
-    def reason(self) -> str: ...
-    @property
-    def doubts(self) -> tuple[str, ...]: ...
-
-
-def labelled(comparison: Compared) -> Labelled:
-    """Bounds of all methods, their cost and their scores. Estimates of methods that have none are nan."""
-    rows, names, units, reference = comparison.rows, comparison.outputs, comparison.units, comparison.reference
-    n_t, n_y = len(comparison.times), len(names)
-    coordinates, unit_of = over_outputs(comparison.times, names, units)
+    Parameters
+    ----------
+    record                 all entries of a file
+    rows, reference, box   of the Comparison
+    """
+    t, names, units = record["t"], record["names"], record["units"]
+    n_t, n_y = len(t), len(names)
+    coordinates, unit_of = over_outputs(t, names, units)
     coordinates |= {
         "bound": (("bound",), texts(BOUND)),
-        **box_coordinates(comparison.box),
+        **box_coordinates(box),
         "method": (("method",), texts([row.name for row in rows])),
         "kind": (("method",), texts([row.kind for row in rows])),
     }
@@ -60,29 +39,28 @@ def labelled(comparison: Compared) -> Labelled:
     }
     for name, kind in (("evaluations", int), ("failed", int), ("run_seconds", float)):
         variables[name] = ("method",), np.array([getattr(row, name) for row in rows], dtype=kind)
-    variables |= _optional(comparison, (n_t, n_y))
+    variables |= _optional(rows, (n_t, n_y))
     for name in ("error", "over", "under", "coverage"):
         values = [getattr(row.score, name) for row in rows]
         variables[name] = ("method", "output"), np.reshape(values, (len(rows), n_y)).astype(float)
-    if comparison.solver_error is not None:
-        variables["solver_error"] = ("output",), comparison.solver_error
+    if record["solver_error"] is not None:
+        variables["solver_error"] = ("output",), record["solver_error"]
     if "value" in unit_of:
         unit_of |= dict.fromkeys(("reference", "estimate", "inner"), unit_of["value"])
     attributes = {
-        "scene": comparison.scene,
-        "solver": comparison.solver or None,
-        "reason": comparison.reason or None,
+        "scene": record["scene"],
+        **{name: record[name] or None for name in ("solver", "reason")},
         "reference_method": reference.method,
         "units": unit_text(names, units),
-        "doubts": "\n".join(comparison.doubts) or None,
+        "doubts": "\n".join(record["doubts"]) or None,
     }
     return Labelled(coordinates, variables, attributes, unit_of | {"run_seconds": "s"})
 
 
-def _optional(comparison: Compared, shape: tuple[int, int]) -> dict[str, Named]:
+def _optional(rows: Sequence[Row], shape: tuple[int, int]) -> dict[str, Named]:
     """Estimates and inner bounds, if any method has them."""
-    estimates = [row.estimate for row in comparison.rows]
-    inner = [row.inner and np.stack(row.inner) for row in comparison.rows]
+    estimates = [row.estimate for row in rows]
+    inner = [row.inner and np.stack(row.inner) for row in rows]
     arrays: dict[str, Named] = {}
     if any(estimate is not None for estimate in estimates):
         arrays["estimate"] = ("method", "time", "output"), _filled(estimates, shape)

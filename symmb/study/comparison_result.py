@@ -1,17 +1,15 @@
 """The result of a comparison: print it, plot it, save it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from symmb import _html as html
 from symmb import files, plot
 from symmb._labelled import Labelled, Result
 from symmb._types import Array
+from symmb.bounds import box_of
 from symmb.model import Box
 from symmb.study import report
 from symmb.study.comparison_arrays import labelled
@@ -19,15 +17,16 @@ from symmb.study.reference import Reference
 from symmb.study.row import LONG, NotRun, Row
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(Result, files.Saved):
+class Comparison(plot.OverTime, Result, files.Saved):
     """Bounds of one scene by several methods, measured against one reference.
 
-    `print` gives a table, `plot` a picture, `save` the file that `load` reads.
+    `print` gives a table, `save` the file that `load` reads. `plot` draws bounds over time, for the named outputs or
+    the six with the largest errors, by the most accurate setting of each family of methods, over the reference as a
+    filled band; and error against run time, which a single one of the caller's axes takes if no outputs are named.
 
     Attributes
     ----------
@@ -85,6 +84,11 @@ class Comparison(Result, files.Saved):
     reason: str = ""
     doubts: tuple[str, ...] = ()
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The outputs, as of other results."""
+        return self.outputs
+
     def __str__(self) -> str:
         table = report.table(self.rows, self.reference.yardstick, self.outputs)
         return "\n".join([*self._head(), "", table, "", *self._notes()])
@@ -110,31 +114,23 @@ class Comparison(Result, files.Saved):
         ]
 
     def _labelled(self) -> Labelled:
-        return labelled(self)
+        return labelled(self._record(), self.rows, self.reference, self.box)
 
     def _record(self) -> dict[str, Any]:
-        return {
-            "scene": self.scene,
+        plain = ("scene", "solver", "setup_seconds", "solver_error", "threads", "repeats", "units", "reason", "doubts")
+        return {name: getattr(self, name) for name in plain} | {
             "t": self.times,
             "names": self.outputs,
-            "box": dict(zip(self.box.names, np.transpose([self.box.lower, self.box.upper]).tolist(), strict=True)),
-            "solver": self.solver,
+            "box": dict(self.box),
             "reference": vars(self.reference),
             "methods": [row.record() for row in self.rows],
             "not_run": [vars(method) for method in self.not_run],
-            "setup_seconds": self.setup_seconds,
-            "solver_error": self.solver_error,
-            "threads": self.threads,
-            "repeats": self.repeats,
-            "units": self.units,
-            "reason": self.reason,
-            "doubts": self.doubts,
         }
 
     @classmethod
     def _of_record(cls, record: files.Record) -> "Comparison":
         """Entries from `setup_seconds` on are missing in files of earlier versions."""
-        t, names, box = record.times(), record.names("names"), record.record("box")
+        t, names = record.times(), record.names("names")
         shape = len(t), len(names)
         reference = Reference.of_record(record.record("reference"), *shape)
         rows = tuple(Row.of_record(row, reference.yardstick) for row in record.records("methods"))
@@ -142,7 +138,7 @@ class Comparison(Result, files.Saved):
             scene=record.text("scene"),
             times=t,
             outputs=names,
-            box=Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
+            box=box_of(record.record("box")),
             solver=record.text("solver"),
             reference=reference,
             rows=rows,
@@ -156,29 +152,7 @@ class Comparison(Result, files.Saved):
             doubts=record.texts("doubts", default=()),
         )
 
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        ax: "Axes | Sequence[Axes] | None" = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw bounds over time and error against run time; write the picture to `path` if given.
-
-        Bounds are shown for the named outputs, or the six with the largest errors, by the most accurate setting of
-        each family of methods. The filled band is the reference.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure: one an output for bounds over time; a single one without outputs
-            takes the error against run time
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
-        """
+    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
         reference = self.reference
         curves = [
             plot.PlottedBounds(
@@ -193,7 +167,7 @@ class Comparison(Result, files.Saved):
             )
             for row in self.rows
         ]
-        figure = plot.plot_comparison(
+        return plot.plot_comparison(
             self.times,
             self.outputs,
             plot.Band(f"reference: {reference.method}", reference.lower, reference.upper),
@@ -201,11 +175,10 @@ class Comparison(Result, files.Saved):
             measured=~reference.yardstick.zero_width,
             uncertainty=reference.uncertainty,
             units=self.units,
-            chosen=plot.columns_of("Comparison.plot", outputs, self.outputs),
+            chosen=columns,
             title=self.scene,
             ax=ax,
         )
-        return plot.finish(figure, "Comparison.plot", path, ax, figsize, title)
 
     def report(self, path: str | Path) -> None:
         """Write a report: one .html file that opens offline, and prints.

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,13 +14,12 @@ from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array
-from symmb.bounds import Method, PolynomialChaos, parameter_samples, propagate
+from symmb.bounds import Method, PolynomialChaos, box_of, parameter_samples, propagate
 from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.model import Box, Scene
 from symmb.simulation import scene_of
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MOST_VALUES = 10_000
@@ -32,8 +30,10 @@ _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "least damping [-]", "at")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RootLocus(files.Saved):
-    """Eigenvalues over one parameter. `print` tells its oscillations, `plot` draws them, `save` and `load` keep all.
+class RootLocus(plot.ThreeDiagrams, files.Saved):
+    """Eigenvalues over one parameter. `print` tells its oscillations, `save` and `load` keep all.
+
+    `plot` draws the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
 
     Attributes
     ----------
@@ -94,9 +94,6 @@ class RootLocus(files.Saved):
         table = aligned(self._rows()) if self.modes.size else []
         return "\n".join([self._head(), *table, *self._foot()])
 
-    def __repr__(self) -> str:
-        return str(self)
-
     def _repr_html_(self) -> str:
         table = html.table(self._rows()) if self.modes.size else ""
         foot = html.text("\n".join(self._foot()))
@@ -122,31 +119,11 @@ class RootLocus(files.Saved):
             bands = [f"bands over {self.box} by {self.method}, {self.evaluations} evaluations"]
         return [*bands, *self.remarks, *(f"doubtful: {doubt}" for doubt in self.doubts)]
 
-    def plot(
-        self,
-        path: str | Path | None = None,
-        ax: "Axes | list[Axes] | None" = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
-
-        Parameters
-        ----------
-        path : optional
-            where to write the picture
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure: up to three, for these diagrams
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
-        """
+    def _figure(self, ax: Any) -> "Figure":
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
-        figure = plot.plot_root_locus(
+        return plot.plot_root_locus(
             self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, ax=ax
         )
-        return plot.finish(figure, "RootLocus.plot", path, ax, figsize, title)
 
     def _record(self) -> Mapping[str, Any]:
         parts = {"eigenvalues": self.eigenvalues, "modes": self.modes}
@@ -156,7 +133,7 @@ class RootLocus(files.Saved):
             **{name: getattr(self, name) for name in plain},
             **{name: {"re": part.real, "im": part.imag} for name, part in parts.items()},
             "bands": {name: {"lower": lower, "upper": upper} for name, (lower, upper) in self.bands.items()},
-            "box": None if self.box is None else dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
+            "box": self.box and dict(self.box),
         }
 
     @classmethod
@@ -169,7 +146,6 @@ class RootLocus(files.Saved):
             parts[name] = real + 1j * imaginary
         shape = parts["modes"].shape
         bands = record.record("bands")
-        box = record.record("box") if "box" in record else None
         return cls(
             name=record.text("scene"),
             parameter=record.text("parameter"),
@@ -177,7 +153,7 @@ class RootLocus(files.Saved):
             eigenvalues=parts["eigenvalues"],
             modes=parts["modes"],
             bands={name: _ends(bands.record(name), *shape) for name in bands.plain},
-            box=None if box is None else Box(**{name: _interval(box.array(name, 2)) for name in box.plain}),
+            box=box_of(record.record("box")) if "box" in record else None,
             method=record.text("method"),
             evaluations=record.whole("evaluations"),
             remarks=record.texts("remarks"),
@@ -187,10 +163,6 @@ class RootLocus(files.Saved):
 
 def _ends(record: files.Record, n: int, k: int) -> tuple[Array, Array]:
     return record.array("lower", n, k, finite=False), record.array("upper", n, k, finite=False)
-
-
-def _interval(ends: Array) -> tuple[float, float]:
-    return float(ends[0]), float(ends[1])
 
 
 def root_locus(

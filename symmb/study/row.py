@@ -56,24 +56,12 @@ class Row:
             "estimate": self.estimate,
             "inner_lower": inner_lower,
             "inner_upper": inner_upper,
-            "failure": self.failure or None,
-            "failed_region": self.failed_region or None,
-            "caution": self.caution or None,
-            "doubts": self.doubts or None,
+            **{name: getattr(self, name) or None for name in ("failure", "failed_region", "caution", "doubts")},
         }
+        plain = ("name", "kind", "evaluations", "failed", "setup_seconds", "run_seconds", "lower", "upper")
         return {
-            "name": self.name,
-            "kind": self.kind,
-            "evaluations": self.evaluations,
-            "failed": self.failed,
-            "setup_seconds": self.setup_seconds,
-            "run_seconds": self.run_seconds,
-            "error": self.score.error,
-            "over": self.score.over,
-            "under": self.score.under,
-            "coverage": self.score.coverage,
-            "lower": self.lower,
-            "upper": self.upper,
+            **{name: getattr(self, name) for name in plain},
+            **{name: getattr(self.score, name) for name in ("error", "over", "under", "coverage")},
             **{name: value for name, value in optional.items() if value is not None},
         }
 
@@ -95,9 +83,7 @@ class Row:
             estimate=estimate,
             inner=record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
             score=yardstick.score(lower, upper, estimate),
-            failure=record.text("failure", default=""),
-            failed_region=record.text("failed_region", default=""),
-            caution=record.text("caution", default=""),
+            **{name: record.text(name, default="") for name in ("failure", "failed_region", "caution")},
             doubts=record.texts("doubts", default=()),
         )
 

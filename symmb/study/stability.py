@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +28,6 @@ from symmb.study.trials import Job, Trial, run_jobs
 from symmb.verification import linear_theory_doubts
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TIMES = 51
@@ -51,8 +49,10 @@ _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Stability(files.Saved):
-    """Results of the solvers on a scene. `print` shows them, `plot` draws them, `save` and `load` keep them in a file.
+class Stability(plot.ThreeDiagrams, files.Saved):
+    """Results of the solvers on a scene. `print` shows them, `save` and `load` keep them in a file.
+
+    `plot` draws error against run time, the drift of positions over time, and errors of the harder variants.
 
     Attributes
     ----------
@@ -92,9 +92,6 @@ class Stability(files.Saved):
         if self.stress:
             lines += ["", *aligned(self._stress_rows(), left=_STRESS_LEFT)]
         return "\n".join([*lines, *self._corner_lines(), "", self.advice])
-
-    def __repr__(self) -> str:
-        return str(self)
 
     def _repr_html_(self) -> str:
         tables = [html.table(self._rows(), _LEFT)]
@@ -156,26 +153,7 @@ class Stability(files.Saved):
             advice=record.text("advice"),
         )
 
-    def plot(
-        self,
-        path: str | Path | None = None,
-        ax: "Axes | Sequence[Axes] | None" = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-    ) -> "Figure":
-        """Draw error against run time, the drift of positions over time, and errors of the harder variants.
-
-        Parameters
-        ----------
-        path : optional
-            where to write the picture
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure: up to three, for these diagrams
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
-        """
+    def _figure(self, ax: Any) -> "Figure":
         finished = [trial for trial in self.trials if not trial.reason]
         families = dict.fromkeys(trial.family for trial in finished)
         points = {
@@ -190,8 +168,7 @@ class Stability(files.Saved):
             family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
             for family in families
         }
-        figure = plot.plot_stability(self.times, points, drift, stress, title=self.scene, ax=ax)
-        return plot.finish(figure, "Stability.plot", path, ax, figsize, title)
+        return plot.plot_stability(self.times, points, drift, stress, title=self.scene, ax=ax)
 
     def _far_from_usual(self, trial: Trial) -> float:
         """Orders of magnitude from an error of 1e-4."""

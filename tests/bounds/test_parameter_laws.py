@@ -76,6 +76,14 @@ def test_probability_of_an_event_at_any_time():
     assert found.lower[1] == pytest.approx(0.5, abs=float(found.estimate[1]))
 
 
+def test_a_probability_is_printed_and_labelled():
+    found = mb.propagate(sums(), mb.PolynomialChaos(), WIDE).probability("y", above=2.0, laws=NORMAL)
+    for text in ("Probability of y above 2", "at any output time", "greatest, at 2 s"):
+        assert text in str(found) and text in found._repr_html_()
+    assert np.array_equal(found.to_xarray()["lower"], found.lower)
+    assert found.to_xarray().attrs["ever_lower"] == found.ever[0]
+
+
 def test_samples_follow_their_laws():
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
     found = bounds.samples(20_000, NORMAL, [[1, 0.6], [0.6, 1]], seed=3)

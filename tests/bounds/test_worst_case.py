@@ -89,6 +89,28 @@ def test_a_run_is_made_where_the_polynomials_have_their_extreme():
     assert [*bounds.check({"y": (None, -0.05)}).worst.parameters.values()] == pytest.approx([0.3, -0.2], abs=1e-3)
 
 
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.PolynomialChaos(order=3)], ids=repr)
+def test_parameters_that_do_not_act_are_not_told(tmp_path, method):
+    """c changes nothing, b only the second output by little, and d is fixed. The runs have all of them."""
+    names = dict.fromkeys("abcd", 1.0)
+    both = mb.FunctionSimulator(
+        lambda a, b, c, d: np.stack([a * np.sin(T), a + 1e-6 * b * T + 0 * c], 1), names, T, ["x", "y"]
+    )
+    box = mb.Box(a=(0.9, 1.1), b=(0.9, 1.1), c=(0.9, 1.1), d=(2, 2))
+    bounds = mb.propagate(both, method, box)
+    bounds.save(tmp_path / "b.npz")
+    for worst in (bounds.worst("x"), mb.Bounds.load(tmp_path / "b.npz").worst("x")):
+        assert worst.upper.varied == worst.lower.varied == ("a", "b")
+        assert {*worst.upper.parameters} == {*"abcd"} and worst.upper.parameters["d"] == 2
+        assert worst._rows()[0] == ["worst case", "bound", "at [s]", "a", "b", "attained"]
+    assert mb.propagate(both, mb.Vertex(), box).worst("x").upper.varied == ("a", "b", "c")  # runs do not tell it
+
+
+def test_a_constant_output_has_no_parameters():
+    flat = mb.FunctionSimulator(lambda a: np.full_like(T, 3.0), {"a": 1.0}, T, ["y"])
+    assert str(mb.propagate(flat, mb.PolynomialChaos(), mb.Box(a=(0, 2))).worst("y").upper) == "greatest y 3 at 0 s"
+
+
 def test_a_run_that_falls_short_of_the_bound_says_so():
     step = mb.FunctionSimulator(lambda a: np.array([[np.tanh(50 * a)]]), {"a": 0.0}, [0.0], ["y"])
     with pytest.warns(mb.SymmbWarning):

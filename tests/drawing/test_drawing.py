@@ -1,6 +1,7 @@
 """Drawings, stills and films without a browser."""
 
 import shutil
+from io import BytesIO
 
 import casadi as ca
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import symmb as mb
 from models import double_pendulum, flexible_pendulum, spherical_pendulum
 from symmb.cli.main import main
-from symmb.drawing import draw
+from symmb.drawing import draw, of_run, start_picture, still
 from symmb.drawing.bodies import mesh_edges
 
 SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".html": b"<!DOCTYPE html>"}
@@ -139,3 +140,13 @@ def test_actuators_and_stops_are_drawn_at_their_joints():
     assert np.argmax(np.abs(shapes["motor"].direction[-1])) == 2 and shapes["motor"].direction[-1, 2] < 0
     assert np.argmax(np.abs(shapes["ram"].direction[0])) == 0
     assert not drawing.notes
+
+
+def test_the_start_is_drawn_without_a_run(monkeypatch):
+    """A large model compiles for half a minute."""
+    scene = double_pendulum.scene()
+    file = BytesIO()
+    still(of_run(mb.simulate(scene.with_times(scene.times[:1])), None, None), file, ".png")
+    monkeypatch.setattr("symmb.drawing.show.simulate", None)
+    for subject in (scene, mb.prepare(scene)):
+        assert start_picture(subject) == file.getvalue()

@@ -33,6 +33,29 @@ def test_ghosts_attain_the_bounds(method, output, time):
         assert abs(run[output][k] - inner[k, bounds.names.index(output)]) <= ATTAINED
 
 
+def test_one_simulator_makes_the_nominal_run_and_the_ghosts(monkeypatch):
+    """A large model compiles for half a minute."""
+    scene = double_pendulum.scene().with_times(np.linspace(0, 2, 41))
+    bounds, run = mb.propagate(scene, mb.PolynomialChaos()), mb.simulate(scene)
+    monkeypatch.setattr("symmb.drawing.exhibit.simulate", None)
+    drawing = of_bounds(bounds, "y2", 1.0, None).drawing
+    np.testing.assert_array_equal(drawing.t, run.t)
+    np.testing.assert_allclose(drawing.values, run.values, rtol=0, atol=1e-6)
+
+
+def test_a_nominal_run_that_fails_is_told():
+    """It is lost at 0.6 s. Those at the ends of the box are at rest."""
+    p = mb.Parameters(a=0.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    force = mb.Force("force", ball.point(0, 0), (50 * (1 - p.a**2) * ball.x**2, 0))
+    scene = mb.Scene(
+        mb.System(ball, force, parameters=p), {"ball.x": 1.0}, [0.0, 1.0], {"x": ball.x}, mb.Box(a=(-1, 1))
+    )
+    bounds = mb.propagate(scene, mb.Vertex())
+    with pytest.raises(mb.SimulationError, match=r"breaks down|not finite|does not start"):
+        of_bounds(bounds, "x", 1.0, None)
+
+
 @pytest.mark.long
 def test_ghosts_of_the_gun_attain_the_bounds():
     bounds = mb.propagate(artillery.scene(), mb.Vertex())

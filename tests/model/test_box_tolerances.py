@@ -78,6 +78,42 @@ def test_what_is_no_tolerance_is_told(tolerance, why):
         mb.Box.plus_minus({"bore": 0.04}, bore=tolerance)
 
 
+@pytest.mark.parametrize(
+    ("text", "lower", "upper"),
+    [
+        ("40 ±0.1", 39.9, 40.1), ("40±0.1", 39.9, 40.1), ("40 +/- 0.1", 39.9, 40.1), (" 40 +-0.1 ", 39.9, 40.1),
+        ("40 ± 1%", 39.6, 40.4), ("40 ±1 %", 39.6, 40.4), ("40 +0.1/-0.2", 39.8, 40.1), ("40 +0.1 / -0.2", 39.8, 40.1),
+        ("40 -0.2/+0.1", 39.8, 40.1), ("40 +0.1 -0.2", 39.8, 40.1), ("40 +0.3/+0.1", 40.1, 40.3),
+        ("40 0/-0.2", 39.8, 40), ("40 +0.1/0", 40, 40.1), ("40-0.1/-0.3", 39.7, 39.9), ("40.0 + 0.1/−0.2", 39.8, 40.1),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("unit", [1, 1e-3])
+def test_deviations_of_drawings(tmp_path, text, lower, upper, unit):
+    box = mb.Box.plus_minus({"bore": 40 * unit}, bore=text)
+    assert box["bore"] == pytest.approx((lower * unit, upper * unit), rel=1e-12)
+    (tmp_path / "a.csv").write_text(f"name,nominal,tolerance\nbore,{40 * unit},{text}\n", encoding="utf-8")
+    assert mb.Box.read(tmp_path / "a.csv") == box
+
+
+def test_negative_sizes_have_deviations():
+    assert mb.Box.plus_minus({"angle": -30.0}, angle="-30 +1/-2")["angle"] == (-32, -29)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("40 ±x", "'40 ±x' of 'bore' is no tolerance. Write a size with its deviations"), ("40 ±0,1", "have a point"),
+        ("40 0.1/0.2", "is no tolerance"), ("40 +0.1", "is no tolerance"), ("400/-0.2", "is no tolerance"),
+        ("40 ±-0.1", "is no tolerance"), ("40 ±100%", "share '40 ±100%'"), ("41 ±0.1", "0.041 .in m. or 41 .in mm."),
+        ("0 ±0.1", "deviations from 0 may be in m or in mm"), ("±0.1", "is no tolerance. Write a number"),
+    ],
+)  # fmt: skip
+def test_what_are_no_deviations_is_told(text, why):
+    with pytest.raises(mb.DeclarationError, match=why) as error:
+        mb.Box.plus_minus({"bore": 0.04}, bore=text)
+    assert "\n" not in str(error.value)
+
+
 CSV = """name,nominal,plus,minus,tolerance
 crank,0.05,5e-5,,
 pin,0.01,3e-5,1e-5,

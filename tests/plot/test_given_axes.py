@@ -105,6 +105,20 @@ def test_what_are_no_axes_is_refused(result):
         result.plot(ax=3)
 
 
+def test_limits_and_fits_in_given_axes():
+    figure = Figure()
+    first, second = figure.subplots(1, 2)
+    assert BOUNDS.check({"x": (None, 1.0)}).plot(ax=second) is figure
+    assert not first.lines and second.lines[-1].get_ydata() == [1.0, 1.0]
+    assert EVERY_PICTURE["Calibration"]().plot(ax=first) is figure
+    assert [text.get_text() for text in first.get_legend().get_texts()] == ["data", "fitted run"]
+
+
+@pytest.mark.parametrize("name", ["LimitCheck", "Calibration"])
+def test_the_size_of_limits_and_fits_stands_before_axes(name):
+    assert EVERY_PICTURE[name]().plot(None, "x", (4, 3), "title").get_size_inches().tolist() == [4, 3]
+
+
 def test_a_method_has_one_colour_in_every_picture():
     alone = colours(BOUNDS.plot(outputs="x").axes[0])
     assert alone == {plot.colour_of("PolynomialChaos"), RUN_COLOUR}  # that of the nominal run

@@ -124,7 +124,7 @@ def test_nothing_to_measure_still_draws():
 
 def test_a_trajectory_has_one_panel_an_output(tmp_path):
     values = np.stack([T, T**2, T**3, T**4, T**5], axis=1)
-    figure = plot.plot_trajectory(T, values, list("abcde"), tmp_path / "t.png", title="crane")
+    figure = plot.save(plot.plot_trajectory(T, values, list("abcde"), title="crane"), tmp_path / "t.png")
     shown = [axes for axes in figure.axes if axes.get_visible()]
     assert [axes.get_title(loc="left") for axes in shown] == list("abcde")
     np.testing.assert_array_equal(shown[2].lines[0].get_ydata(), T**3)
@@ -189,7 +189,7 @@ def test_rounding_looks_flat(name):
 def test_pyplot_is_not_touched(tmp_path):
     code = (
         "import sys, numpy as np; from symmb import plot\n"
-        f"plot.plot_trajectory(np.arange(3.0), np.zeros((3, 1)), ['x'], {str(tmp_path / 't.png')!r})\n"
+        f"plot.save(plot.plot_trajectory(np.arange(3.0), np.zeros((3, 1)), ['x']), {str(tmp_path / 't.png')!r})\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

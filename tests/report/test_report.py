@@ -8,6 +8,7 @@ import pytest
 
 import symmb as mb
 from symmb.cli.main import main
+from symmb.cli.scene_file import load_subject
 from symmb.drawing import of_bounds, page
 from symmb.model import equations_text
 
@@ -174,8 +175,8 @@ def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
     text = text_of(tmp_path / "r.html")
     assert re.findall(r"(y\d) at 1 s alone", text) == ["y8", "y0", "y1", "y2", "y3", "y4"]
     assert "3 of 9 outputs are left out: `print(bounds.contributions())` shows them." in text
-    several = [k["outputs"] for k in drawn if len(k.get("outputs") or []) > 1]
-    assert several == [["y8", "y0", "y1", "y2", "y3", "y4"]] * 2
+    assert "Curves 6 of 9 outputs." in text
+    assert [k["outputs"] for k in drawn if k] == ["y8", "y0", "y1", "y2", "y3", "y4"] * 2
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".json", ".csv"])
@@ -298,6 +299,40 @@ def test_the_command_line_asks_for_contributions_once(tmp_path, monkeypatch):
     monkeypatch.setattr(mb.Bounds, "contributions", lambda bounds: asked.append(1) or own(bounds))
     assert main(["bound", "roll.py", "--report", "r.html"]) == 0
     assert asked == [1] and "Contributions to the bounds by PolynomialChaos()" in text_of(tmp_path / "r.html")
+
+
+FAILING = """
+import symmb as mb
+
+
+def simulator():
+    def own(k):
+        with open("calls", "a") as file:
+            file.write("1\\n")
+        return [1 / (k <= 1.05), k]
+
+    return mb.FunctionSimulator(own, {"k": 1.0}, [0.0, 1.0], ["x"]), mb.Box(k=(0.9, 1.1))
+"""
+
+
+def test_the_command_makes_runs_for_contributions_only_if_asked(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fails.py").write_text(FAILING)
+
+    def calls(*words):
+        (tmp_path / "calls").unlink(missing_ok=True)
+        assert main(["bound", "fails.py", *words]) == 3
+        return (tmp_path / "calls").read_text().count("1"), capsys.readouterr().out
+
+    bounds = mb.propagate(*load_subject("fails.py")[:1], mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
+    made = (tmp_path / "calls").read_text().count("1")
+    assert bounds._contributions_take_runs()
+    count, text = calls("--report", "r.html")
+    assert count == made and text.endswith("take further runs here: --contributions makes them.\n")
+    assert "`symmb bound --contributions` takes further runs." in text_of(tmp_path / "r.html")
+    count, text = calls("--contributions", "--report", "r.html")
+    assert count > made and f"{count - made} further runs" in text
+    assert f"{count - made} further runs" in text_of(tmp_path / "r.html")
 
 
 def test_the_command_line(tmp_path, monkeypatch, capsys):

@@ -21,6 +21,8 @@ pytestmark = [
 ]
 SCREEN, TELEPHONE, PAPER = 1200, 400, 694
 """Widths [px]; that of paper is A4 within its margins."""
+DPI, LETTERS = 150, 8
+"""Resolution of pictures [1/inch], and height of their letters [point]."""
 MOST_PAGES, MOST_BYTES = 6, 5_000_000
 
 
@@ -64,6 +66,12 @@ def test_on_a_screen(browser, path, width, scheme):
     assert browser.run("document.documentElement.scrollWidth") <= width
     light = [int(x) > 128 for x in re.findall(r"\d+", browser.run("getComputedStyle(document.body).backgroundColor"))]
     assert light == [scheme == "light"] * 3
+    pictures = "[...document.querySelectorAll('.pictures img')]"
+    letters = browser.run(f"{pictures}.map(e => e.clientWidth / e.naturalWidth * {DPI} * {LETTERS} / 72)")
+    columns = browser.run(f"new Set({pictures}.map(e => e.getBoundingClientRect().left)).size")
+    assert all(height > 8.5 for height in letters)
+    if letters:
+        assert columns == 1 if width == TELEPHONE else columns > 1
     assert not browser.errors
 
 

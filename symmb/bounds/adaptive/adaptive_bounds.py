@@ -14,8 +14,8 @@ from symmb.bounds.adaptive.sparse_grids import SparseGrids
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bounds.failures import failed_region
-from symmb.bounds.result import ROUNDING, Bounds
-from symmb.bounds.time_windows import DOUBTFUL
+from symmb.bounds.result import Bounds
+from symmb.bounds.time_windows import DOUBTFUL, ROUNDING
 from symmb.model import Box
 from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import MOST_PARAMETERS

@@ -13,8 +13,7 @@ from symmb.bounds.adaptive.covariances import Ridge, Sum
 from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
 from symmb.bounds.adaptive.runs import CHEAP_RUNS, Runs
 from symmb.bounds.adaptive.surrogate import EstimatedRange
-from symmb.bounds.result import ROUNDING
-from symmb.bounds.time_windows import DOUBTFUL
+from symmb.bounds.time_windows import DOUBTFUL, ROUNDING
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import Piecewise

@@ -13,8 +13,7 @@ from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
-from symmb.bounds.result import ROUNDING
-from symmb.bounds.time_windows import DOUBTFUL, rests_for_a_time
+from symmb.bounds.time_windows import DOUBTFUL, ROUNDING, rests_for_a_time
 from symmb.model import Box
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, TotalDegree, basis_values

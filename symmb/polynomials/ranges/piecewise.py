@@ -92,6 +92,16 @@ class Piecewise:
         best = np.stack([lows.argmin(axis=0), highs.argmax(axis=0)])
         return lows.min(axis=0), highs.max(axis=0), np.take_along_axis(places, best[None, ..., None], axis=0)[0]
 
+    def acting(self, floor: Array) -> Mask:
+        """Parameters (d,) that may change a response by more than its floor (n_y,). Those without terms may."""
+        acts, has_terms = np.zeros((2, self.centres.shape[1]), dtype=bool)
+        for own in self.expansions:
+            for i, degrees in enumerate(own.alpha.T):
+                terms = own.coefficients[degrees > 0]
+                has_terms[i] |= len(terms) > 0
+                acts[i] = acts[i] or bool((np.abs(terms).sum(axis=0) > floor).any())
+        return acts | ~has_terms
+
     def _parts(self, lower: Array, upper: Array) -> Iterator[tuple[int, Array, Array]]:
         """Numbers of the parts that meet a box, with the ends of what they share."""
         for k, (centre, half) in enumerate(zip(self.centres, self.halves, strict=True)):
