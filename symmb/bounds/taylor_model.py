@@ -29,7 +29,7 @@ _PARTS = 1000
 
 @dataclass(frozen=True)
 class TaylorModel(Method):
-    """Proved bounds of the motions of open mechanisms, as polynomials of the parameters with a remainder.
+    """Proved bounds of the motions of mechanisms, as polynomials of the parameters with a remainder.
 
     All solutions for all parameters in the box lie between lower and upper at every output time, in exact arithmetic of
     the model as compiled to its expression graph.
@@ -42,11 +42,13 @@ class TaylorModel(Method):
     enough nodes have no such error. A box for w that the equation of w cannot leave is then proved. Ranges of the
     outputs follow by Bernstein coefficients and halving.
 
-    It takes open chains and trees, first-order states, and scenes without bodies whose outputs are expressions. Rows
-    of closed loops, impacts, sampled values, and kinks or jumps that depend on the state are refused. Where nothing can
-    be proved any more, as from the first jump of a law of time on, bounds are infinite, and ``caution`` tells until
-    when they are proved. Outputs that are not smooth, or have operations without a remainder, have infinite bounds.
-    The executor is not used, and each box counts as a run.
+    It takes chains, trees and closed loops, first-order states, and scenes without bodies whose outputs are
+    expressions. The states of loops are all coordinates, and velocities that give the others by the rows of the loops.
+    Impacts, sampled values, starts in equilibrium, rows that depend on others for some parameters only, and kinks or
+    jumps that depend on the state are refused. Where nothing can be proved any more, as from the first jump of a law of
+    time on, or close to a singular position of a loop, bounds are infinite, and ``caution`` tells until when they are
+    proved. Outputs that are not smooth, or have operations without a remainder, have infinite bounds. The executor is
+    not used, and each box counts as a run.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Proved enclosures of the motions of open mechanisms over a box of parameters.
+"""Proved enclosures of the motions of mechanisms over a box of parameters.
 
 A motion is a Chebyshev polynomial of time and of the parameters over each step, computed without proof, plus a
 remainder in a frame, which is proved afterwards.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.enclosures import discs
 from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.errors import ProofError
@@ -64,12 +64,14 @@ class Control:
     h : length of the next step [s]
     wanted : size of the defects of the last step, to which errors of their interpolation are compared
     turn : which choices are compared next
+    rough : which outputs (n_y,) could not be shown to be smooth in the last step, however many patches were tried
     """
 
     choice: Choice
     h: float
     wanted: float = 1e-9
     turn: int = 0
+    rough: Mask | bool = False
 
 
 def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
@@ -163,8 +165,8 @@ def adapted(step: TimeStep, control: Control) -> Tried:
 def _first(step: TimeStep, control: Control) -> Tried:
     """The ellipses of the last step, or the largest on which the equations are analytic, with the fewest patches."""
     choice = control.choice
-    for _ in range(_NARROWINGS):
-        for count in sorted({choice.patches[1], *_COUNTS}):
+    for narrowing in range(_NARROWINGS):
+        for count in sorted({choice.patches[1], *_COUNTS[: 1 + narrowing // 2]}):
             found = _tried(step, replace(choice, patches=(choice.patches[0], count)), control.wanted)
             if np.isfinite(found.cost):
                 return found
@@ -173,7 +175,7 @@ def _first(step: TimeStep, control: Control) -> Tried:
 
 
 _COUNTS = 1, 8, 24
-"""Patches of each parameter that are tried on the same ellipses."""
+"""Patches of each parameter that are tried: more, the smaller the ellipses are already."""
 
 
 def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:

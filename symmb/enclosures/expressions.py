@@ -3,7 +3,7 @@
 import numpy as np
 
 from symmb.enclosures.curves import TimeStep
-from symmb.enclosures.ellipses import Choice
+from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.flow import integrated
 from symmb.enclosures.march import Course
 from symmb.enclosures.outputs import output_bounds
@@ -23,7 +23,9 @@ def expression_bounds(problem: Problem, order: int) -> Course:
     none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
     whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
     for spread in _SPREADS:
-        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, Choice((spread, spread)), _SHARP)
+        lower, upper, rest, _ = output_bounds(
+            whole, np.zeros(0), problem.times, Control(Choice((spread, spread)), end), _SHARP
+        )
         course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)
         course.remainder = np.minimum(course.remainder, rest)
     course.until = end

@@ -162,14 +162,16 @@ def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array]:
     arguments = dae.arguments(x, parameters, t)
     rhs = ca.Function("rhs", [x, parameters, t], [ca.vertcat(*dae.rhs.call(list(arguments)))])
     f = ca.Function("matrices", [x, parameters, t], [dae.G(*arguments), dae.M(*arguments)])
-    run = solve_ivp(
-        lambda t, x: rhs(x, p, t).full().ravel(),
-        (times[0], times[-1]),
-        x0,
-        method="DOP853",
-        rtol=_RTOL,
-        atol=_RTOL * dae.state_sizes,
-        t_eval=np.linspace(times[0], times[-1], _TIMES),
-    )
-    found = [f(state, p, time) for state, time in zip(run.y.T, run.t, strict=True)] or [f(x0, p, times[0])]
+    found = [f(x0, p, times[0])]
+    if times[-1] > times[0]:
+        run = solve_ivp(
+            lambda t, x: rhs(x, p, t).full().ravel(),
+            (times[0], times[-1]),
+            x0,
+            method="DOP853",
+            rtol=_RTOL,
+            atol=_RTOL * dae.state_sizes,
+            t_eval=np.linspace(times[0], times[-1], _TIMES)[1:],
+        )
+        found += [f(state, p, time) for state, time in zip(np.transpose(run.y), run.t, strict=True)]
     return tuple(np.stack([matrices[i].full() for matrices in found]) for i in (0, 1))

@@ -130,7 +130,7 @@ def march(
         behind = int(np.searchsorted(times, front.t, side="right"))
         if behind > course.stored:
             part = slice(course.stored, behind)
-            found = output_bounds(step, proof.W, times[part], control.choice)
+            found = output_bounds(step, proof.W, times[part], control)
             course.lower[part], course.upper[part], course.remainder[part], terms = found
             course.terms = np.maximum(course.terms, terms)
         course.stored, course.until, course.end = behind, front.t, Place(front, replace(control))

@@ -9,12 +9,21 @@ from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
 from symmb.enclosures.curves import TimeStep, parameter_points
 from symmb.enclosures.degrees import degrees_of_outputs
-from symmb.enclosures.ellipses import Choice, ellipses, node_counts, nodes_needed, patches_on, reaches
+from symmb.enclosures.ellipses import (
+    TOO_MANY,
+    Choice,
+    Control,
+    ellipses,
+    node_counts,
+    nodes_needed,
+    patches_on,
+    reaches,
+)
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
-_PATCHES = 1, 8, 24, 64
+_PATCHES = 1, 8, 24
 """Patches of each parameter. More are tried where outputs cannot be shown to be smooth with fewer ones, or have large
 bounds: quotients of sums that are positive, such as reactions, may need many."""
 _MANY_NODES = 50
@@ -28,28 +37,29 @@ SHARP = 1e-6
 
 
 def output_bounds(
-    step: TimeStep, w: Array, times: Array, choice: Choice, sharp: float = SHARP
+    step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SHARP
 ) -> tuple[Array, Array, Array, Array]:
     """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), and the remainder in them.
 
     All have the shape (n_t, n_y). The last array (n_y,) has the sizes of the terms that make the outputs: those of the
     states times the sensitivities, 0 where they are not known. The outputs y(u(xi, t), p, t) are interpolated in xi.
     Their ranges are bounded, and widened by the aliasing, the rounding and the largest sensitivity dy/dx times the
-    largest B w. Outputs that cannot be shown to be smooth have infinite bounds.
+    largest B w. Outputs that cannot be shown to be smooth have infinite bounds, and the control keeps which these are.
     """
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
     with np.errstate(all="ignore"):
         e = above(step.B_largest @ w)
-        for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= _LARGEST):
-            rho, most, nodes = _ellipses(step, choice, patches)
+        for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= TOO_MANY):
+            rho, most, nodes = _ellipses(step, control.choice, patches)
             real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
             slopes = reaches(slopes).reshape(problem.n, n_y).T
             of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
             smooth = np.isfinite(most) & np.isfinite(of_states)
-            if (smooth | problem.is_refused).all() and nodes <= _MANY_NODES**problem.d:
+            if (smooth | problem.is_refused | control.rough).all() and nodes <= _MANY_NODES**problem.d:
                 break
+        control.rough = ~smooth
         good = np.flatnonzero(smooth)
         lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
         pending = [good] if len(good) else []

@@ -118,6 +118,10 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
         raise PropagationError(
             f"{method!r}: the scene starts in equilibrium, which it does not prove. Give the start by values."
         )
+    middle, radius, _ = _intervals(simulator, box)
+    places = np.random.default_rng(0).uniform(-1, 1, (_POINTS, len(middle)))
+    if contradiction := _contradiction(form, middle + radius * places):
+        raise PropagationError(f"{method!r}: {contradiction}. Give a start that all parameters of the box allow.")
     return form
 
 
@@ -131,9 +135,10 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     system, dae, rng = simulator.scene.system, form.dae, np.random.default_rng(0)
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), system.p, time_symbol
     of_bodies = x if form.bodies is None else form.bodies.states()(x, p)
-    rows = ca.Function("rows", [system.q, system.v, p, t], [ca.densify(ca.vertcat(system.Phi, system.Psi))])
-    q, v, _ = ca.vertsplit(of_bodies, [0, *np.cumsum([system.q.numel(), system.v.numel(), system.s.numel()]).tolist()])
-    f = ca.Function("rows", [x, p, t], [rows(q, v, p, t)])
+    own = [system.q, system.v, system.s]
+    rows = ca.Function("rows", [*own, p, t], [ca.densify(ca.vertcat(system.Phi, system.Psi))])
+    parts = ca.vertsplit(of_bodies, [0, *np.cumsum([part.numel() for part in own]).tolist()])
+    f = ca.Function("rows", [x, p, t], [rows(*parts, p, t)])
     middle, radius, _ = _intervals(simulator, box)
     turned = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in rng.normal(size=(_POINTS, dae.n_v))]
     X = np.hstack([turned, rng.normal(size=(_POINTS, dae.n_v + dae.n_s))])
@@ -147,6 +152,19 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
 
 _POINTS, _VANISHES = 20, 1e-13
 """Random points, and rows over the largest one that are rounding there."""
+
+
+def _contradiction(form: Formulation, P: Array) -> str:
+    """Where the start is solved for, but what else is listed does not hold: at one of the parameters P (N, n_p)."""
+    u, ok = form.start.position.solve(P)
+    x = batch(form.start.state, u, P)[0]
+    broken = ok & ~(batch(form.start.holds, x, u, P)[0] > 0).all(axis=1)
+    if not broken.any():
+        return ""
+    k = int(broken.argmax())
+    moved = {name: P[k, i] for i, name in enumerate(form.dae.p_names) if P[k, i] != form.dae.p_nominal[i]}
+    where = ", ".join(f"{name} = {value:.6g}" for name, value in moved.items())
+    return f"the start contradicts the rows of constraints, or itself, at {where}"
 
 
 def _require_smooth(method: object, form: Formulation) -> None:

@@ -140,7 +140,7 @@ class _Curvature:
         return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
 
 
-_COUNTS, _TOGETHER = (1, 4, 8, 40), 64
+_COUNTS, _TOGETHER = (1, 4, 40), 64
 """Patches of each parameter on which the change of the Jacobian is bounded at least, and about the most in all."""
 _SHRUNK = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
 """Shares of the largest discs about the states that are tried."""

@@ -17,7 +17,7 @@ from enclosure_samples import check, exact, ode
 from enclosure_scenes import TEN, chain_of_four, duffing, pendulum, spherical_pendulum, van_der_pol
 
 import symmb as mb
-from models import double_pendulum
+from models import andrews, double_pendulum, four_bar, slider_crank
 from symmb.enclosures import enclose, problem_of
 from symmb.simulation import DAESimulator
 
@@ -32,7 +32,23 @@ def _double_pendulum(spread, end):
                     box=box, name=scene.name)  # fmt: skip
 
 
+def _loop(model, *names):
+    """The cases of a model whose box has some parameters."""
+
+    def make(spread, end):
+        scene = model.scene()
+        box = mb.Box.around(scene.system.parameters, spread, names=names)
+        return mb.Scene(scene.system, scene.start, outputs=scene.outputs, times=np.linspace(0, end, 41), box=box,
+                        name=scene.name, guess=scene.guess)  # fmt: skip
+
+    return make
+
+
 CASES = (
+    (_loop(four_bar, "crank"), 0.005, 4.2, 8, 1, (1, 2, 4.2)),
+    (_loop(slider_crank, "l1", "l2"), 0.005, 4.0, 8, 1, (1, 2, 4)),
+    (_loop(slider_crank, "l1", "l2"), 0.02, 2.0, 10, 1, (1, 2)),
+    (_loop(andrews, "c0", "mom"), 0.001, 5e-3, 4, 1, (2e-3, 5e-3)),
     (_double_pendulum, 0.01, 10.0, 8, 1, (1, 3, 5, 10)),
     (_double_pendulum, 0.01, 10.0, 10, 1, (1, 3, 5, 10)),
     (_double_pendulum, 0.05, 3.0, 10, 1, (1, 2, 3)),
@@ -53,7 +69,7 @@ CASES = (
 def table() -> None:
     print(f"{'scene':20} {'spread':>6} {'order':>5} {'boxes':>5} {'seconds':>8}  excess at times")
     for make, spread, end, order, boxes, times in CASES:
-        scene = make(spread=spread, end=end).with_times(np.linspace(0, end, 1 + int(20 * end)))
+        scene = make(spread=spread, end=end).with_times(np.linspace(0, end, 41 if end < 1 else 1 + int(20 * end)))
         begin = time.perf_counter()
         problem = problem_of("benchmark", DAESimulator(scene), scene.box)
         found = enclose(problem, order, boxes)

@@ -147,6 +147,59 @@ def test_rows_that_vanish_are_left_out():
     np.testing.assert_allclose([bounds.lower, bounds.upper], [runs.lower, runs.upper], atol=1e-10)
 
 
+def _four_bar(start, box, times=(0.0, 0.1, 0.2), coordinates=None, lengths=(0.3, 0.9, 0.7, 0.8)):
+    """A crank of length a, a coupler, and a rocker, on the branch above the ground."""
+    p, ground, (_, b, c, d) = mb.Parameters(a=lengths[0], tilt=0.8, spin=1.0), mb.Ground(), lengths
+    crank, coupler, rocker = (mb.Body(name, 1.0, 0.04) for name in ("crank", "coupler", "rocker"))
+    joints = [
+        mb.Revolute("O", ground.point(0, 0), crank.point(-p.a / 2, 0)),
+        mb.Revolute("A", crank.point(p.a / 2, 0), coupler.point(-b / 2, 0)),
+        mb.Revolute("B", coupler.point(b / 2, 0), rocker.point(c / 2, 0)),
+        mb.Revolute("C", ground.point(d, 0), rocker.point(-c / 2, 0)),
+    ]
+    system = mb.System(crank, coupler, rocker, *joints, mb.Gravity(0, -9.81), parameters=p)
+    guess = {"coupler.theta": 0.5, "rocker.theta": 1.5, "crank.theta": 0.8}
+    outputs = {"rocker": rocker.theta, "speed": rocker.omega}
+    return mb.Scene(system, start(p), times, outputs, guess=guess, box=box, coordinates=coordinates)
+
+
+@pytest.mark.parametrize("times", [(0.0,), (0.0, 0.1, 0.2)])
+def test_a_loop_against_runs_in_coordinates_of_bodies(times):
+    scene, in_bodies = (
+        _four_bar(
+            lambda p: {"crank.theta": p.tilt, "crank.omega": p.spin}, mb.Box(a=(0.298, 0.302)), times, coordinates
+        )
+        for coordinates in (None, "body")
+    )
+    bounds = mb.propagate(scene, mb.TaylorModel(order=5))
+    assert not bounds.doubts
+    runs = mb.propagate(in_bodies, mb.Scanning(9), solver=mb.CVODES(rtol=1e-12, atol=1e-13))
+    assert (bounds.lower <= runs.lower + 1e-9).all() and (runs.upper <= bounds.upper + 1e-9).all()
+    assert (bounds.upper - bounds.lower <= runs.upper - runs.lower + 1e-6).all()
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        lambda p: {"crank.theta": p.tilt, "crank.omega": p.spin - 1, "rocker.omega": 0.0},
+        lambda p: {"crank.theta": p.tilt, "rocker.omega": 0.0, "coupler.omega": 1.0 - p.spin},
+    ],
+)
+def test_starts_that_agree_at_the_nominal_parameters_only_are_refused(start):
+    with pytest.raises(mb.PropagationError, match=r"the start contradicts the rows of constraints.*spin = "):
+        mb.propagate(_four_bar(start, mb.Box(spin=(0.9, 1.1))), mb.TaylorModel(order=4))
+
+
+def test_a_change_point_is_not_passed():
+    """All bars of a parallelogram come into one line, where it may go on as another mechanism."""
+    lengths, times = (0.5, 0.8, 0.5, 0.8), np.linspace(0, 0.5, 26)
+    start = {"crank.theta": 0.8, "crank.omega": -3.0}
+    scene = _four_bar(lambda p: start, mb.Box(spin=(0.9, 1.1)), times, lengths=lengths)
+    with pytest.warns(mb.SymmbWarning, match=r"proved up to t = 0\.[12]"):
+        bounds = mb.propagate(scene, mb.TaylorModel(order=4))
+    assert np.isfinite(bounds.upper[:5]).all() and not np.isfinite(bounds.upper[15:]).any()
+
+
 def test_start_in_equilibrium_is_refused():
     p = mb.Parameters(k=100.0)
     mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
