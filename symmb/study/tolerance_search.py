@@ -25,6 +25,8 @@ _BEYOND, _FAR = 1.05, 1.5
 """How far beyond the factor on a line the next study is, and beyond one that keeps the limits against such a line."""
 _WIDER, _NARROWER = 1.6, 0.25
 """Factors that an allocation may change at once, on the polynomials of a study over the wider box."""
+_AGREE = 0.8
+"""Share of factors that keep the limits on polynomials over one box, which keep them on those over a wider one."""
 _ROUNDS = 12
 """Most allocations on one study, each with the times at which limits were broken before."""
 
@@ -202,11 +204,11 @@ class Search:
 
         It begins where a line through the margins at 0 and at 1 meets the limit, or, where no polynomials are good over
         a box that is wider, at the largest common factor. More studies are made until the factors lie inside of such a
-        box.
+        box. Where polynomials over boxes of different widths disagree, the largest common factor is another candidate.
         """
         ones = np.ones(len(self._shape))
         _, margin = self._study(ones, TOLERANCES[0])
-        factors, is_largest = ones / max(1 - margin / self._at_nominal, 1 / 4), False
+        factors, is_largest, disagree = ones / max(1 - margin / self._at_nominal, 1 / 4), False, False
         for _ in range(_STUDIES):
             wide = np.minimum(_WIDER * factors, MOST)
             surrogate = self._polynomials(wide)
@@ -215,11 +217,14 @@ class Search:
             if surrogate is None:
                 factors, is_largest = self.largest(ones)[0], True
                 continue
-            start = factors * self._factor_on(surrogate, wide, factors)
+            share = self._factor_on(surrogate, wide, factors)
+            start, disagree = share * factors, disagree or share < _AGREE
             factors = self._allocated(surrogate, wide, start, cost)
             is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= MOST * (1 - _SETTLED))
             if (is_inside & (factors > start * _NARROWER * (1 + _SETTLED))).all():
                 break
+        if disagree and not is_largest and cost(common := self.largest(ones)[0]) < cost(factors):
+            factors = common
         return self.largest(factors, TOLERANCES[1])
 
     def _polynomials(self, factors: Array) -> Piecewise | None:
