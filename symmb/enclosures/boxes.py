@@ -50,8 +50,7 @@ class _Part:
     @property
     def can_be_halved(self) -> bool:
         """Whether its motion is not proved to the end, and halves may be."""
-        switched = bool(self.course.why) and self.course.why == self.problem.until_switch
-        return not self.course.is_done and not switched and self.problem.d > 0
+        return not self.course.is_done and not self.course.is_switched and self.problem.d > 0
 
     def halves(self, order: int) -> "list[_Part]":
         """Both halves, in the variable whose coefficients decay the least at the end.
@@ -71,7 +70,10 @@ class _Part:
         return [
             _Part(
                 self.problem.over(variable, side),
-                self.course.back_to(Place(half(at.front, variable, side), at.control), self.problem.times),
+                self.course.back_to(
+                    Place(half(at.front, variable, side), at.control, at.problem.over(variable, side)),
+                    self.problem.times,
+                ),
                 0.5 * self.share,
             )
             for side in (-1, 1)
@@ -89,6 +91,7 @@ class Enclosure:
     until : time up to which the motion is proved, from the first one [s]
     why : what ended the proof; empty if it reached the end
     boxes : parts in which the box ended
+    is_switch : whether that was a law of time that switches
     """
 
     lower: Array
@@ -98,6 +101,7 @@ class Enclosure:
     until: float
     why: str
     boxes: int
+    is_switch: bool = False
 
     @property
     def is_loose(self) -> Mask:
@@ -173,4 +177,5 @@ def _joined(courses: Sequence[Course]) -> Enclosure:
         min(course.until for course in courses),
         last.why,
         len(courses),
+        last.is_switched,
     )

@@ -7,16 +7,18 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
-from symmb.enclosures import discs
 from symmb.enclosures.curves import TimeStep
-from symmb.enclosures.ellipses import Choice, Control, patches_on
+from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import frame, motion
 from symmb.enclosures.front import Front, entering, leaving, well_conditioned
 from symmb.enclosures.outputs import output_bounds
 from symmb.enclosures.problem import Problem
+from symmb.enclosures.rounding import above
+from symmb.enclosures.schedule import Phase, grain_of
 from symmb.enclosures.start import first_front
 from symmb.enclosures.step import Proof, prove
+from symmb.enclosures.switching import holds, off_while_switching
 
 TIME_TERMS, FRAME_TERMS = 20, 11
 """Terms of the motion and of the frame in time."""
@@ -30,19 +32,17 @@ _FIRST = 50
 """Horizon over the first step that is tried."""
 _LOST, _CRAWL = 1e-2, 2.0**-6
 """Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
-_BEFORE, _LAST_PART = 0.9, 1e-6
-"""Step over the time that is left before a law of time switches, since patches of time reach beyond the step by a tenth
-of it; and what is left, over the horizon, when the proof ends."""
-_GRAINS = 2.0**30
-"""Steps are multiples of a power of 2, that of the horizon over this: times of steps are then sums without rounding."""
+_RESOLVING = 2.0**-10
+"""Parts of a step, over the step, down to which it is shown that no law of time switches in them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A front, and what is adapted from step to step there."""
+    """A front, what is adapted from step to step there, and the problem in the phase that goes on there."""
 
     front: Front
     control: Control
+    problem: Problem
 
 
 @dataclass(eq=False)
@@ -81,6 +81,11 @@ class Course:
         """Whether all output times have bounds, as far as outputs are smooth."""
         return self.stored == len(self.lower)
 
+    @property
+    def is_switched(self) -> bool:
+        """Whether a law of time that switches ended the proof."""
+        return bool(self.why) and self.end is not None and self.why == self.end.problem.why_switch
+
     def back_to(self, place: Place, times: Array) -> "Course":
         """The course up to the time of a place, from which it goes on there; times (n_t,) are those of the outputs."""
         stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
@@ -106,23 +111,27 @@ def march(
     """
     times = problem.times
     end = float(times[-1])
-    grain = 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS
+    grain = grain_of(end)
     if course.end is None:
         try:
             front = first_front(problem, order)
         except ProofError as error:
             course.why = f"the start cannot be proved, because {error}"
             return
-        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _FIRST))
-    front, control = course.end.front, replace(course.end.control)
+        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _FIRST), problem)
+    front, control, problem = course.end.front, replace(course.end.control), course.end.problem
     longest = 0.0
     while not course.is_done:
-        if problem.switch - front.t < _LAST_PART * end:
-            course.why = problem.until_switch
+        phase = problem.phase or Phase(problem.rates)
+        is_in_window = front.t >= phase.stop
+        if is_in_window and phase.window is None:
+            course.why = phase.why
             return
-        control.h = min(control.h, _BEFORE * (problem.switch - front.t))
+        h = control.h
+        control.h = min(h, (phase.resume if is_in_window else phase.stop) - front.t)
         try:
             step, proof = _step(problem, front, grain, control)
+            beside = off_while_switching(step, proof, phase.window) if is_in_window else np.zeros(problem.n)
         except ProofError as error:
             course.why = str(error)
             return
@@ -130,17 +139,23 @@ def march(
         behind = int(np.searchsorted(times, front.t, side="right"))
         if behind > course.stored:
             part = slice(course.stored, behind)
-            found = output_bounds(step, proof.W, times[part], control)
+            found = output_bounds(step, proof.W, times[part], control, beside=beside)
             course.lower[part], course.upper[part], course.remainder[part], terms = found
             course.terms = np.maximum(course.terms, terms)
-        course.stored, course.until, course.end = behind, front.t, Place(front, replace(control))
+        if is_in_window and front.t >= phase.resume:
+            front, problem = replace(front, x_error=above(front.x_error + beside)), problem.after_switch()
+            control.h = h
+        elif is_in_window:
+            course.why = phase.why
+            return
+        course.stored, course.until, course.end = behind, front.t, Place(front, replace(control), problem)
         progress(front.t)
         share, longest = front.share(), max(longest, step.h)
         if share <= small:
             course.checkpoint = course.end
         if share > largest:
             return
-        if share > _LOST and step.h < _CRAWL * longest:
+        if share > _LOST and step.h < _CRAWL * longest and not is_in_window:
             course.why = "the deviations from the polynomials grow too fast"
             return
 
@@ -193,14 +208,13 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
 
 
 def _require_valid(step: TimeStep) -> None:
-    """ProofError unless no law of time switches in a step, for all parameters."""
-    tape = step.problem.valid_tape
-    if tape is None:
+    """ProofError unless no law of time switches in a step, for all parameters, before the window of a switch."""
+    phase, tape = step.problem.phase, step.problem.valid_tape
+    if phase is None or tape is None:
         return
-    real = patches_on(step, [1.0] * len(step.degrees), Choice().patches)
-    for switch in tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[0]:
-        if not discs.is_positive(switch):
-            raise ProofError(step.problem.until_switch)
+    end = min(step.t0 + step.h, phase.stop)
+    if end > step.t0 and not holds(tape, step.problem, step.t0, end, _RESOLVING * step.h):
+        raise ProofError(phase.why)
 
 
 def _tail(problem: Problem, x: Array) -> float:

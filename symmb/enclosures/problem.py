@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.enclosures.rounding import U, above
+from symmb.enclosures.schedule import Phase
 from symmb.enclosures.tape import Tape
 from symmb.symbolic import common
 
@@ -27,10 +28,8 @@ class Problem:
     times : (n_t,) output times [s]
     scales : (n_x,) sizes of the states
     errors : (n_p,) of the middles of a part of the box, which are rounded
-    valid : (x, p, t) -> (m,), all above 0 as long as the rates are those of the scene: until a law of time switches
+    phase : the equations between switches of laws of time, whose rates these are; None: always the same
     regular : (x, p, t) -> (m,), none of which is 0 where the rates are those of the scene; None: everywhere
-    switch : about the first time at which one does, from the first time on [s]; infinite if there is none
-    until_switch : the sentence that tells this
     refused : for each output the operations that have no remainder; its expression is then not a number
     """
 
@@ -43,10 +42,8 @@ class Problem:
     scales: Array
     start: "StartEquations"
     errors: Array | float = 0.0
-    valid: ca.Function | None = None
+    phase: Phase | None = None
     regular: ca.Function | None = None
-    switch: float = np.inf
-    until_switch: str = ""
     refused: tuple[str, ...] = ()
 
     def over(self, variable: int, side: int) -> "Problem":
@@ -91,8 +88,19 @@ class Problem:
 
     @cached_property
     def valid_tape(self) -> Tape | None:
-        """(x, p, t) -> what must be above 0."""
-        return None if self.valid is None else Tape(self.valid)
+        """(x, p, t) -> what must be above 0 as long as no law of time switches."""
+        return None if self.phase is None or self.phase.valid is None else Tape(self.phase.valid)
+
+    @property
+    def why_switch(self) -> str:
+        """The sentence that tells of the next switch."""
+        return "" if self.phase is None else self.phase.why
+
+    def after_switch(self) -> "Problem":
+        """The problem of the next phase, if there is one."""
+        assert self.phase is not None and self.phase.window is not None
+        phase = self.phase.window.following()
+        return replace(self, phase=phase, rates=phase.rates)
 
     @cached_property
     def regular_tape(self) -> Tape | None:

@@ -1,6 +1,5 @@
 """The initial value problem of a scene's simulator, or the reason why there is none."""
 
-from dataclasses import replace
 from typing import cast
 
 import casadi as ca
@@ -12,8 +11,9 @@ from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
 from symmb.enclosures.independent_velocities import Equations, equations_of
 from symmb.enclosures.problem import Problem, StartEquations
+from symmb.enclosures.schedule import Phase, Schedule, corners
 from symmb.enclosures.tape import Tape
-from symmb.events import TimeSwitches, kinks
+from symmb.events import kinks
 from symmb.formulations import Formulation
 from symmb.model import DAE, Box
 from symmb.simulation import DAESimulator
@@ -37,28 +37,24 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
             f"{method!r}: it needs the equations of a scene, or outputs that are plain expressions of parameters and "
             f"time, but {simulator!r} gives values only. Use PolynomialChaos()."
         )
-    valid, regular, switch, names = None, None, np.inf, ""
+    regular = None
     times = np.asarray(simulator.times, dtype=float)
     if isinstance(simulator, DAESimulator):
         form = _formulation(method, simulator, box)
         equations = equations_of(form, times)
         rates, regular, scales = equations.rates, equations.regular, form.dae.state_sizes[equations.kept]
         outputs, start = _outputs(form, equations), _start(form, equations)
-        rates, valid, switch, names = _until_the_first_switch(
-            method, form.dae, rates, times, _intervals(simulator, box)
-        )
+        phase = _phase(method, form.dae, _later(rates, times[0]), times, _intervals(simulator, box))
     else:
         p, t = ca.SX.sym("p", len(simulator.parameters)), ca.SX.sym("t")
         none = ca.SX.sym("x", 0)
         rates = ca.Function("rates", [none, p, t], [ca.SX(0, 1)])
+        phase = Phase(rates)
         outputs = ca.Function("outputs", [none, p, t], [ca.densify(cast(ca.Function, expression)(p, t))])
         scales, start = np.zeros(0), StartEquations(rates, rates, lambda P: np.zeros((len(P), 0)))
     outputs, refused = _with_remainders(method, outputs)
-    problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0], scales, start,
-                      valid=valid, regular=regular, switch=switch, until_switch=names, refused=refused)  # fmt: skip
-    if times[0]:
-        later = {name: f and _later(f, times[0]) for name, f in (("valid", valid), ("regular", regular))}
-        problem = replace(problem, rates=_later(rates, times[0]), outputs=_later(outputs, times[0]), **later)
+    problem = Problem(phase.rates, _later(outputs, times[0]), *_intervals(simulator, box), times - times[0], scales,
+                      start, phase=phase, regular=regular and _later(regular, times[0]), refused=refused)  # fmt: skip
     starts = [Tape(problem.start.residual), Tape(problem.start.states)]
     of_switches = [] if problem.valid_tape is None else [problem.valid_tape]
     for tape in (problem.jacobian_tape, problem.sensitivity_tape, *of_switches, *starts):
@@ -87,6 +83,8 @@ def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function,
 
 def _later(f: ca.Function, begin: float) -> ca.Function:
     """f(x, p, begin + t)."""
+    if not begin:
+        return f
     x, p, t = (ca.SX.sym(name, f.numel_in(i)) for i, name in enumerate("xpt"))
     return common(f.name(), [x, p, t], [f(x, p, t + begin)])
 
@@ -177,17 +175,13 @@ def _require_smooth(method: object, form: Formulation) -> None:
         raise PropagationError(f"{method!r}: the scene holds sampled values. Use PolynomialChaos().")
 
 
-def _until_the_first_switch(
+def _phase(
     method: object, dae: DAE, rates: ca.Function, times: Array, intervals: tuple[Array, Array, tuple[int, ...]]
-) -> tuple[ca.Function, ca.Function | None, float, str]:
-    """The rates with laws of time on their sides after the first time, and how long they are valid.
-
-    They are smooth, beyond the first switch as well. The last values are those of `Problem`: `valid`, `switch`,
-    `until_switch`.
-    """
+) -> Phase:
+    """The first phase of equations whose rates are Functions of the time from the first one on."""
     found = kinks(dae, times)
     if found is None:
-        return rates, None, np.inf, ""
+        return Phase(rates)
     if found.on_state.any():
         raise PropagationError(
             f"{method!r}: the equations have {found} that depend on the state. Its proofs are of motions that are "
@@ -196,29 +190,11 @@ def _until_the_first_switch(
     x, p, t, none = (*(ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt")), ca.SX.sym("none"))
     f = ca.Function("rates", [x, p, t, none], [rates(x, p, t)])
     branch = branches(f, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
-    middle, radius, variables = intervals
-    corners = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, len(middle))) * (np.array(variables) >= 0)
-    switches = ca.Function("switches", [x, p, t, branch.sides], [branch.switches])
-    begin, sides = times[0] + _AFTER * (times[-1] - times[0]), np.ones(branch.sides.numel())
-    for _ in range(len(sides)):  # a switch may depend on the sides of those before it
-        sides = np.where(switches(0, middle, begin, sides).full().ravel() >= 0, 1.0, -1.0)
-    valid = common("valid", [x, p, t], [ca.densify(sides * switches(x, p, t, sides))])
-    at = TimeSwitches(valid(0, p, t), p, t, times)(np.vstack([middle, middle + radius * corners]))
-    first = float(at.min(initial=np.inf)) + 0.0  # not -0
-    smooth = ca.substitute(ca.vertcat(*branch.outputs), branch.sides, ca.DM(sides))
-    rates = common("rates", [x, p, t], [ca.densify(smooth)])
-    return (
-        rates,
-        valid if len(sides) else None,
-        first - float(times[0]),
-        f"the equations have {found} at t = {first:.6g} s",
-    )
-
-
-_CORNERS = 256
-"""Random corners of the box at which the first switch is sought. Proofs do not rely on it."""
-_AFTER = 1e-9
-"""Share of the horizon after the first time at which sides are chosen: at the first time itself a law may switch."""
+    arguments = [x, p, t, branch.sides]
+    smooth = ca.Function("smooth", arguments, [ca.densify(ca.vertcat(*branch.outputs))])
+    switches = ca.Function("switches", arguments, [ca.densify(branch.switches)])
+    end, samples = float(times[-1] - times[0]), corners(*intervals[:2])
+    return Schedule(smooth, switches, end, samples, float(times[0]), str(found)).phase(0.0)
 
 
 def _outputs(form: Formulation, equations: Equations) -> ca.Function:

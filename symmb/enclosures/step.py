@@ -75,13 +75,13 @@ def _prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         if not np.isfinite(end).all():
             break
         if stays(end, W):
-            _require_regular(step, e, patches)
+            require_regular(step, e, patches)
             return Proof(W, end)
         W = above(np.maximum(W, 1.01 * end))
     raise ProofError("the deviations from the polynomials grow too fast")
 
 
-def _require_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> None:
+def require_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> None:
     """ProofError unless the rows of loops determine velocities in all states of a step, within e (n,) of the motion."""
     tape = step.problem.regular_tape
     if tape is None:
