@@ -1,5 +1,6 @@
 """The start of a scene in coordinates of its joints."""
 
+import math
 from dataclasses import replace
 
 import casadi as ca
@@ -7,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.mechanics import Spatial
-from symmb.model import DAE, Scene, System, compile_dae
+from symmb.model import DAE, Scene, System, compile_dae, is_linear
 from symmb.start.implicit_function import ImplicitMap
 from symmb.start.rank import general_entries, independent_rows_and_columns, lasting_rows, own_scales, row_sizes
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
@@ -26,6 +27,7 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
     measured = common("measured", [x, p], [ca.densify(ca.vertcat(*joints.joints.of_joints))])
     states, (fault,) = start.states(start.dae.p_nominal[None])
     q0 = measured(states[0], start.dae.p_nominal).full().ravel()[: joints.q.numel()]
+    q0 = _with_listed_turns(scene, joints, q0, start.dae.p_nominal)
     dae = _with_independent_rows(start, joints, q0)
     if dae is None:
         return None
@@ -43,6 +45,17 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
         state=common("state", [u, p], [measured(state, p)]),
         holds=ca.Function("holds", [y, u, p], [start.holds(state, u, p)]),
     )
+
+
+def _with_listed_turns(scene: Scene, joints: System, q: Array, p: Array) -> Array:
+    """Coordinates q (n_q,) whose listed angles have the turns of the list at parameters p (n_p,)."""
+    q, names = q.copy(), joints.collected.q_names
+    for value in scene.prescribed.joints:
+        if value.name in names and not is_linear(value.name):
+            k = names.index(value.name)
+            listed = float(ca.Function("listed", [scene.system.p], [value.value])(p))
+            q[k] += 2 * math.pi * round((listed - q[k]) / (2 * math.pi))
+    return q
 
 
 def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None:

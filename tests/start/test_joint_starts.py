@@ -295,3 +295,40 @@ def test_springs_and_gears_count_the_turns_of_listed_angles():
     system = mb.System(*links, first, second, spring, turned)
     run = mb.simulate(mb.Scene(system, {"first.angle": 12.0, "second.angle": 5.0}))
     assert_allclose(run.energy.potential[0], (12.0 - 5.0) ** 2, atol=1e-10)
+
+
+@pytest.mark.parametrize("turns", [-3, -1, 0, 1, 2])
+@pytest.mark.parametrize("tilt", [-0.4668, 3.0, -2.9])
+def test_listed_angles_beyond_half_a_turn_keep_the_assembly_of_loops(turns, tilt):
+    """A crank that is turned by whole turns is where it was. The assembly is that of the guess, in closed form."""
+    p, ground, length = mb.Parameters(b=0.9), mb.Ground(), 0.45
+    crank, coupler, rocker = (
+        mb.Body(name, 1.0, (0.01, 0.05, 0.05), mb.Spatial()) for name in ("crank", "coupler", "rocker")
+    )
+    hinge = mb.Revolute("O", ground.point(0, 0, 0), crank.point(-length / 2, 0, 0))
+    joints = [
+        hinge,
+        mb.Revolute("A", crank.point(length / 2, 0, 0), coupler.point(-p.b / 2, 0, 0)),
+        mb.Revolute("C", coupler.point(p.b / 2, 0, 0), rocker.point(0.45, 0, 0)),
+        mb.Revolute("D", ground.point(0.95, 0, 0), rocker.point(-0.45, 0, 0)),
+    ]
+    system = mb.System(crank, coupler, rocker, *joints, mb.Gravity(0, -9.81, 0), parameters=p)
+    pin = length * np.array([np.cos(tilt), np.sin(tilt)])
+    apart = np.array([0.95, 0.0]) - pin
+    side, half = np.array([-apart[1], apart[0]]) / np.linalg.norm(apart), np.linalg.norm(apart) / 2
+    tip = pin + apart / 2 + np.sqrt(0.9**2 - half**2) * side
+    angles = {
+        "crank": tilt,
+        "coupler": np.arctan2(*(tip - pin)[::-1]),
+        "rocker": np.arctan2(*(tip - (0.95, 0.0))[::-1]),
+    }
+    middles = {"crank": pin / 2, "coupler": (pin + tip) / 2, "rocker": ((0.95, 0.0) + tip) / 2}
+    guess = {f"{name}.rotation": mb.rotation((0, 0, 1), angle) for name, angle in angles.items()}
+    guess |= {f"{name}.{axis}": at for name, place in middles.items() for axis, at in zip("xy", place, strict=True)}
+    start = {"O.angle": tilt + 2 * np.pi * turns, "O.angle_rate": -1.4}
+    outputs = {"x": coupler.x, "y": coupler.y, "turned": hinge.angle}
+    scene = mb.Scene(system, start, [0.0, 0.05], outputs, guess=guess, box=mb.Box(b=(0.899, 0.901)))
+    study = mb.propagate(scene, mb.Vertex())
+    expected = [*middles["coupler"], tilt + 2 * np.pi * turns]
+    for at in (study.lower[0], study.upper[0], mb.simulate(scene).values[0]):
+        np.testing.assert_allclose(at, expected, atol=2e-3)
