@@ -14,7 +14,7 @@ from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
-from symmb.enclosures import EXTRA_NODES, NO_START, Enclosure, Problem, enclose, problem_of
+from symmb.enclosures import EXTRA_NODES, NO_START, SINGULAR, Enclosure, Problem, enclose, problem_of
 from symmb.model import Box
 
 _HIGHEST = 60
@@ -116,7 +116,7 @@ def _remedy(problem: Problem, found: Enclosure) -> str:
     """What may lead further, for the end of a sentence; empty if nothing does."""
     if found.is_switch:
         return ""
-    few = not problem.n or NO_START in found.why
+    few = not problem.n or NO_START in found.why or SINGULAR in found.why
     return "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
 
 
@@ -137,8 +137,10 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
         parts.append(f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}{remedy}")
         is_infinite &= is_infinite.all(axis=0)  # others are, because the motion is not known
     if is_infinite.any():
-        names = _names(outputs, is_infinite)
-        parts.append(f"infinite for {names}, which cannot be shown to be smooth over the box; try smaller intervals")
+        names, when = _names(outputs, is_infinite), "" if is_infinite.all(axis=0).any() else " at some times"
+        parts.append(
+            f"infinite for {names}{when}, which cannot be shown to be smooth over the box; try smaller intervals"
+        )
     elif not found.why and loose.any():
         begin = times[loose.any(axis=1).argmax()]
         parts.append(

@@ -9,3 +9,4 @@ from symmb.enclosures.outputs import EXTRA_NODES
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.scene_problem import problem_of
 from symmb.enclosures.start import NO_START
+from symmb.enclosures.step import SINGULAR

@@ -157,7 +157,10 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
             break
         last = change
     rate = fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths))
-    inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
+    try:
+        inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
+    except np.linalg.LinAlgError:
+        raise ProofError("deviations from the polynomials grow too differently in a step") from None
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), _FRAME_NOISE)
     C = _without_noise(fit(inverse, (terms, *lengths)).reshape(rate.shape), _FRAME_NOISE)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])

@@ -17,7 +17,7 @@ from symmb.enclosures.problem import Problem
 from symmb.enclosures.rounding import above
 from symmb.enclosures.schedule import Phase, grain_of
 from symmb.enclosures.start import first_front
-from symmb.enclosures.step import Proof, prove
+from symmb.enclosures.step import SINGULAR, Proof, is_regular, prove
 from symmb.enclosures.switching import holds, off_while_switching
 
 TIME_TERMS, FRAME_TERMS = 20, 11
@@ -195,6 +195,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         if tail > _UNRESOLVED:
             aim = h = h_resolved
             continue
+        step = None
         try:
             B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
             step = TimeStep(problem, front.t, h, x, B, C)
@@ -204,6 +205,8 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             return step, proof
         except ProofError as error:
             reason, h = str(error), 0.5 * h
+            if step is not None and not is_regular(step, np.zeros(problem.n), Choice().patches):
+                reason = SINGULAR
     raise ProofError(reason or "the motion changes too fast for the shortest step")
 
 

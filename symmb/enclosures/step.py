@@ -75,20 +75,24 @@ def _prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         if not np.isfinite(end).all():
             break
         if stays(end, W):
-            require_regular(step, e, patches)
+            if not is_regular(step, e, patches):
+                raise ProofError(SINGULAR)
             return Proof(W, end)
         W = above(np.maximum(W, 1.01 * end))
     raise ProofError("the deviations from the polynomials grow too fast")
 
 
-def require_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> None:
-    """ProofError unless the rows of loops determine velocities in all states of a step, within e (n,) of the motion."""
+SINGULAR = "a loop may be in a singular position, such as a dead centre"
+"""Why rows of loops may not determine velocities."""
+
+
+def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:
+    """Whether rows of loops determine velocities in all states of a step within e (n,) of the motion."""
     tape = step.problem.regular_tape
     if tape is None:
-        return
+        return True
     real = step.on_patches(patches_on(step, [1.0] * len(step.degrees), patches), e)
-    if not all(map(discs.is_regular, tape.run(discs.OPERATIONS, discs.disc, real)[0])):
-        raise ProofError("a loop may be in a singular position, such as a dead centre")
+    return all(map(discs.is_regular, tape.run(discs.OPERATIONS, discs.disc, real)[0]))
 
 
 def stays(end: Array, W: Array) -> bool:

@@ -11,7 +11,7 @@ from symmb.enclosures.patches import Patches
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.rounding import above
 from symmb.enclosures.schedule import Window
-from symmb.enclosures.step import Proof, require_regular
+from symmb.enclosures.step import SINGULAR, Proof, is_regular
 from symmb.enclosures.tape import Tape
 
 _PATCHES = 8
@@ -74,7 +74,8 @@ def off_while_switching(step: TimeStep, proof: Proof, window: Window | None) -> 
         if not np.isfinite(moved).all():
             break
         if (moved < beside).all():
-            require_regular(step, above(own + beside), (_PATCHES, 1))
+            if not is_regular(step, above(own + beside), (_PATCHES, 1)):
+                raise ProofError(SINGULAR)
             return moved
         beside = above(np.maximum(2.0 * moved, beside))
     raise ProofError(problem.why_switch)
