@@ -23,9 +23,11 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
-_PATCHES = 1, 8, 24
+_PATCHES = 1, 8, 24, 64
 """Patches of each parameter. More are tried where outputs cannot be shown to be smooth with fewer ones, or have large
 bounds: quotients of sums that are positive, such as reactions, may need many."""
+_SOME = 1
+"""Patches beyond which no more are tried for outputs that could not be shown to be smooth in the step before."""
 _MANY_NODES = 50
 """Nodes of each parameter above which more patches are tried."""
 EXTRA_NODES = 4
@@ -58,7 +60,8 @@ def output_bounds(
             slopes = reaches(slopes).reshape(problem.n, n_y).T
             of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
             smooth = np.isfinite(most) & np.isfinite(of_states)
-            if (smooth | problem.is_refused | control.rough).all() and nodes <= _MANY_NODES**problem.d:
+            is_hopeless = control.rough if patches > _SOME else False
+            if (smooth | problem.is_refused | is_hopeless).all() and nodes <= _MANY_NODES**problem.d:
                 break
         control.rough = ~smooth
         good = np.flatnonzero(smooth)
