@@ -328,7 +328,7 @@ def _scene(
         names = ("O.angle", "O.angle_rate") if spatial else ("crank.theta", "crank.omega")
         begin = dict(zip(names, start, strict=True))
     begin, where = begin or {}, {}
-    for (name, bar), (x, y, theta) in zip(own.bars.items(), guess.tolist(), strict=True):
+    for name, (x, y, theta) in zip(own.bars, guess.tolist(), strict=True):
         where |= {f"{name}.x": x, f"{name}.y": y}
         where |= {f"{name}.rotation": mb.rotation((0, 0, 1), theta)} if spatial else {f"{name}.theta": theta}
     where = {name: value for name, value in where.items() if name not in begin}
@@ -344,11 +344,11 @@ def _bars(P: Any, **ends: tuple[Point, Point, Any]) -> dict[str, Bar]:
 
 
 def _four_bar(P: Any, phi: Any, side: float = 1.0) -> Plan:
-    O, D = (0.0, 0.0), (P.d, 0.1)
+    base, D = (0.0, 0.0), (P.d, 0.1)
     A = (P.a * ca.cos(phi), P.a * ca.sin(phi))
     C = circles(A, D, P.b, P.c, side)
-    bars = _bars(P, crank=(O, A, P.a), coupler=(A, C, P.b), rocker=(D, C, P.c))
-    hinges = {"O": Hinge(None, "crank", O), "A": Hinge("crank", "coupler", A),
+    bars = _bars(P, crank=(base, A, P.a), coupler=(A, C, P.b), rocker=(D, C, P.c))
+    hinges = {"O": Hinge(None, "crank", base), "A": Hinge("crank", "coupler", A),
               "C": Hinge("coupler", "rocker", C, on_b=(1.0,)), "D": Hinge(None, "rocker", D)}  # fmt: skip
     return Plan(bars, hinges)
 
@@ -376,30 +376,32 @@ def reach_of(E: Point, H: Point) -> tuple[float, float]:
 
 
 def _slider_crank(P: Any, phi: Any, side: float = 1.0) -> Plan:
-    O, A = (0.0, 0.0), (P.a * ca.cos(phi), P.a * ca.sin(phi))
+    base, A = (0.0, 0.0), (P.a * ca.cos(phi), P.a * ca.sin(phi))
     C = (A[0] + side * ca.sqrt(P.b**2 - (P.e - A[1]) ** 2), P.e)
-    bars = _bars(P, crank=(O, A, P.a), coupler=(A, C, P.b)) | {"slider": Bar(C, C, 0.0, 0.5 * P.rho, 0.1, slides=True)}
-    hinges = {"O": Hinge(None, "crank", O), "A": Hinge("crank", "coupler", A), "C": Hinge("coupler", "slider", C),
+    bars = _bars(P, crank=(base, A, P.a), coupler=(A, C, P.b)) | {
+        "slider": Bar(C, C, 0.0, 0.5 * P.rho, 0.1, slides=True)
+    }
+    hinges = {"O": Hinge(None, "crank", base), "A": Hinge("crank", "coupler", A), "C": Hinge("coupler", "slider", C),
               "rail": Hinge(None, "slider", (0.0, P.e), parts="yt")}  # fmt: skip
     return Plan(bars, hinges)
 
 
 def _five_bar(P: Any, phi: Any, ratio: float = -1.0) -> Plan:
     """Two cranks that are coupled by a gear, and two bars between their tips."""
-    O, D, other = (0.0, 0.0), (P.d, 0.0), ratio * phi
+    base, D, other = (0.0, 0.0), (P.d, 0.0), ratio * phi
     A, B = (P.a * ca.cos(phi), P.a * ca.sin(phi)), (P.d + P.c * ca.cos(other), P.c * ca.sin(other))
     C = circles(A, B, P.b, 0.9, 1.0)
-    bars = _bars(P, crank=(O, A, P.a), second=(D, B, P.c), coupler=(A, C, P.b), rocker=(B, C, 0.9))
-    hinges = {"O": Hinge(None, "crank", O), "D": Hinge(None, "second", D), "A": Hinge("crank", "coupler", A),
+    bars = _bars(P, crank=(base, A, P.a), second=(D, B, P.c), coupler=(A, C, P.b), rocker=(B, C, 0.9))
+    hinges = {"O": Hinge(None, "crank", base), "D": Hinge(None, "second", D), "A": Hinge("crank", "coupler", A),
               "B": Hinge("second", "rocker", B), "C": Hinge("coupler", "rocker", C, on_b=(1.0,))}  # fmt: skip
     return Plan(bars, hinges, gear=("crank", "second", ratio))
 
 
 def _parallelogram(P: Any, phi: Any) -> Plan:
-    O, D, A = (0.0, 0.0), (P.b, 0.0), (P.a * ca.cos(phi), P.a * ca.sin(phi))
+    base, D, A = (0.0, 0.0), (P.b, 0.0), (P.a * ca.cos(phi), P.a * ca.sin(phi))
     C = (A[0] + P.b, A[1])
-    bars = _bars(P, crank=(O, A, P.a), coupler=(A, C, P.b), rocker=(D, C, P.a))
-    return Plan(bars, {"O": Hinge(None, "crank", O), "A": Hinge("crank", "coupler", A),
+    bars = _bars(P, crank=(base, A, P.a), coupler=(A, C, P.b), rocker=(D, C, P.a))
+    return Plan(bars, {"O": Hinge(None, "crank", base), "A": Hinge("crank", "coupler", A),
                        "C": Hinge("coupler", "rocker", C, on_b=(1.0,)), "D": Hinge(None, "rocker", D)})  # fmt: skip
 
 
@@ -439,10 +441,10 @@ def _rssr(values: dict[str, float], gamma: float, times: np.ndarray, box: dict[s
         return mb.Body(name, mass, (1e-3 * mass, mass * length**2 / 12, mass * length**2 / 12), mb.Spatial())
 
     crank, rocker, coupler = rod("crank", p.a), rod("rocker", p.c), rod("coupler", p.b)
-    O = mb.Revolute("O", ground.point(0, 0, 0), crank.point(-p.a / 2, 0, 0), axis=(0, 0, 1))
+    drive = mb.Revolute("O", ground.point(0, 0, 0), crank.point(-p.a / 2, 0, 0), axis=(0, 0, 1))
     pivot = mb.Revolute("D", ground.point(*D), rocker.point(-p.c / 2, 0, 0), axis=(0, -s, c))
     tip, end = crank.point(p.a / 2, 0, 0), rocker.point(p.c / 2, 0, 0)
-    elements: list[Any] = [crank, rocker, O, pivot, mb.Gravity(0, 0, -G)]
+    elements: list[Any] = [crank, rocker, drive, pivot, mb.Gravity(0, 0, -G)]
     guess: dict[str, Any] = {"rocker.rotation": mb.rotation((0, -s, c), float(psi0[0]))}
     guess |= dict(zip(("rocker.x", "rocker.y", "rocker.z"), (0.5 * (B0 + D)).tolist(), strict=True))
     if massive:
@@ -457,7 +459,7 @@ def _rssr(values: dict[str, float], gamma: float, times: np.ndarray, box: dict[s
         elements.append(mb.Distance("A", tip, end, p.b))
     start: dict[str, Any] = {"O.angle": p.tilt, "O.angle_rate": p.spin}
     if law is not None:
-        elements.append(mb.Motion("motor", O.angle, law(p, mb.t)))
+        elements.append(mb.Motion("motor", drive.angle, law(p, mb.t)))
         start = {}
     system = mb.System(*elements, parameters=p)
     outputs = {"psi": pivot.angle, "rate": pivot.angle_rate, "x": end.x, "y": end.y, "z": end.z, "vx": end.vx}
