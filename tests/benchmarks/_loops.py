@@ -179,6 +179,7 @@ def planar_case(
     p0 = float(start(SimpleNamespace(**values))[0])
     poses = ca.Function("poses", [at.phi, at.p], [ca.vertcat(*(ca.vertcat(*bar.pose) for bar in own.bars.values()))])
     guess = poses(p0, nominal).full().reshape(-1, 3)
+    guess[list(own.bars).index("crank"), 2] = p0  # a guess that is a turn off leads to another assembly
     p = mb.Parameters(**values)
     scene = _scene(kind, values, plan, start(p), p, times, box, watched, law, spatial, gravity, start_of, guess)
     first = guess[list(own.bars).index(body), 2]

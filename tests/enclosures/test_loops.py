@@ -41,3 +41,22 @@ def test_an_approximate_inverse_of_a_frame_is_not_taken_as_exact():
     step = TimeStep(problem, 0.0, 1.0, still, frame, C[..., None])
     for y in ([1.0, 1.0], [1.0, 0.0], [0.0, 1.0]):
         assert (step.inverse_times(np.array(y)) >= np.abs(np.linalg.inv(B)) @ y).all()
+
+
+def _told(found):
+    return f"{found.kind}: outside by {found.outside:.1e}, {found.proved:.0%} proved, {found.fault} {found.refused}"
+
+
+@pytest.mark.parametrize("seed", [100, 103, 106, 115, 121, 124, 125])
+def test_random_mechanisms_against_closed_forms(seed):
+    """Four-bars, slider-cranks and a parallelogram, free and driven."""
+    found = loop_proofs.check(loop_proofs.random_case(seed), order=4, count=2)
+    assert found.outside <= loop_proofs.INSIDE and not found.fault and not found.refused, _told(found)
+    assert found.proved == 1.0 and found.ratio < 1.01, _told(found)
+
+
+@pytest.mark.parametrize("seed", [102, 111, 113, 116, 127])
+def test_boxes_with_parameters_without_a_start_are_not_proved(seed):
+    """Starts at change points and beyond dead centres."""
+    found = loop_proofs.check(loop_proofs.random_case(seed), order=4)
+    assert not found.fault and found.refused, _told(found)
