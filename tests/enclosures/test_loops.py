@@ -55,6 +55,13 @@ def test_random_mechanisms_against_closed_forms(seed):
     assert found.proved == 1.0 and found.ratio < 1.01, _told(found)
 
 
+def test_a_slider_crank_that_locks_is_proved_until_then():
+    """Without the test that a divisor does not vanish, its bounds are too narrow at the end (found by planting it)."""
+    found = loop_proofs.check(loop_proofs.random_case(184), order=4, count=2)
+    assert found.outside <= loop_proofs.INSIDE and not found.fault, _told(found)
+    assert "infinite later" in found.refused and found.proved == 1.0, _told(found)
+
+
 @pytest.mark.parametrize("seed", [102, 111, 113, 116, 127])
 def test_boxes_with_parameters_without_a_start_are_not_proved(seed):
     """Starts at change points and beyond dead centres."""
