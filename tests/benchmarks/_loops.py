@@ -317,7 +317,7 @@ def _scene(
         a, b, ratio = own.gear
         elements.append(mb.Gear("gear", place(a, (0, 0)), place(b, (0, 0)), ratio=ratio))
     if gravity:
-        elements.append(mb.Gravity(0, -gravity, *none))
+        elements.append(mb.Gravity(0, -gravity, 0) if spatial else mb.Gravity(0, -gravity))
     system, shown = mb.System(*elements, parameters=p), bodies[watched[0]]
     force = system.reaction(watched[1])
     outputs = {} if spatial else {"theta": shown.theta, "omega": shown.omega}

@@ -328,6 +328,7 @@ def check(case: Case, order: int = 5, count: int = 8) -> Found:
         found.proved = 1.0
         return found
     values = {name: float(scene.system.parameters[name]) for name in scene.system.parameters}
+    assert scene.box is not None and scene.outputs is not None
     P = samples(scene.box, values, count)
     Y = np.stack([case.runs(p) for p in P])
     end = min(case.ends(p) for p in P)
