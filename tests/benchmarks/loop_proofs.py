@@ -354,10 +354,11 @@ def check(case: Case, order: int = 5, count: int = 8) -> Found:
 
 
 def judge(seed: int) -> Found:
+    case = random_case(seed)
     try:
-        return check(random_case(seed), order=4 + seed % 3)
+        return check(case, order=4 + seed % 3)
     except Exception:
-        return Found("?", fault=traceback.format_exc())
+        return Found(case.kind, fault=traceback.format_exc())
 
 
 def main() -> None:
