@@ -29,8 +29,10 @@ The other half of the parts are for those that are lost first. They are halved w
 """
 _VISIBLE, _SMALL = 1e-6, 0.1
 """Widths over the size of an output, and over how far it moves with the parameters, that are worth a caution."""
-_CANCELLED = 1e-9
-"""The same over the terms that make an output: where they cancel, their small remainders are left."""
+_CANCELLED, _NOTHING = 1e-9, 1e-250
+"""The same over the terms that make an output: where they cancel, their small remainders are left. And widths that only
+cover underflow, of outputs that vanish.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +118,7 @@ class Enclosure:
         moved = np.where(finite, width - 2.0 * remainder, 0.0).max(axis=0)
         size = np.where(finite, np.maximum(np.abs(self.lower), np.abs(self.upper)), 0.0)
         visible = np.maximum(_VISIBLE * np.maximum.accumulate(size, axis=0), _SMALL * moved)
-        visible = np.maximum(visible, _CANCELLED * self.terms)
+        visible = np.maximum(visible, _CANCELLED * self.terms + _NOTHING)
         return np.asarray(finite & (remainder > 0.25 * width) & (2.0 * remainder > visible))
 
 

@@ -18,7 +18,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.enclosures.reactions import of_bodies, solved_function
 from symmb.formulations import Formulation
+from symmb.model import Lazy, System
 from symmb.symbolic import ExplicitSolver, common
 
 _SETS = 500
@@ -38,28 +40,38 @@ class Equations:
     rates : (x, p, t) -> x'
     whole : (x, p, t) -> the state (q, v, s) of the formulation
     kept : numbers of the entries of that state which x has
+    solved : (x, p, t) -> multipliers of all rows of the system, and accelerations of the bodies, if the system is known
     regular : (x, p, t) -> (m,), of which none is 0 where the rates are those of the formulation; None: everywhere
     """
 
     rates: ca.Function
     whole: ca.Function
     kept: Indices
+    solved: Lazy[ca.Function]
     regular: ca.Function | None = None
 
 
-def equations_of(form: Formulation, times: Array) -> Equations:
-    """The equations of a formulation over times (n_t,)."""
+def equations_of(form: Formulation, system: System | None, times: Array) -> Equations:
+    """The equations of a formulation of a system over times (n_t,); of a copy from a pickle it is not known."""
     dae = form.dae
     n = dae.n_q + dae.n_v + dae.n_s
     if dae.G is None:
         x, p, t = ca.SX.sym("x", n), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
-        rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t)))) if n else ca.SX(0, 1)
+        at = dae.arguments(x, p, t)
+        parts = dae.rhs.call(list(at)) if n else [ca.SX(0, 1)] * 2
         whole = ca.Function("whole", [x, p, t], [x])
-        return Equations(common("rates", [x, p, t], [ca.densify(rates)]), whole, np.arange(n))
-    return _partitioned(form, *_dependent(form, times))
+
+        def of_tree() -> ca.Function:
+            bodies = of_bodies(form, system, at, parts[0])
+            return solved_function(form, system, (x, p, t), bodies, parts[1])
+
+        return Equations(
+            common("rates", [x, p, t], [ca.densify(ca.vertcat(*parts))]), whole, np.arange(n), Lazy(of_tree)
+        )
+    return _partitioned(form, system, *_dependent(form, times))
 
 
-def _partitioned(form: Formulation, dependent: Sequence[int], G_there: Array) -> Equations:
+def _partitioned(form: Formulation, system: System | None, dependent: Sequence[int], G_there: Array) -> Equations:
     """The equations in which the rows determine some velocities, by their numbers. Their Jacobian is G_there once."""
     dae, bodies = form.dae, form.dae if form.bodies is None else form.bodies.dae
     n_q, n_v = dae.n_q, dae.n_v
@@ -82,35 +94,20 @@ def _partitioned(form: Formulation, dependent: Sequence[int], G_there: Array) ->
     at = (q, v, *state, p, t)
     first, *others = dae.rhs.call(list(at))
     bias = of_all(solve(dae.gamma(*at)), ca.SX(len(free), 1))
-    of_bodies, S, a = _motion_of_bodies(form, at, first, along, bias)
+    moved = of_bodies(form, system, at, first)
+    S, a = ca.densify(moved.J @ along), moved.drift + moved.J @ bias
     acceleration = ca.SX.sym("a", bodies.n_v)
-    M = ca.jacobian(bodies.inertia(*of_bodies, acceleration), acceleration)
-    forces = S.T @ (bodies.Q(*of_bodies) - M @ a)
+    M = ca.jacobian(bodies.inertia(*moved.at, acceleration), acceleration)
     of_mass = ExplicitSolver(S.T @ M @ S)
-    du = of_mass(forces)
+    du = of_mass(S.T @ (moved.Q - M @ a))
     determinants = ca.densify(ca.vertcat(solve.determinants, of_mass.determinants))
     rates = common("rates", [x, p, t], [ca.densify(ca.vertcat(first, du, *others[1:]))])
     whole = common("whole", [x, p, t], [ca.densify(ca.vertcat(q, v, s))])
-    return Equations(rates, whole, kept, common("regular", [x, p, t], [determinants]))
-
-
-def _motion_of_bodies(
-    form: Formulation, at: tuple[ca.SX, ...], qdot: ca.SX, along: ca.SX, bias: ca.SX
-) -> tuple[tuple[ca.SX, ...], ca.SX, ca.SX]:
-    """Arguments of the Functions of the bodies, their velocities along the free ones, and accelerations without these.
-
-    `along` (n_v, n_u) and `bias` (n_v,) are the same of the velocities of the formulation.
-    """
-    if form.bodies is None:
-        return at, along, bias
-    dae, bodies, (*state, p, t) = form.dae, form.bodies.dae, at
-    q, v, s = ca.SX.sym("q", dae.n_q), ca.SX.sym("v", dae.n_v), ca.SX.sym("s", dae.n_s)
-    rate = ca.SX.sym("rate", dae.n_q)
-    x = form.bodies.states()(ca.vertcat(q, v, s), p)
-    moved = x[bodies.n_q : bodies.n_q + bodies.n_v]
-    f = ca.Function("moved", [q, v, s, p, rate], [x, ca.jacobian(moved, v), ca.jtimes(moved, q, rate)])
-    found, J, of_positions = f(*state[:2], state[2] if dae.n_s else ca.SX(0, 1), p, qdot)
-    return bodies.arguments(found, p, t), ca.densify(J @ along), of_positions + J @ bias
+    loads = ExplicitSolver(G[:, list(dependent)].T, G_there[:, list(dependent)].T)
+    solved = Lazy(
+        lambda: solved_function(form, system, (x, p, t), moved, along @ du + bias, lambda f: loads(f[dependent, :]))
+    )
+    return Equations(rates, whole, kept, solved, common("regular", [x, p, t], [determinants]))
 
 
 def _dependent(form: Formulation, times: Array) -> tuple[tuple[int, ...], Array]:
@@ -121,12 +118,11 @@ def _dependent(form: Formulation, times: Array) -> tuple[tuple[int, ...], Array]
     G, M = _along_a_run(form, times)
     scales = form.dae.displacement_scales
     n_r, n_v = G.shape[1:]
-    scaled, inertia = G * scales, np.linalg.slogdet(M * scales * scales[:, None])[1]
-    saddle = (
-        inertia + np.linalg.slogdet(scaled @ np.linalg.solve(M * scales * scales[:, None], scaled.swapaxes(1, 2)))[1]
-    )
+    scaled, none = G * scales, np.zeros((len(G), n_r, n_r))
+    saddle = np.block([[M * scales * scales[:, None], scaled.swapaxes(1, 2)], [scaled, none]])
+    whole = np.linalg.slogdet(saddle)[1]
     sets = list(combinations(range(n_v), n_r)) if _count(n_v, n_r) <= _SETS else sorted(_best_sets(scaled))
-    logs = np.array([saddle - 2 * np.linalg.slogdet(scaled[:, :, list(chosen)])[1] for chosen in sets])
+    logs = np.array([whole - 2 * np.linalg.slogdet(scaled[:, :, list(chosen)])[1] for chosen in sets])
     with np.errstate(invalid="ignore"):
         change = np.ptp(logs, axis=1)
     best = int(np.where(np.isfinite(change), change, np.inf).argmin())

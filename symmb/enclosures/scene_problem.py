@@ -41,9 +41,9 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     times = np.asarray(simulator.times, dtype=float)
     if isinstance(simulator, DAESimulator):
         form = _formulation(method, simulator, box)
-        equations = equations_of(form, times)
+        equations = equations_of(form, simulator.scene and simulator.scene.system, times)
         rates, regular, scales = equations.rates, equations.regular, form.dae.state_sizes[equations.kept]
-        outputs, start = _outputs(form, equations), _start(form, equations)
+        outputs, start = _outputs(simulator, form, equations), _start(form, equations)
         phase = _phase(method, form.dae, _later(rates, times[0]), times, _intervals(simulator, box))
     else:
         p, t = ca.SX.sym("p", len(simulator.parameters)), ca.SX.sym("t")
@@ -197,10 +197,14 @@ def _phase(
     return Schedule(smooth, switches, end, samples, float(times[0]), str(found)).phase(0.0)
 
 
-def _outputs(form: Formulation, equations: Equations) -> ca.Function:
-    """(x, p, t) -> y."""
+def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:
+    """(x, p, t) -> y; a copy from a pickle, without its scene, has the multipliers and accelerations of runs."""
     x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
-    return common("outputs", [x, p, t], [ca.densify(form.y(equations.whole(x, p, t), p, t))])
+    whole, symbols = equations.whole(x, p, t), form.declared.sx_in()
+    depends = any(ca.which_depends(form.declared(*symbols), ca.vertcat(*symbols[3:]), 1, True) or [])
+    known = depends and simulator.scene is not None
+    y = form.declared(whole, p, t, *equations.solved()(x, p, t)) if known else form.y(whole, p, t)
+    return common("outputs", [x, p, t], [ca.densify(y)])
 
 
 def _start(form: Formulation, equations: Equations) -> StartEquations:

@@ -1,7 +1,7 @@
 """The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -10,11 +10,12 @@ from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
 from symmb._types import Array
 from symmb.events import Kinks, Pulses, kinks
-from symmb.formulations.output_functions import joint_output_function, output_function
+from symmb.formulations.output_functions import declared_function, joint_output_function, output_function
 from symmb.integrate import Run
 from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
 from symmb.symbolic import batch, common
+from symmb.symbolic import t as time_symbol
 
 _STAGE = 8
 """Operations of a stage of an explicit step for each state: sums of slopes."""
@@ -32,6 +33,7 @@ class Formulation:
     dae : DAE
     start : Start
     y : (x, p, t) -> outputs (n_y,)
+    declared : (x, p, t, multipliers, accelerations of the bodies) -> outputs (n_y,)
     bodies : InBodies          where the coordinates are those of joints
     why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
     """
@@ -39,6 +41,7 @@ class Formulation:
     dae: DAE
     start: Start
     y: ca.Function
+    declared: ca.Function
     bodies: "InBodies | None" = None
     why: str = ""
 
@@ -82,10 +85,28 @@ class Formulation:
 
 @dataclass(frozen=True, eq=False)
 class InBodies:
-    """The equations of the bodies, and their states as a Function (x, p) of the states x of the joints."""
+    """The bodies for states x of the joints.
+
+    Attributes
+    ----------
+    dae : DAE                 their equations
+    states : (x, p)           their states
+    loads : (x, p, t)         forces Q (n_v,) on them, and the Jacobian G (n_r, n_v) of all rows of the system; None in
+                              a copy from a pickle
+    carried : joints with the numbers of the bodies that they carry, each one after its carrier
+    """
 
     dae: DAE
     states: Lazy[ca.Function]
+    loads: Lazy[ca.Function] | None
+    carried: tuple[tuple[str, int], ...]
+
+
+class _Loads(Lazy[ca.Function]):
+    """`InBodies.loads`. A pickle has None in its place: only proofs need them, and they are large."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(None), ()
 
 
 class Formulations(NamedTuple):
@@ -143,7 +164,8 @@ def _in_bodies(scene: Scene) -> Formulation:
     if start.rows is not None:
         dae = compile_dae(scene.system, start.rows, start.nullities)
     dae = replace(_scaled(dae, start, scene), sampling=start.dae.sampling)
-    return Formulation(dae, start, output_function(dae, scene, scene.y))
+    declared = declared_function(scene, scene.system, scene.y)
+    return Formulation(dae, start, output_function(dae, scene, scene.y), declared)
 
 
 def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation | None:
@@ -155,12 +177,18 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     place = ca.Function("place", [x, system.p], [system.joints.of_bodies[0]])
     state = place(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
     joints = system.joints.with_signs(state, bodies.start.nominal()["q"])
-    y = joint_output_function(bodies.dae, start.dae, scene, system, joints, scene.y)
+    declared = declared_function(scene, system, joints.expression(ca.densify(scene.y)))
+    y = joint_output_function(bodies.dae, start.dae, scene, system, joints, declared)
 
     def states() -> ca.Function:
         return common("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))])
 
-    return Formulation(_scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, Lazy(states)))
+    def loads() -> ca.Function:
+        return common("loads", [x, system.p, time_symbol], joints.expressions([scene.system.Q, scene.system.G]))
+
+    carried = tuple((link.carrying.joint.name, link.body) for link in joints.links if link.carrying is not None)
+    in_bodies = InBodies(bodies.dae, Lazy(states), _Loads(loads), carried)
+    return Formulation(_scaled(start.dae, start, scene), start, y, declared, in_bodies)
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:

@@ -12,6 +12,14 @@ from symmb.symbolic import batch, common, jets
 from symmb.symbolic import t as time_symbol
 
 
+def declared_function(scene: Scene, own: System, y: ca.SX) -> ca.Function:
+    """(x, p, t, multipliers, accelerations of the bodies) -> y, for the states x of the scene's system, or of its own
+    one in joint space."""
+    x = ca.vertcat(own.q, own.v, own.s)
+    arguments = [x, own.p, time_symbol, ca.SX(scene.system.lam), scene.system.vdot]
+    return ca.Function("declared", arguments, [ca.densify(y)])
+
+
 def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     """(x, p, t) -> y; multipliers and accelerations are computed only if y contains some."""
     system = scene.system
@@ -19,33 +27,34 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     at = dae.arguments(x, p, t)
     if dae.sampling is not None:  # at an instant, outputs have the new values
         at = (*at[:2], dae.sampling.held(*at), *at[3:])
-    states = [system.q, system.v, *([system.s] if dae.n_s else []), system.p, time_symbol]
-    declared = ca.Function("declared", [*states, ca.SX(system.lam), system.vdot], [ca.densify(y)])
+    declared = declared_function(scene, system, y)
     multipliers = _multipliers(dae, scene, y, at)
     accelerations = dae.rhs(*at)[1] if _contains(y, system.vdot) else ca.SX(*system.vdot.shape)
-    return common("y", [x, p, t], [declared(*at, multipliers, accelerations)])
+    return common("y", [x, p, t], [declared(ca.vertcat(*map(ca.vec, at[:-2])), p, t, multipliers, accelerations)])
 
 
 def joint_output_function(
-    dae: DAE, joint_dae: DAE, scene: Scene, system: System, joints: JointSpace, y: ca.SX
+    dae: DAE, joint_dae: DAE, scene: Scene, system: System, joints: JointSpace, declared: ca.Function
 ) -> ca.Function:
-    """(x, p, t) -> y for states x of joints; `system` is the scene's one in joint space, `dae` that of the bodies."""
+    """(x, p, t) -> outputs for states x of joints, from their `declared_function`.
+
+    `system` is the scene's one in joint space, `dae` that of the bodies.
+    """
     t = time_symbol
     own = ca.vertcat(system.q, system.v, system.s)
     x, p = ca.SX.sym("x", own.numel()), ca.SX.sym("p", len(dae.p_names))
-    lam, vdot = ca.SX(scene.system.lam), scene.system.vdot
+    vdot = scene.system.vdot
     q, v, s = joints.of_bodies
-    multipliers = _multipliers(dae, scene, y, (q, v, *([s] if dae.n_s else []), system.p, t))
+    multipliers = _multipliers(dae, scene, scene.y, (q, v, *([s] if dae.n_s else []), system.p, t))
     accelerations = ca.SX(*vdot.shape)
-    if _contains(y, vdot):
+    if _contains(scene.y, vdot):
         rates = joint_dae.rhs(*joint_dae.arguments(own, system.p, t))
         accelerations = ca.jtimes(v, own, ca.vertcat(*rates))
-    solved = ca.densify(ca.vertcat(multipliers, accelerations))
-    declared = ca.substitute(joints.expression(ca.densify(y)), ca.vertcat(lam, vdot), solved)
+    y = declared(own, system.p, t, multipliers, accelerations)
     if joint_dae.sampling is not None:  # at an instant, outputs have the new values
         held = joint_dae.sampling.held(*joint_dae.arguments(own, system.p, t))
-        declared = ca.substitute(declared, system.s, held)
-    f = ca.Function("declared", [own, system.p, t], [declared])
+        y = ca.substitute(y, system.s, held)
+    f = ca.Function("solved", [own, system.p, t], [y])
     return common("y", [x, p, t], [f(x, p, t)])
 
 

@@ -1,7 +1,5 @@
 """The angle between two bodies about a common axis, with its turns counted."""
 
-import math
-
 import casadi as ca
 
 from symmb.mechanics.body import AbstractBody
@@ -20,7 +18,7 @@ def relative_angle(
 
     For bodies that turn about z alone it is a difference of coordinates. Quaternions determine an angle only up to
     whole turns. Therefore a first-order state named `name.angle` follows the angle. It only chooses the number of
-    turns, so that its error is not an error of the angle.
+    turns, so that its error is not an error of the angle. What is left from the state on has neither kinks nor jumps.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):
         return (b.frame.angle - a.frame.angle) * axis_a[2], ()
@@ -35,7 +33,8 @@ def relative_angle(
     rate = ca.dot(A[:, 2] if parallel else turning_direction(a, axis_a, b, alignment), omega)
     state = ca.SX.sym(f"{name}.angle")
     records = declare([f"{name}.angle"], Kind.STATE, state, rate, wrapped)
-    return wrapped + 2 * math.pi * ca.floor((state - wrapped) / (2 * math.pi) + 0.5), records
+    s, c = ca.sin(state), ca.cos(state)
+    return state + ca.atan2(sine * c - cosine * s, cosine * c + sine * s), records
 
 
 def turning_direction(a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX) -> ca.SX:

@@ -57,7 +57,7 @@ class JointSpace:
         e = ca.vertcat(ca.SX(0, 1), *[self._bodies.bodies[k].frame.q[3:7] for k in self._turned])
         return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
 
-    def _expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
+    def expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
         """Expressions of coordinates of bodies in those of joints. Each substitution passes over all coordinates."""
         entries = [e.nz[:] for e in of_bodies]
         ends = np.cumsum([0, *[e.numel() for e in entries]]).tolist()
@@ -118,7 +118,7 @@ class JointSpace:
             S, (_, at) = c.bodies[k].frame.S, self._bodies.slices[k]
             inertia.append(S @ c.M[at, at] @ S.T)
             forces.append(S @ c.Q[at])
-        moved = self._expressions([*inertia, *forces])
+        moved = self.expressions([*inertia, *forces])
         M, Q = moved[: len(numbers)], moved[len(numbers) :]
         return self.tree.loads(dict(zip(numbers, M, strict=True)), dict(zip(numbers, Q, strict=True)))
 

@@ -130,7 +130,8 @@ def with_states(scene: Scene, dae: DAE, s: Array) -> DAE:
     q, p = ca.SX.sym("q", dae.n_q), scene.system.p
     values = dae.s_start(q, p)
     for k in counting:
-        values[k] += _TURN * ca.floor((s[k] - values[k]) / _TURN + 0.5)
+        ahead = values[k] - s[k]
+        values[k] = s[k] + ca.atan2(ca.sin(ahead), ca.cos(ahead))
     for k, value in listed.items():
         values[k] = value
     return replace(dae, s_rest=s, s_start=ca.Function("s_start", [q, p], [values]))

@@ -119,6 +119,23 @@ def test_a_stop_beyond_half_a_turn_counts_turns():
     assert_allclose(run["a"], 9.0 - np.abs(9.0 - 6 * TIMES), atol=1e-8)
 
 
+@pytest.mark.parametrize("coordinates", ["body", "joint"])
+def test_a_controller_follows_an_angle_over_many_turns(coordinates):
+    """J angle'' = k (w t - angle) from rest: angle = w t - w / r sin(r t), r = sqrt(k / J). Alone and in a study."""
+    p, w = mb.Parameters(k=50.0), 20.0
+    body = mb.Body("body", 1.0, (1.0, 1.0, 2.0), mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(-0.1, 0))
+    motor = mb.Actuator("motor", hinge, p.k * (w * mb.t - hinge.angle))
+    system, outputs = mb.System(body, hinge, motor, parameters=p), {"a": hinge.angle, "x": body.x}
+    scene = mb.Scene(system, {}, np.linspace(0, 3, 31), outputs, coordinates=coordinates, box=mb.Box(k=(49.0, 51.0)))
+    run, r = mb.simulate(scene, mb.DormandPrince(rtol=1e-11)), np.sqrt(np.array([[49.0], [50.0], [51.0]]) / 2.01)
+    angles = w * run.t - w / r * np.sin(r * run.t)
+    assert_allclose([run["a"], run["x"]], [angles[1], 0.1 * np.cos(angles[1])], rtol=1e-8, atol=1e-8)
+    assert not run.events
+    study = mb.propagate(scene, mb.Scanning(3))
+    assert_allclose(study["a"], [angles.min(axis=0), angles.max(axis=0)], atol=1e-5)
+
+
 @pytest.mark.parametrize("slides", [False, True])
 def test_a_stop_with_an_elastic_law_holds_for_half_a_period(slides):
     """m = 1 meets k = 400 at 0.5 with speed 2: v / w sin(w t) inside, and the speed back after pi / w."""
