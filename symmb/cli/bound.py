@@ -56,10 +56,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     bounds = mb.propagate(subject, method, box, solver)
     check = bounds.check(limits) if limits else None
     print(*filter(None, (bounds, check)), sep="\n\n")
-    is_known = bool(bounds.range_of) and not bounds._contributions_take_runs()
-    contributions = bounds.contributions() if is_known or options.contributions else None
-    if contributions is not None or bounds.range_of:
-        print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
+    contributions = _tell_contributions(bounds, options.contributions)
     _write(paths, bounds, check)
     if "report" in paths:
         command = shlex.join(["symmb", *options.words])
@@ -67,6 +64,15 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     if check is None or check.kept:
         return bounds.doubts
     return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")
+
+
+def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions | None:
+    """Contributions where they take no further runs, or are asked for; otherwise how to get them."""
+    is_known = bool(bounds.range_of) and not bounds._contributions_take_runs()
+    contributions = bounds.contributions() if is_known or is_asked else None
+    if contributions is not None or bounds.range_of:
+        print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
+    return contributions
 
 
 _FILES = {"json": (".json",), "csv": (".csv",), "plot": PICTURES, "view": FORMATS, "report": (".html",)}

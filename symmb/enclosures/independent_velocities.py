@@ -74,6 +74,7 @@ def equations_of(form: Formulation, system: System | None, times: Array) -> Equa
 def _partitioned(form: Formulation, system: System | None, dependent: Sequence[int], G_there: Array) -> Equations:
     """The equations in which the rows determine some velocities, by their numbers. Their Jacobian is G_there once."""
     dae, bodies = form.dae, form.dae if form.bodies is None else form.bodies.dae
+    assert dae.G is not None and dae.Phi_dot is not None and dae.gamma is not None
     n_q, n_v = dae.n_q, dae.n_v
     free = [k for k in range(n_v) if k not in dependent]
     kept = np.array([*range(n_q), *(n_q + k for k in free), *range(n_q + n_v, n_q + n_v + dae.n_s)], dtype=np.intp)
@@ -144,7 +145,7 @@ def _best_sets(G: Array) -> set[tuple[int, ...]]:
     from scipy.linalg import qr
 
     n_r = G.shape[1]
-    return {tuple(sorted(qr(at, mode="r", pivoting=True)[1][:n_r].tolist())) for at in G}
+    return {tuple(sorted(qr(at, mode="r", pivoting=True)[-1][:n_r].tolist())) for at in G}
 
 
 def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array]:
@@ -170,4 +171,5 @@ def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array]:
             t_eval=np.linspace(times[0], times[-1], _TIMES)[1:],
         )
         found += [f(state, p, time) for state, time in zip(np.transpose(run.y), run.t, strict=True)]
-    return tuple(np.stack([matrices[i].full() for matrices in found]) for i in (0, 1))
+    G, M = (np.stack([matrices[i].full() for matrices in found]) for i in (0, 1))
+    return G, M

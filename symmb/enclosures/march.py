@@ -109,9 +109,7 @@ def march(
     largest : the same above which the march stops
     progress : called with the time that is reached
     """
-    times = problem.times
-    end = float(times[-1])
-    grain = grain_of(end)
+    end = float(problem.times[-1])
     if course.end is None:
         try:
             front = first_front(problem, order)
@@ -119,45 +117,50 @@ def march(
             course.why = f"the start cannot be proved, because {error}"
             return
         course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _FIRST), problem)
-    front, control, problem = course.end.front, replace(course.end.control), course.end.problem
-    longest = 0.0
+    place, longest = course.end, 0.0
     while not course.is_done:
-        phase = problem.phase or Phase(problem.rates)
-        is_in_window = front.t >= phase.stop
-        if is_in_window and phase.window is None:
-            course.why = phase.why
-            return
-        h = control.h
-        control.h = min(h, (phase.resume if is_in_window else phase.stop) - front.t)
         try:
-            step, proof = _step(problem, front, grain, control)
-            beside = off_while_switching(step, proof, phase.window) if is_in_window else np.zeros(problem.n)
+            place, h = _next_place(course, place, grain_of(end))
         except ProofError as error:
             course.why = str(error)
             return
-        front = leaving(step, proof.end)
-        behind = int(np.searchsorted(times, front.t, side="right"))
-        if behind > course.stored:
-            part = slice(course.stored, behind)
-            found = output_bounds(step, proof.W, times[part], control, beside=beside)
-            course.lower[part], course.upper[part], course.remainder[part], terms = found
-            course.terms = np.maximum(course.terms, terms)
-        if is_in_window and front.t >= phase.resume:
-            front, problem = replace(front, x_error=above(front.x_error + beside)), problem.after_switch()
-            control.h = h
-        elif is_in_window:
-            course.why = phase.why
-            return
-        course.stored, course.until, course.end = behind, front.t, Place(front, replace(control), problem)
-        progress(front.t)
-        share, longest = front.share(), max(longest, step.h)
+        course.end, course.until = place, place.front.t
+        progress(course.until)
+        share, longest = place.front.share(), max(longest, h)
         if share <= small:
-            course.checkpoint = course.end
+            course.checkpoint = place
         if share > largest:
             return
-        if share > _LOST and step.h < _CRAWL * longest and not is_in_window:
+        if share > _LOST and place.control.h < _CRAWL * longest:
             course.why = "the deviations from the polynomials grow too fast"
             return
+
+
+def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
+    """The place behind a proved step, and how long the step is. The course stores bounds of the outputs."""
+    problem, front, control = place.problem, place.front, replace(place.control)
+    phase = problem.phase or Phase(problem.rates)
+    is_in_window = front.t >= phase.stop
+    if is_in_window and phase.window is None:
+        raise ProofError(phase.why)
+    usual, left = control.h, (phase.resume if is_in_window else phase.stop) - front.t
+    control.h = min(usual, left)
+    step, proof = _step(problem, front, grain, control)
+    beside = off_while_switching(step, proof, phase.window) if is_in_window else np.zeros(problem.n)
+    front, times = leaving(step, proof.end), problem.times
+    behind = int(np.searchsorted(times, front.t, side="right"))
+    if behind > course.stored:
+        part = slice(course.stored, behind)
+        found = output_bounds(step, proof.W, times[part], control, beside=beside)
+        course.lower[part], course.upper[part], course.remainder[part], terms = found
+        course.terms, course.stored = np.maximum(course.terms, terms), behind
+    if left < usual:
+        control.h = usual
+    if is_in_window:
+        if front.t < phase.resume:
+            raise ProofError(phase.why)
+        front, problem = replace(front, x_error=above(front.x_error + beside)), problem.after_switch()
+    return Place(front, control, problem), step.h
 
 
 def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:

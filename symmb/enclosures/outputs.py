@@ -52,7 +52,7 @@ def output_bounds(
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
     with np.errstate(all="ignore"):
-        e = above(step.B_largest @ w + beside)
+        e, smooth = above(step.B_largest @ w + beside), np.zeros(n_y, dtype=bool)
         for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= TOO_MANY):
             rho, most, nodes = _ellipses(step, control.choice, patches)
             real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))

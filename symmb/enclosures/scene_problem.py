@@ -141,7 +141,8 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     turned = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in rng.normal(size=(_POINTS, dae.n_v))]
     X = np.hstack([turned, rng.normal(size=(_POINTS, dae.n_v + dae.n_s))])
     P = middle + radius * rng.uniform(-1, 1, (_POINTS, len(middle)))
-    found = batch(f, X, P, rng.uniform(*simulator.times[[0, -1]], (_POINTS, 1)))[0]
+    instants = rng.uniform(float(simulator.times[0]), float(simulator.times[-1]), (_POINTS, 1))
+    found = batch(f, X, P, instants)[0]
     binds = np.abs(found).max(axis=0) > _VANISHES * max(1.0, np.abs(found).max())
     names = system.collected.row_names
     left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
