@@ -172,7 +172,10 @@ def _distance(step: TimeStep) -> Array:
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
     real = _patches(step, [1.0] * (d + 1))
     middle = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[1]
-    Y = np.linalg.inv(np.array([float(np.real(a.centre).mean()) for a in middle]).reshape(n, n).T)
+    try:
+        Y = np.linalg.inv(np.array([float(np.real(a.centre).mean()) for a in middle]).reshape(n, n).T)
+    except np.linalg.LinAlgError:
+        raise ProofError("the solution of the starting equations cannot be proved") from None
     g = above(np.abs(Y) @ off)
     e = above(2.0 * g)
     for _ in range(8):
