@@ -82,6 +82,7 @@ def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
         if scene.guessed.joints:  # the joint of a guess need not be one along which bodies are placed
             guessed = with_position_rows(scene.system, dae, scene.guessed.joints)
             q, *_ = _position_rows(scene, guessed, q, t0).reach(q, s, free)
+        s = rows.with_turns_of(drive_rows(scene, dae), q, s)
         attempts = [(False, True), (False, False), *[(True, True)] * bool(rows.angles.size)]
     failures = []
     for is_turned, is_damped in attempts:
@@ -90,6 +91,12 @@ def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
         except FailedAssembly as failure:
             failures.append(failure)
     raise failures[0]
+
+
+def drive_rows(scene: Scene, dae: DAE) -> Indices:
+    """Numbers of the rows of the drives."""
+    drives = [dae.rows[e.name] for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
+    return np.array([row for where in drives for row in range(where.start, where.stop)], dtype=np.intp)
 
 
 def _position_rows(scene: Scene, dae: DAE, q: Array, t0: float) -> PositionRows:

@@ -60,12 +60,17 @@ class PositionRows:
 
     def turned(self, q: Array) -> Array:
         """States with as many turns of each angle as reduce the violation most."""
-        s = self._counted(q, rest_states(self.dae))
+        every = np.arange(len(self.violation(q, rest_states(self.dae))))
+        return self.with_turns_of(every, q, self._counted(q, rest_states(self.dae)))
+
+    def with_turns_of(self, rows: Indices, q: Array, s: Array) -> Array:
+        """States s with as many turns of each angle as reduce the violation of some rows most."""
+        s = s.copy()
         for k in self.angles:
             more = s.copy()
             more[k] += _TURN
-            r = self.violation(q, s)
-            change = self.violation(q, more) - r
+            r = self.violation(q, s)[rows]
+            change = self.violation(q, more)[rows] - r
             if change.any():
                 s[k] -= _TURN * np.round(change @ r / (change @ change))
         return s

@@ -6,9 +6,10 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.mechanics import Spatial
 from symmb.model import DAE, Scene, System, compile_dae, is_linear
+from symmb.start.assembly import drive_rows
 from symmb.start.implicit_function import ImplicitMap
 from symmb.start.rank import general_entries, independent_rows_and_columns, lasting_rows, own_scales, row_sizes
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
@@ -31,6 +32,7 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
     dae = _with_independent_rows(start, joints, q0)
     if dae is None:
         return None
+    q0 = _with_driven_turns(dae, drive_rows(scene, dae), q0, start.t0)
     if dae.sampling is not None and start.dae.sampling is not None:
         dae = replace(dae, sampling=replace(dae.sampling, begin=start.dae.sampling.begin))
     solved = None if start.is_equilibrium or fault else _solved(start, scene, joints, dae, measured, q0)
@@ -56,6 +58,25 @@ def _with_listed_turns(scene: Scene, joints: System, q: Array, p: Array) -> Arra
             listed = float(ca.Function("listed", [scene.system.p], [value.value])(p))
             q[k] += 2 * math.pi * round((listed - q[k]) / (2 * math.pi))
     return q
+
+
+def _with_driven_turns(dae: DAE, rows: Indices, q: Array, t0: float) -> Array:
+    """Coordinates q (n_q,) with as many turns of each angle as reduce the violation of the rows of drives most."""
+    if dae.Phi is None or not rows.size:
+        return q
+    q = q.copy()
+    for k in (k for k, name in enumerate(dae.q_names) if name.endswith(".angle")):
+        more = q.copy()
+        more[k] += 2 * math.pi
+        r, moved = (evaluate_at_rest(dae.Phi, dae, at, t0).ravel()[rows] for at in (q, more))
+        change = moved - r
+        if np.abs(change).max(initial=0.0) > _SEEN:
+            q[k] -= 2 * math.pi * np.round(change @ r / (change @ change))
+    return q
+
+
+_SEEN = 1e-6
+"""Change of a row by a turn that is not rounding."""
 
 
 def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None:

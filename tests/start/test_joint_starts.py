@@ -332,3 +332,37 @@ def test_listed_angles_beyond_half_a_turn_keep_the_assembly_of_loops(turns, tilt
     expected = [*middles["coupler"], tilt + 2 * np.pi * turns]
     for at in (study.lower[0], study.upper[0], mb.simulate(scene).values[0]):
         np.testing.assert_allclose(at, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+@pytest.mark.parametrize("begin", [0.5, 4.2, -2.5])
+def test_drives_beyond_half_a_turn_keep_the_assembly_of_loops(turns, begin):
+    """The law of a crank is at any angle when it starts, and the guess has the rotation alone."""
+    p, ground, a, b, c, d = mb.Parameters(b=0.9), mb.Ground(), 0.4, 0.9, 0.9, 0.95
+    names = ("crank", "coupler", "rocker")
+    crank, coupler, rocker = (mb.Body(name, 1.0, (0.01, 0.05, 0.05), mb.Spatial()) for name in names)
+    hinge = mb.Revolute("O", ground.point(0, 0, 0), crank.point(-a / 2, 0, 0))
+    joints = [
+        hinge,
+        mb.Revolute("A", crank.point(a / 2, 0, 0), coupler.point(-p.b / 2, 0, 0)),
+        mb.Revolute("C", coupler.point(p.b / 2, 0, 0), rocker.point(c / 2, 0, 0)),
+        mb.Revolute("D", ground.point(d, 0, 0), rocker.point(-c / 2, 0, 0)),
+    ]
+    drive = mb.Motion("drive", hinge.angle, begin + 2 * np.pi * turns + 2 * mb.t)
+    system = mb.System(crank, coupler, rocker, *joints, drive, mb.Gravity(0, -9.81, 0), parameters=p)
+    pin = a * np.array([np.cos(begin), np.sin(begin)])
+    apart = np.array([d, 0.0]) - pin
+    side, half = np.array([-apart[1], apart[0]]) / np.linalg.norm(apart), np.linalg.norm(apart) / 2
+    tip = pin + apart / 2 - np.sqrt(b**2 - half**2) * side
+    angles = (begin, np.arctan2(*(tip - pin)[::-1]), np.arctan2(*(tip - (d, 0.0))[::-1]))
+    middles = (pin / 2, (pin + tip) / 2, ((d, 0.0) + tip) / 2)
+    guess = {f"{name}.rotation": mb.rotation((0, 0, 1), at) for name, at in zip(names, angles, strict=True)}
+    guess |= {f"{name}.{axis}": at[k] for name, at in zip(names, middles, strict=True) for k, axis in enumerate("xy")}
+    outputs = {"x": coupler.x, "y": coupler.y, "turned": hinge.angle}
+    scene = mb.Scene(system, {}, [0.0, 0.05], outputs, guess=guess, box=mb.Box(b=(0.899, 0.901)))
+    expected = [*middles[1], begin + 2 * np.pi * turns]
+    for coordinates in ("body", "joint"):
+        own = mb.Scene(system, {}, [0.0, 0.05], outputs, guess=guess, box=scene.box, coordinates=coordinates)
+        study = mb.propagate(own, mb.Vertex())
+        for at in (study.lower[0], study.upper[0], mb.simulate(own).values[0]):
+            np.testing.assert_allclose(at, expected, atol=2e-3)
