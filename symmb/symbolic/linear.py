@@ -189,8 +189,8 @@ class ExplicitSolver:
         self.determinants = ca.vertcat(ca.SX(0, 1), *determinants)
 
     def __call__(self, r: ca.SX) -> ca.SX:
-        """z (n, m); zeros where A is singular by structure."""
-        z = ca.SX.zeros(*r.shape)
+        """z (n, m); not a number where A is singular by structure."""
+        z = ca.SX.zeros(*r.shape) if self._blocks else ca.SX.nan(*r.shape)
         for own, of, inverse in self._blocks:
             z[of, :] = inverse @ (r[own, :] - self._A[own, :] @ z)
         return z

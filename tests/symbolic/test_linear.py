@@ -1,11 +1,11 @@
-"""Singular symmetric systems against NumPy's pseudo-inverse."""
+"""Singular symmetric systems against NumPy's pseudo-inverse, and explicit solutions against LAPACK."""
 
 import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from symmb.symbolic.linear import independent, least_multipliers, singular_solver, vanishing_rows
+from symmb.symbolic.linear import ExplicitSolver, independent, least_multipliers, singular_solver, vanishing_rows
 
 
 def rows_of_rank(n: int, nullity: int, seed: int, off: float = 0.0) -> np.ndarray:
@@ -60,3 +60,29 @@ def test_multipliers_of_least_norm_are_those_of_the_pseudo_inverse(nullity):
     symbols = ca.SX.sym("G", 12, 26), ca.SX.sym("force", 26)
     lam = ca.Function("lam", symbols, [least_multipliers(*symbols)])(G, force).full().ravel()
     assert_allclose(lam, known, atol=1e-9 * np.abs(known).max())
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7, 9])
+@pytest.mark.parametrize("density", [0.3, 1.0])
+def test_explicit_solver_against_lapack(n, density):
+    """Blocks one after the other, and halved ones; determinants multiply to that of the matrix, but for its sign."""
+    rng = np.random.default_rng(10 * n)
+    for _ in range(5):
+        at = rng.normal(size=(n, n)) * (rng.random((n, n)) < density)
+        at[rng.permutation(n), np.arange(n)] += rng.choice([-1.0, 1.0], n)
+        if np.linalg.cond(at) > 1e6:
+            continue
+        sparsity = ca.sparsify(ca.DM(at)).sparsity()
+        x = ca.SX.sym("x", sparsity.nnz())
+        A, values = ca.SX(sparsity, x), at[tuple(np.array(sparsity.get_triplet()))]
+        solver, r = ExplicitSolver(A, at), rng.normal(size=(n, 2))
+        z, determinants = ca.Function("f", [x], [solver(ca.SX(ca.DM(r))), solver.determinants])(values)
+        assert_allclose(z, np.linalg.solve(at, r), rtol=1e-9, atol=1e-9)
+        assert_allclose(abs(np.prod(determinants)), abs(np.linalg.det(at)), rtol=1e-9)
+
+
+def test_explicit_solver_of_a_matrix_that_is_singular_by_structure():
+    x = ca.SX.sym("x", 2)
+    solver = ExplicitSolver(ca.vertcat(ca.horzcat(x[0], 0), ca.horzcat(x[1], 0)))
+    assert float(ca.DM(solver.determinants)) == 0.0
+    assert np.isnan(ca.DM(solver(ca.SX.ones(2, 1)))).all()
