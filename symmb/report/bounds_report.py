@@ -11,6 +11,7 @@ from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError, SymmbError
 from symmb.bounds import Bounds, Contributions, LimitCheck, Limits, Study
+from symmb.bounds.time_windows import ROUNDING
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
@@ -98,7 +99,9 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contribution
     if known is None and bounds._contributions_take_runs():
         return document.note(_NO_CONTRIBUTIONS.format(asked))
     shares, shown = known or bounds.contributions(), _shown(bounds, check)
+    width = bounds.upper - bounds.lower
     rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
+    rows = {k: i for k, i in rows.items() if width[i, k] > ROUNDING * width[:, k].max()}  # a start may be given
     notes = [_AT_MARGIN] if rows else []
     if left := len(bounds.names) - len(shown):
         notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
