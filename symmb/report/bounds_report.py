@@ -10,8 +10,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError, SymmbError
-from symmb.bounds import Bounds, Contributions, LimitCheck, Limits, Study
-from symmb.bounds.time_windows import ROUNDING
+from symmb.bounds import ROUNDING, Bounds, Contributions, LimitCheck, Limits, Study
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
