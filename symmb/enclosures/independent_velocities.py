@@ -1,7 +1,7 @@
 """Equations of motion with all coordinates, and as many velocities as the rows of loops leave free.
 
-Coordinates that drift from the rows do not come back, but velocities that satisfy them are computed from the free ones:
-G v = -nu gives the others. The free ones follow from Newton's second law for the velocities S of the bodies along them,
+Coordinates are not projected onto the rows. Velocities satisfy them: G v = -nu gives the dependent ones from the free
+ones. The free ones follow from Newton's second law for the velocities S of the bodies along them,
 
     S' M S u' = S' (Q - M a),
 

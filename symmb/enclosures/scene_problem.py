@@ -142,8 +142,8 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     X = np.hstack([turned, rng.normal(size=(_POINTS, dae.n_v + dae.n_s))])
     P = middle + radius * rng.uniform(-1, 1, (_POINTS, len(middle)))
     instants = rng.uniform(float(simulator.times[0]), float(simulator.times[-1]), (_POINTS, 1))
-    found = batch(f, X, P, instants)[0]
-    binds = np.abs(found).max(axis=0) > _VANISHES * max(1.0, np.abs(found).max())
+    residuals = np.abs(batch(f, X, P, instants)[0])
+    binds = residuals.max(axis=0) > _VANISHES * max(1.0, residuals.max())
     names = system.collected.row_names
     left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
     return ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in left))

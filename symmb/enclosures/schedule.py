@@ -17,7 +17,7 @@ from symmb._types import Array
 from symmb.events import TimeSwitches
 from symmb.symbolic import common
 
-GRAINS = 2.0**30
+_GRAINS = 2.0**30
 """Steps are multiples of a power of 2, that of the horizon over this: times of steps are then sums without rounding."""
 _MARGIN = 4
 """Grains between a switch and both ends of its window: times of switches are sought to some digits less."""
@@ -31,7 +31,7 @@ _AFTER = 1e-9
 
 def grain_of(end: float) -> float:
     """The unit of times of steps over a horizon [s]."""
-    return 2.0 ** float(np.ceil(np.log2(end or 1.0))) / GRAINS
+    return 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +106,10 @@ class Schedule:
         switches = sides * self.switches(x, p, t, sides)
         rates, valid = self._on(sides), common("valid", [x, p, t], [ca.densify(switches)])
         times = np.array([begin, max(self.horizon, begin)])
-        found = TimeSwitches(valid(0, p, t), p, t, times)(self.samples)
-        if not len(sides) or not found.shape[1]:
+        switch_times = TimeSwitches(valid(0, p, t), p, t, times)(self.samples)
+        if not len(sides) or not switch_times.shape[1]:
             return Phase(rates, valid if len(sides) else None)
-        first, last = float(found[:, 0].min()), float(found[:, 0].max())
+        first, last = float(switch_times[:, 0].min()), float(switch_times[:, 0].max())
         why = f"the equations have {self.names} at t = {first + self.begin + 0.0:.6g} s"  # not -0
         grain = grain_of(self.horizon)
         stop, resume = (np.floor(first / grain) - _MARGIN) * grain, (np.ceil(last / grain) + _MARGIN) * grain
@@ -130,8 +130,8 @@ class Schedule:
             rates.append(self._on(between))
             values = ca.vertsplit(between * self.switches(x, p, t, between))
             steady += [values[k] for k in same]
-        held = common("steady", [x, p, t], [ca.densify(ca.vertcat(*steady))])
-        return Window(tuple(rates), held, lambda: self.phase(resume))
+        unchanged = common("steady", [x, p, t], [ca.densify(ca.vertcat(*steady))])
+        return Window(tuple(rates), unchanged, lambda: self.phase(resume))
 
     def _on(self, sides: Array) -> ca.Function:
         x, p, t = (ca.SX.sym(name, self.rates.numel_in(i)) for i, name in enumerate("xpt"))

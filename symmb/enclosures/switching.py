@@ -15,7 +15,7 @@ from symmb.enclosures.step import SINGULAR, Proof, is_regular
 from symmb.enclosures.tape import Tape
 
 _PATCHES = 8
-"""Patches of time and of the parameters on which rates are bounded in a window, as far as there is more than one."""
+"""Patches of time on which rates are bounded in a window."""
 _TRIALS = 8
 """Candidates for how far states are off in a window."""
 
@@ -65,6 +65,8 @@ def off_while_switching(step: TimeStep, proof: Proof, window: Window | None) -> 
     if not holds(Tape(window.steady), problem, step.t0, step.t0 + step.h, 0.1 * step.h):
         raise ProofError(problem.why_switch)
     tapes = [Tape(rates) for rates in window.rates]
+    if any(tape.unknown(discs.OPERATIONS) for tape in tapes):  # the next phase is one of them
+        raise ProofError(problem.why_switch)
     own = above(step.B_largest @ proof.W)
     beside = np.zeros(problem.n)
     for _ in range(_TRIALS):

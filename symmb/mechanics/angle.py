@@ -18,7 +18,7 @@ def relative_angle(
 
     For bodies that turn about z alone it is a difference of coordinates. Quaternions determine an angle only up to
     whole turns. Therefore a first-order state named `name.angle` follows the angle. It only chooses the number of
-    turns, so that its error is not an error of the angle. What is left from the state on has neither kinks nor jumps.
+    turns, so that its error is not an error of the angle. The angle has neither kinks nor jumps.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):
         return (b.frame.angle - a.frame.angle) * axis_a[2], ()
