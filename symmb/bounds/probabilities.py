@@ -21,7 +21,7 @@ _REPLICATES = 8
 """Independent sets of samples: their scatter is the sampling error."""
 _SAMPLES, _FEWER = 512, 128
 """Samples of a set from polynomials, and where each takes a search for extremes or a run: more take more time."""
-_AT_ONCE = 2**18
+_AT_ONCE = 2**20
 """Values that are computed at once: what the cache of a processor holds."""
 _NEAR = 2.0
 """Samples next to a quantile that are not told from it."""

@@ -244,6 +244,29 @@ static void to_single(const V *c, long n, H *single, V *size) {
   *size = sum;
 }
 
+/* Lanes in which a polynomial is certainly monotone along each parameter, since |P_j'| <= j (j + 1) / 2, and the corner x
+   of its minimum then. */
+static M monotone(const Grid *g, const V *c, V *x) {
+  const V *linear[] = {c + g->n[1] * g->n[2], c + g->n[2], c + 1};
+  V steepest[DIRECTIONS] = {{0}};
+  for (long a = 0; a < g->n[0]; ++a)
+    for (long b = 0; b < g->n[1]; ++b)
+      for (long e = 0; e < g->n[2]; ++e, ++c) {
+        const V size = v_fabs(*c);
+        steepest[0] += 0.5 * a * (a + 1) * size;
+        steepest[1] += 0.5 * b * (b + 1) * size;
+        steepest[2] += 0.5 * e * (e + 1) * size;
+      }
+  M is_monotone = ~(M){0};
+  for (int k = 0; k < DIRECTIONS; ++k) {
+    x[k] = zero();
+    if (g->n[k] == 1) continue;
+    x[k] = choose(*linear[k] > 0.0, -1.0, 1.0);
+    is_monotone &= (M)(2.0 * v_fabs(*linear[k]) >= steepest[k]); /* which holds the linear term as well */
+  }
+  return is_monotone;
+}
+
 /* C (n0 n1 n2, m) -> values (2, m) and points (2, 3, m) of minima and maxima. `next` counts the polynomials that
    threads have taken. Returns 0 if there is not enough memory. */
 int dense(const Grid *g, long *next, long m, const double *C, double *values, double *points);
@@ -253,33 +276,46 @@ int dense(const Grid *g, long *next, long m, const double *C, double *values, do
   F *single = (F *)(row + g->n[2]), *plane = single + n;
   Best best[PIECES];
   for (long first; c && (first = __atomic_fetch_add(next, MANY, __ATOMIC_RELAXED)) < m;) {
-    V size[2];
+    V size[2], corner[2][DIRECTIONS];
+    M is_monotone = ~(M){0};
     for (int h = 0; h < 2; ++h) {
       const long i = first + h * W;
       V *own = c + h * n;
       for (long j = 0; j < n; ++j) own[j] = some_of(C + g->rows[j] * m + i, i < m ? m - i : 0);
+      is_monotone &= monotone(g, own, corner[h]);
       to_single(own, n, (H *)single + h, size + h);
     }
-    scan(g, single, plane, plane + n12, best);
-    Span all = best[0].y;
-    for (long s = 1; s < g->pieces; ++s) meet(&all, best[s].y.low, best[s].y.high);
-    const F range = all.high - all.low;
+    const int at_corners = none(~is_monotone);
+    Span all;
+    F range;
+    if (!at_corners) {
+      scan(g, single, plane, plane + n12, best);
+      all = best[0].y;
+      for (long s = 1; s < g->pieces; ++s) meet(&all, best[s].y.low, best[s].y.high);
+      range = all.high - all.low;
+    }
     for (long h = 0, i = first; h < 2 && i < m; ++h, i += W)
       for (int side = 0; side < 2; ++side) {
         const double sign = side ? -1.0 : 1.0;
-        const V enough = ENOUGH * size[h] * __builtin_convertvector(((const H *)&range)[h], V);
-        V least = each(INFINITY), at[DIRECTIONS] = {{0}}, x[DIRECTIONS] = {{0}};
-        for (long s = 0; s < g->pieces; ++s) {
-          const F gap = side ? all.high - best[s].y.high : best[s].y.low - all.low;
-          const N *rows = side ? &best[s].highest : &best[s].lowest, is_far = (N)(gap > (float)g->reach * range);
-          V tolerance = enough;
-          for (int l = 0; l < W; ++l)
-            if (is_far[h * W + l]) tolerance[l] = INFINITY; /* no steps: another piece has the extreme */
-          place(g, c + h * n, (const int *)rows + h * W, s, sign, row, x);
-          const V y = polish(g, c + h * n, x, tolerance, sign);
-          const M better = (M)(y < least);
-          least = blend(better, y, least);
-          for (int k = 0; k < DIRECTIONS; ++k) at[k] = blend(better, x[k], at[k]);
+        V least = each(INFINITY), at[DIRECTIONS], x[DIRECTIONS];
+        for (int k = 0; k < DIRECTIONS; ++k) at[k] = x[k] = zero();
+        if (at_corners) {
+          for (int k = 0; k < DIRECTIONS; ++k) at[k] = sign * corner[h][k];
+          least = local(g, c + h * n, at, sign).y;
+        } else {
+          const V enough = ENOUGH * size[h] * __builtin_convertvector(((const H *)&range)[h], V);
+          for (long s = 0; s < g->pieces; ++s) {
+            const F gap = side ? all.high - best[s].y.high : best[s].y.low - all.low;
+            const N *rows = side ? &best[s].highest : &best[s].lowest, is_far = (N)(gap > (float)g->reach * range);
+            V tolerance = enough;
+            for (int l = 0; l < W; ++l)
+              if (is_far[h * W + l]) tolerance[l] = INFINITY; /* no steps: another piece has the extreme */
+            place(g, c + h * n, (const int *)rows + h * W, s, sign, row, x);
+            const V y = polish(g, c + h * n, x, tolerance, sign);
+            const M better = (M)(y < least);
+            least = blend(better, y, least);
+            for (int k = 0; k < DIRECTIONS; ++k) at[k] = blend(better, x[k], at[k]);
+          }
         }
         to_some(values + side * m + i, sign * least, m - i);
         for (int k = 0; k < DIRECTIONS; ++k) to_some(points + (side * DIRECTIONS + k) * m + i, at[k], m - i);
