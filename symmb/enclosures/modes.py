@@ -20,7 +20,7 @@ from symmb.symbolic import batch, common
 def with_modes(
     start: StartEquations, equations: Equations, sizes: Array, modes: Array, p: Array, t: float
 ) -> StartEquations:
-    """Starting equations whose states are 1 + a and b (2 m,) of the eigenvalues a + i b, as shares of the sizes of modes.
+    """Starting equations whose states are 1 + a and b (2 m,) of eigenvalues a + i b, as shares of the sizes of modes.
 
     Parameters
     ----------

@@ -130,8 +130,9 @@ def tolerances(
     """The largest tolerances that keep limits of outputs at all times, or the cheapest ones.
 
     All deviations of the box from the nominal values are multiplied by one factor, up to 16, or, with costs, each by
-    its own. A parameter whose interval has one sign, such as a mass, keeps it. The factors are searched on the polynomials of a study with PolynomialChaos(), and a last study over the
-    box that is found checks the limits. Where a study leaves no good polynomials, more studies are made.
+    its own. A parameter whose interval has one sign, such as a mass, keeps it. The factors are searched on the
+    polynomials of a study with PolynomialChaos(), and a last study over the box that is found checks the limits. Where
+    a study leaves no good polynomials, more studies are made.
 
     Parameters
     ----------
