@@ -15,7 +15,7 @@ def corners_and_more(box: mb.Box, n: int = 60) -> np.ndarray:
 
 
 def require_tight(bounds: mb.Bounds, exact: np.ndarray, absolute: float = 0.0) -> None:
-    """All exact values (N, n_y) inside of bounds that are hardly wider. Corners are among them: functions rise or fall."""
+    """Exact values (N, n_y), those at corners among them, are inside of bounds that are hardly wider."""
     lower, upper = bounds.lower[0], bounds.upper[0]
     assert (exact >= lower).all() and (exact <= upper).all()
     assert np.ptp(exact, axis=0) == pytest.approx(upper - lower, rel=1e-5, abs=absolute)
