@@ -437,7 +437,7 @@ function makeCurves() {
   first.outputs.forEach((name, i) => {
     const box = document.createElement("div"), c = document.createElement("img"), cursor = document.createElement("i");
     const head = document.createElement("p"), value = document.createElement("b");
-    head.append(name, value); box.append(head, c, cursor); c.draggable = false;
+    head.append(name, value); box.append(head, c, cursor); c.draggable = false; c.alt = `${name} over time`;
     const share = e => (e.clientX - c.getBoundingClientRect().left) / c.clientWidth;
     box.onpointerdown = box.onpointermove = e => { if (e.buttons) seek(nearest(first, times0() + share(e) * span())); };
     $("curves").append(box);
