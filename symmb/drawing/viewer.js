@@ -325,8 +325,10 @@ function fit() {
   for (let i = 0, r = page.region; i < r?.points[1] * r?.count; i++) include(rowAt(r.points[0] + 3 * i, 3), 0.6 * first.unit);
   for (let i = 0; i < swept?.[1]; i++) include([...rowAt(swept[0] + 2 * i, 2), 0], 0);
   if (low[0] > high[0]) { low.fill(-1); high.fill(1); }
-  view.centre = view.axes.reduce((sum, axis, i) => add(sum, times(axis, (low[i] + high[i]) / 2)), [0, 0, 0]);
-  view.height = 1.12 * Math.max(high[1] - low[1], (high[0] - low[0]) * canvas.height / canvas.width);
+  const foot = Math.min(84 * devicePixelRatio / canvas.height, 0.3);  // share of the height in which arrows and the scale stand
+  view.height = 1.12 * Math.max((high[1] - low[1]) / (1 - foot), (high[0] - low[0]) * canvas.height / canvas.width);
+  const middle = view.axes.reduce((sum, axis, i) => add(sum, times(axis, (low[i] + high[i]) / 2)), [0, 0, 0]);
+  view.centre = add(middle, times(view.axes[1], -foot * view.height / 2));
   view.depth = 4 * Math.max(high[2] - low[2], high[1] - low[1], high[0] - low[0]);
 }
 
