@@ -81,7 +81,11 @@ def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Probl
     outputs = ca.vertcat(share * np.abs(modes) / (2 * np.pi), -a / share)
     rates = ca.Function("rates", [x, parameters, time], [ca.SX.zeros(x.numel())])
     return Problem(rates, common("outputs", [x, parameters, time], [outputs]), *_intervals(simulator, box), np.zeros(1),
-                   np.ones(x.numel()), start, refused=("",) * x.numel())  # fmt: skip
+                   _OF_A_MODE * np.ones(x.numel()), start, refused=("",) * x.numel())  # fmt: skip
+
+
+_OF_A_MODE = 0.1
+"""How far the shares of a mode, of size 1, may move on ellipses: frequencies are roots, which are not smooth at 0."""
 
 
 def _require_remainders(method: object, unknown: str) -> None:
