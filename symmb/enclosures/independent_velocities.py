@@ -135,30 +135,33 @@ def _in_order(dependent: Sequence[int], values: ca.SX, free_values: ca.SX) -> ca
     return ca.densify(ca.vertcat(values, free_values))[np.argsort([*dependent, *free]).tolist(), :]
 
 
-def start_velocities(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
-    """Velocities (n_v,) at the start, of which as many as possible are those that the scene lists.
+def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
+    """The state (n_x,) at the start, where rows determine those velocities from the others that have large errors.
 
-    Rows determine the others: by a solver that has small errors also where the start's own has large ones.
+    The solver of the start is made for runs: bounds of its rounding may be large. Velocities that a scene lists have
+    small ones.
     """
     dae, start = form.dae, form.start
-    q, v, *_ = at = dae.arguments(start.state(u, p), p, ca.SX(start.t0))
+    x0 = start.state(u, p)
     if dae.G is None or dae.Phi_dot is None:
-        return v
+        return x0
+    q, v, *rest = at = dae.arguments(x0, p, ca.SX(start.t0))
     unknowns = start.position.solve(dae.p_nominal[None])[0][0]
     nominal = [[points.point(value) for value in values.tolist()] for values in (unknowns, dae.p_nominal)]
     try:
         found = Tape(start.state).run(points.OPERATIONS, points.point, nominal)[0]
-    except (ProofError, KeyError):
-        return v
+    except (ProofError, KeyError):  # the proof tells what fails
+        return x0
     errors = np.array([error for _, error, *_ in found[dae.n_q : dae.n_q + dae.n_v]])
     x = start.nominal()
     G_there = dae.G(*dae.arguments(np.concatenate([x["q"], x["v"], x["s"]]), x["p"], start.t0)).full()
     weights = np.maximum(errors / errors.max(initial=1e-300), _EXACT) * dae.displacement_scales
     dependent = list(qr(G_there * weights, mode="r", pivoting=True)[-1][: dae.n_r])
     free = [k for k in range(dae.n_v) if k not in dependent]
-    at_rest = (q, 0 * v, *at[2:])
-    solve = ExplicitSolver(dae.G(*at_rest)[:, dependent], G_there[:, dependent])
-    return _in_order(dependent, -solve(dae.Phi_dot(*at_rest) + dae.G(*at_rest)[:, free] @ v[free]), v[free])
+    G = dae.G(*at)
+    solve = ExplicitSolver(G[:, dependent], G_there[:, dependent])
+    drift = dae.Phi_dot(*dae.arguments(ca.vertcat(q, 0 * v, *rest[:-2]), p, ca.SX(start.t0)))
+    return ca.vertcat(q, _in_order(dependent, -solve(drift + G[:, free] @ v[free]), v[free]), *rest[:-2])
 
 
 def _partitions(form: Formulation, times: Array) -> list[Partition]:

@@ -10,7 +10,7 @@ from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
-from symmb.enclosures.independent_velocities import Equations, equations_of, start_velocities
+from symmb.enclosures.independent_velocities import Equations, equations_of, start_states
 from symmb.enclosures.problem import Change, Problem, StartEquations
 from symmb.enclosures.schedule import Phase, Schedule, corners
 from symmb.enclosures.tape import Tape
@@ -28,8 +28,7 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     Raises
     ------
     PropagationError         if the scene has loops, impacts, sampled values, kinks or jumps that depend on the state,
-                             or operations without a remainder in its equations or in all outputs, or starts in
-                             equilibrium
+                             or operations without a remainder in its equations or in all outputs
     """
     # The attribute is read: from Python 3.12 on isinstance accepts a property that raises.
     expression: ca.Function | None = getattr(simulator, "expression", None)
@@ -136,10 +135,6 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
             f"{method!r}: rows of constraints depend on others ({rows}), which is not proved. Use PolynomialChaos()."
         )
     _require_smooth(method, form)
-    if form.start.is_equilibrium:
-        raise PropagationError(
-            f"{method!r}: the scene starts in equilibrium, which it does not prove. Give the start by values."
-        )
     middle, radius, _ = _intervals(simulator, box)
     places = np.random.default_rng(0).uniform(-1, 1, (_POINTS, len(middle)))
     if contradiction := _contradiction(form, middle + radius * places):
@@ -241,9 +236,7 @@ def _start(form: Formulation, equations: Equations) -> StartEquations:
     start, position = form.start, form.start.position
     p, t = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t")
     u = ca.SX.sym("u", start.state.numel_in(0))
-    q, _, *rest = ca.vertsplit(start.state(u, p), [0, *np.cumsum([form.dae.n_q, form.dae.n_v, form.dae.n_s]).tolist()])
-    x = ca.vertcat(q, start_velocities(form, u, p), *rest)
-    residual, states = position.residual(u, p), x[equations.kept.tolist()]
+    residual, states = position.residual(u, p), start_states(form, u, p)[equations.kept.tolist()]
 
     def solve(P: Array) -> Array:
         found, ok = position.solve(P)
