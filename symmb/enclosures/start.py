@@ -171,8 +171,8 @@ def _counts(d: int) -> Iterator[int]:
 def _distance(step: TimeStep) -> Array:
     """Bounds (n_u,) of the distance of the solution from the polynomials u.
 
-    With Y about the inverse of the Jacobian J at the middle, |Y r(u)| + |I - Y J(u + [-e, e])| e < e proves one
-    solution within e, the only one there.
+    With Y about the inverse of the Jacobian J in the middle of a part of the box, |Y r(u)| + |I - Y J(u + [-e, e])| e
+    < e proves one solution within e for all parameters of the part, the only one there.
 
     Source: Krawczyk (1969); Neumaier (1990), Interval Methods for Systems of Equations, theorem 5.1.8.
     """
@@ -186,23 +186,37 @@ def _distance(step: TimeStep) -> Array:
     same = replace(step, problem=residual)
     c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
-    real = _patches(step, [1.0] * (d + 1))
-    middle = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[1]
-    try:
-        Y = np.linalg.inv(np.array([float(np.real(a.centre).mean()) for a in middle]).reshape(n, n).T)
-    except np.linalg.LinAlgError:
-        raise ProofError(problem.start.unproved) from None
-    g = above(np.abs(Y) @ off)
-    e = above(2.0 * g)
-    for _ in range(8):
-        slopes = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
+    for count in _counts(d):
+        e = _contracted(step, off, _patches(step, [1.0] * (d + 1), count))
+        if e is not None:
+            return e
+    raise ProofError(problem.start.unproved)
+
+
+def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
+    """Bounds (n_u,) of the distance of a solution, where the residual is at most `off` (n_u,), if it is proved."""
+    n = step.problem.n
+
+    def jacobians(e: Array) -> tuple[Array, Array]:
+        """Middles and radii (k, n, n) on the parts, within e (n,)."""
+        slopes = step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(parts, e))[1]
         shape = np.broadcast_shapes(*(np.shape(a.centre) for a in slopes))
         J = np.stack([np.broadcast_to(np.real(a.centre), shape).ravel() for a in slopes], axis=-1)
         R = np.stack([np.broadcast_to(a.swing, shape).ravel() for a in slopes], axis=-1)
         J, R = (a.reshape(-1, n, n).swapaxes(1, 2) for a in (J, R))
+        return J, R
+
+    try:
+        Y = np.linalg.inv(jacobians(np.zeros(n))[0])
+    except np.linalg.LinAlgError:
+        return None
+    g = above(np.abs(Y) @ off)
+    e = above(2.0 * g.max(axis=0))
+    for _ in range(8):
+        J, R = jacobians(e)
         D = np.abs(np.eye(n) - Y @ J) + np.abs(Y) @ (above(R) + of_sum(n + 3) * np.abs(J)) + of_sum(n + 3)
-        new = above(g + above(D.max(axis=0)) @ e)
+        new = above(g + above(D) @ e).max(axis=0)
         if (new < e).all():
             return new
         e = above(1.5 * new)
-    raise ProofError(problem.start.unproved)
+    return None
