@@ -204,7 +204,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
     h = aim = control.h
     reason, change = "", problem.change
     while h >= _SHORTEST * aim and h > 4 * grain:
-        if change is None or change.late is None or front.t + h != change.time:
+        if change is None or change.late is None or h != change.time - front.t:
             h = float(np.floor(h / grain)) * grain
         try:
             x = motion(problem, front.x, front.t, h, TIME_TERMS)
