@@ -67,9 +67,9 @@ def _first_front(problem: Problem, order: int) -> Front:
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
 
 
-def still(problem: Problem, t: float, x: Array) -> TimeStep:
+def still(problem: Problem, t: float, x: Array, h: float = _SHORT) -> TimeStep:
     """A short step from a time, in which states (n, N + 1, ...) stay."""
-    return TimeStep(problem, t, _SHORT, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), _SHORT), _NONE, _NONE.c)
+    return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NONE, _NONE.c)
 
 
 def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
