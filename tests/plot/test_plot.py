@@ -193,3 +193,12 @@ def test_pyplot_is_not_touched(tmp_path):
         "print('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+def test_areas_of_many_parameters_differ_in_colour_or_pattern():
+    names, alone = [f"p{k}" for k in range(20)], np.ones((2, 1, 20))
+    width = np.full((2, 1), 20.0)
+    figure = plot.plot_contributions(np.array([0.0, 1.0]), ["y"], names, width, alone, alone)
+    areas = figure.axes[0].collections
+    assert len({(area.get_facecolor().tobytes(), area.get_hatch() or "") for area in areas}) == len(areas) == 20
+    plot.png(figure)
