@@ -196,7 +196,11 @@ class Answers(Envelope):
         laws: Mapping[str, Any],
         correlation: Correlation | None = None,
     ) -> Probability:
-        """Probability that an output is above or below a value, at each time and ever; see `quantiles`."""
+        """Probability that an output is above or below a value, at each time and ever; see `quantiles`.
+
+        With both values it is the probability that the output is above the one or below the other, as the reject rate
+        of a limit with two ends.
+        """
         return probability_of(self._verified("Bounds.probability"), output, above, below, laws, correlation)
 
     def samples(self, n: int, laws: Mapping[str, Any], correlation: Correlation | None = None, seed: int = 0) -> Sweep:

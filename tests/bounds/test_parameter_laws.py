@@ -76,6 +76,25 @@ def test_probability_of_an_event_at_any_time():
     assert found.lower[1] == pytest.approx(0.5, abs=float(found.estimate[1]))
 
 
+def test_the_reject_rate_of_a_limit_with_two_ends():
+    """a + b t leaves (0.5, 1.5): at t = 1 with 1/8 to either side, and ever if a < 0.5 or a + 2 b > 1.5."""
+    even = {"a": st.uniform(0, 1), "b": st.uniform(0, 1)}
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0, 1), b=(0, 1)))
+    found = bounds.probability("y", above=1.5, below=0.5, laws=even)
+    assert found.event == "y below 0.5 or above 1.5"
+    assert found.lower[:2] == pytest.approx([0.5, 0.25], abs=found.estimate[:2].max())
+    assert found.ever[0] == pytest.approx(0.5 + 0.3125, abs=found.ever[2]) and found.ever[2] < 0.02
+
+
+def test_a_parameter_without_a_law_gives_two_reject_rates():
+    """b is from -1 to 3. At t = 1, a + b t must leave (-3, 4) if a > 5 or a < -6, and may if a > 1 or a < -2."""
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(-9, 9), b=(-1, 3)))
+    law = NORMAL["a"]
+    found = bounds.probability("y", above=4.0, below=-3.0, laws={"a": law})
+    assert found.lower[1] == pytest.approx(law.sf(5) + law.cdf(-6), abs=found.estimate[1])
+    assert found.upper[1] == pytest.approx(law.sf(1) + law.cdf(-2), abs=found.estimate[1])
+
+
 def test_a_probability_is_printed_and_labelled():
     found = mb.propagate(sums(), mb.PolynomialChaos(), WIDE).probability("y", above=2.0, laws=NORMAL)
     for text in ("Probability of y above 2", "at any output time", "greatest, at 2 s"):
@@ -124,6 +143,8 @@ def test_other_malformed_calls():
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
     with pytest.raises(mb.DeclarationError, match="one of above and below"):
         bounds.probability("y", laws=NORMAL)
+    with pytest.raises(mb.DeclarationError, match="below is not the larger one"):
+        bounds.probability("y", above=1.0, below=2.0, laws=NORMAL)
     with pytest.raises(mb.DeclarationError, match="need a law of every parameter"):
         bounds.samples(3, {"a": st.norm()})
     with pytest.raises(mb.DeclarationError, match="n must be"):
