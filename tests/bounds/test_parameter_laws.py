@@ -63,7 +63,15 @@ def test_laws_are_cut_to_the_box():
     found = bounds.quantiles("y", LEVELS, {"a": st.expon()})
     cut = st.truncexpon(1.0)
     assert np.allclose(found.lower[:, 0], cut.ppf(LEVELS), atol=found.estimate[:, 0])
-    assert found.remarks == ("The law of a is cut to its interval, outside of which it has a probability of 0.37.",)
+    assert found.remarks == ("The law of a is cut to its interval, with a probability of 0.37 outside.",)  # exp(-1)
+
+
+def test_laws_that_are_cut_are_told_together():
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0.0, 1.0), b=(0.0, 1.0)))
+    (told,) = bounds.quantiles("y", 0.5, {"a": st.expon(), "b": st.uniform(0, 2)}).remarks
+    assert told == "The laws of a, b are cut to their intervals, with a probability of 0.37, 0.5 outside."
+    (told,) = bounds.quantiles("y", 0.5, {"a": st.expon(), "b": st.expon()}).remarks
+    assert told.endswith("with a probability of 0.37 outside.")
 
 
 def test_probability_of_an_event_at_any_time():
