@@ -47,13 +47,13 @@ FLOORS = {
     "nodes": 11,
     "simulation": 11,
     "linear": 12,
-    "enclosures": 12,
-    "bounds": 13,
-    "study": 14,
-    "drawing": 14,
-    "report": 15,
-    "": 16,  # symmb/__init__.py, the public names
-    "cli": 17,  # a client of the public names
+    "enclosures": 13,
+    "bounds": 14,
+    "study": 15,
+    "drawing": 15,
+    "report": 16,
+    "": 17,  # symmb/__init__.py, the public names
+    "cli": 18,  # a client of the public names
 }
 HEAVY = (
     "sympy",

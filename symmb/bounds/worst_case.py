@@ -170,7 +170,7 @@ class WorstCase:
     def __str__(self) -> str:
         values = ", ".join(f"{name} = {self.parameters[name]:.6g}" for name in self.varied)
         word = "least" if self.side == "lower" else "greatest"
-        text = f"{word} {self.output} {self.value:.6g}{at_time(self._times, 0)}{': ' if values else ''}{values}"
+        text = f"{word} {self.output} {self.value + 0.0:.6g}{at_time(self._times, 0)}{': ' if values else ''}{values}"
         if self.is_short:
             text += f"; the run there attains {self.attained:.6g}"
         return text
@@ -213,7 +213,7 @@ class Worst(Result):
         rows = [["worst case", "bound", "at [s]", *varied, "attained"]]
         for case, word in ((self.lower, "least"), (self.upper, "greatest")):
             numbers = case.value, case.time, *(case.parameters[name] for name in varied), case.attained
-            rows.append([f"{word} {case.output}", *(f"{number:.6g}" for number in numbers)])
+            rows.append([f"{word} {case.output}", *(f"{number + 0.0:.6g}" for number in numbers)])
         return over_times(rows, self.lower._times)
 
     def _labelled(self) -> Labelled:

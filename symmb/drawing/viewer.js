@@ -325,6 +325,7 @@ function fit() {
   for (let i = 0, r = page.region; i < r?.points[1] * r?.count; i++) include(rowAt(r.points[0] + 3 * i, 3), 0.6 * first.unit);
   for (let i = 0; i < swept?.[1]; i++) include([...rowAt(swept[0] + 2 * i, 2), 0], 0);
   if (low[0] > high[0]) { low.fill(-1); high.fill(1); }
+  low[1] -= (high[1] - low[1]) / (Math.max(canvas.height / 84 / devicePixelRatio, 3.3) - 1);  // arrows and the scale stand there
   view.centre = view.axes.reduce((sum, axis, i) => add(sum, times(axis, (low[i] + high[i]) / 2)), [0, 0, 0]);
   view.height = 1.12 * Math.max(high[1] - low[1], (high[0] - low[0]) * canvas.height / canvas.width);
   view.depth = 4 * Math.max(high[2] - low[2], high[1] - low[1], high[0] - low[0]);
@@ -349,8 +350,7 @@ function drawPart(it, colour, mode = gl.TRIANGLES) {
 function begin(background) {
   gl.viewport(0, 0, canvas.width, canvas.height);
   gl.clearColor(...background);
-  gl.depthMask(true);
-  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+  gl.depthMask(true); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   gl.uniformMatrix4fv(uniforms.camera, false, cameraMatrix());
   const [x, y, z] = view.axes;
   gl.uniformMatrix3fv(uniforms.view, false, [0, 1, 2].flatMap(i => [x[i], y[i], z[i]]));
@@ -437,7 +437,7 @@ function makeCurves() {
   first.outputs.forEach((name, i) => {
     const box = document.createElement("div"), c = document.createElement("img"), cursor = document.createElement("i");
     const head = document.createElement("p"), value = document.createElement("b");
-    head.append(name, value); box.append(head, c, cursor); c.draggable = false;
+    head.append(name, value); box.append(head, c, cursor); c.draggable = false; c.alt = `${name} over time`;
     const share = e => (e.clientX - c.getBoundingClientRect().left) / c.clientWidth;
     box.onpointerdown = box.onpointermove = e => { if (e.buttons) seek(nearest(first, times0() + share(e) * span())); };
     $("curves").append(box);

@@ -138,11 +138,13 @@ class StartEquations:
     residual : (u, p, t) -> (n_u,)
     states : (u, p, t) -> x (n_x,)
     solve : P (N, n_p) -> approximate u (N, n_u)
+    unproved : why a solution may not be proved, for the end of a sentence
     """
 
     residual: ca.Function
     states: ca.Function
     solve: Callable[[Array], Array]
+    unproved: str = "the solution of the starting equations cannot be proved"
 
 
 def with_jacobian(f: ca.Function) -> Tape:

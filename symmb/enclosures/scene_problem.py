@@ -10,13 +10,15 @@ from symmb._types import Array
 from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
 from symmb.enclosures.independent_velocities import Equations, equations_of
+from symmb.enclosures.modes import with_modes
 from symmb.enclosures.problem import Problem, StartEquations
 from symmb.enclosures.schedule import Phase, Schedule, corners
 from symmb.enclosures.tape import Tape
 from symmb.events import kinks
 from symmb.formulations import Formulation
+from symmb.linear import ModalSimulator
 from symmb.model import DAE, Box
-from symmb.simulation import DAESimulator
+from symmb.simulation import DAESimulator, prepare_equations
 from symmb.symbolic import On, batch, branches, common
 from symmb.symbolic import t as time_symbol
 
@@ -30,6 +32,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
                              or operations without a remainder in its equations or in all outputs, or starts in
                              equilibrium
     """
+    if isinstance(simulator, ModalSimulator):
+        return _modal_problem(method, simulator, box)
     # The attribute is read: from Python 3.12 on isinstance accepts a property that raises.
     expression: ca.Function | None = getattr(simulator, "expression", None)
     if not isinstance(simulator, DAESimulator) and expression is None:
@@ -60,6 +64,28 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     for tape in (problem.jacobian_tape, problem.sensitivity_tape, *of_switches, *starts):
         _require_remainders(method, ", ".join(tape.unknown(OPERATIONS)))
     return problem
+
+
+def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Problem:
+    """Frequencies and damping: the starting equations have the modes, and nothing moves."""
+    runs = prepare_equations(simulator.scene)
+    form, t = _formulation(method, runs, box), float(runs.times[0])
+    equations = equations_of(form, runs.scene.system, runs.times[:1])
+    modes, p = simulator.eigenvalues, np.array([*simulator.parameters.values()])
+    sizes = form.dae.state_sizes[equations.kept]
+    start = with_modes(_start(form, equations), equations, sizes, modes, p, t)
+    _require_remainders(method, ", ".join(Tape(start.residual).unknown(OPERATIONS)))
+    x, parameters, time = ca.SX.sym("x", 2 * len(modes)), ca.SX.sym("p", len(p)), ca.SX.sym("t")
+    a, b = x[::2] - 1, x[1::2]
+    share = ca.sqrt(a**2 + b**2)
+    outputs = ca.vertcat(share * np.abs(modes) / (2 * np.pi), -a / share)
+    rates = ca.Function("rates", [x, parameters, time], [ca.SX.zeros(x.numel())])
+    return Problem(rates, common("outputs", [x, parameters, time], [outputs]), *_intervals(simulator, box), np.zeros(1),
+                   _OF_A_MODE * np.ones(x.numel()), start, refused=("",) * x.numel())  # fmt: skip
+
+
+_OF_A_MODE = 0.1
+"""How far the shares of a mode, of size 1, may move on ellipses: frequencies are roots, which are not smooth at 0."""
 
 
 def _require_remainders(method: object, unknown: str) -> None:

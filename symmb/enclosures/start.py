@@ -175,7 +175,7 @@ def _distance(step: TimeStep) -> Array:
     try:
         Y = np.linalg.inv(np.array([float(np.real(a.centre).mean()) for a in middle]).reshape(n, n).T)
     except np.linalg.LinAlgError:
-        raise ProofError("the solution of the starting equations cannot be proved") from None
+        raise ProofError(problem.start.unproved) from None
     g = above(np.abs(Y) @ off)
     e = above(2.0 * g)
     for _ in range(8):
@@ -189,4 +189,4 @@ def _distance(step: TimeStep) -> Array:
         if (new < e).all():
             return new
         e = above(1.5 * new)
-    raise ProofError("the solution of the starting equations cannot be proved")
+    raise ProofError(problem.start.unproved)

@@ -60,7 +60,12 @@ class ModalSimulator(BlackBox):
         noise = [*errors / (2 * np.pi), *np.where(np.abs(found.values[modes].real) <= errors, 0.0, errors / sizes)]
         self._declare(scene.system.parameters, [0.0], names, dict(zip(names, noise, strict=True)))
         self.units = tuple("Hz" if name.startswith("f") else "1" for name in names)
-        self.name, self.box = scene.name, scene.box
+        self.name, self.scene, self.box = scene.name, self._family.scene, scene.box
+
+    @property
+    def eigenvalues(self) -> Array:
+        """Those of the modes (m,) at the nominal parameters, with positive imaginary parts [1/s]."""
+        return self._start[0].values[self._modes]
 
     def response(self, values: Mapping[str, float]) -> Any:
         """Frequencies and damping (1, n_y)."""

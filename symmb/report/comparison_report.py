@@ -18,7 +18,7 @@ def write_comparison(comparison: Comparison, path: str | Path, command: str = ""
 
 def _parts(comparison: Comparison, command: str) -> Iterator[str]:
     yield document.warnings(comparison.doubts)
-    yield section("Methods", comparison._repr_html_())
+    yield section("Methods", comparison._repr_html_(), style="methods")
     methods = [row.name for row in comparison.rows]
     seeds = [f"{number} of {name}" for name in methods if (number := seed(name))]
     settings = [

@@ -38,7 +38,8 @@ details { margin: 28px 0 0; } summary { cursor: pointer; font-weight: 600; font-
 .pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 330px), 1fr)); gap: 6px 14px; }
 figure { margin: 0; break-inside: avoid; } figure img { width: 100% !important; max-width: 560px !important; }
 .contributions table { display: inline-table; margin-right: 28px; vertical-align: top; }
-@media (max-width: 640px) { body { padding: 12px 14px 32px; } th, td { padding: 3px 6px; } iframe { height: 640px; } }
+@media (max-width: 640px) { body { padding: 12px 14px 32px; } th, td { padding: 3px 6px; } iframe { height: 640px; }
+  .methods img { max-width: none !important; } }
 @media print { body { max-width: none; padding: 0; font-size: 10pt; print-color-adjust: exact; }
   h1 { font-size: 17pt; } h2 { font-size: 12.5pt; margin-top: 14pt; }
   h2, .note:not(:last-child), pre:not(:last-child) { break-after: avoid; }

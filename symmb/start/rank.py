@@ -9,7 +9,7 @@ import numpy as np
 from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.model import DAE, is_linear
-from symmb.start.scales import evaluate_at_rest, length_of
+from symmb.start.scales import evaluate_at_rest, length_of, resting
 from symmb.start.sparse_rows import LARGE, determining_columns, least_step
 from symmb.start.tolerances import NEGLIGIBLE, ROUNDING
 
@@ -48,9 +48,10 @@ def independent_rows_and_columns(
 def row_sizes(A: Array, general: Array) -> Array:
     """Sizes (m,) by which the rows of A (m, n) are judged: their norms, unless they are small.
 
-    A row far below the norm of its entries in `general` (m, n) is one that vanishes, or rounding of it.
+    Of A (k, m, n) at several positions, the largest norms count. A row far below the norm of its entries in `general`
+    (m, n) is one that vanishes, or rounding of it.
     """
-    own, usual = np.linalg.norm(A, axis=1), np.linalg.norm(general, axis=1)
+    own, usual = np.atleast_2d(np.linalg.norm(A, axis=-1)).max(axis=0), np.linalg.norm(general, axis=1)
     return _above_zero(np.where(own > _SMALL * usual, own, usual))
 
 
@@ -142,21 +143,22 @@ def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -
 
     They are the given independent rows where these stay as independent as all rows together wherever the system can
     move from q (n_q,). Else they are all but those that can be left out there: each combination costs much. `general`
-    (n_r, n_v) are sizes of the entries of the Jacobian.
+    (n_r, n_v) are sizes of the entries of the Jacobian. A row has one size at all positions: there may be one at which
+    it vanishes.
     """
     scales, rank = own_scales(dae, q, t0), len(rows)
     if not rank:
         return rows, (0, 0)
     usual = np.linalg.norm(general * scales, axis=1)
-    at = _positions(dae, q, t0, usual, rank, _WALKS, _STRIDES, _STRIDE)
-    walked = [_measured(dae, position, t0, scales, general) for position in at]
+    at = [q, *_positions(dae, q, t0, usual, rank, _WALKS, _STRIDES, _STRIDE)]
+    walked = np.stack([evaluate_at_rest(cast(ca.Function, dae.G), dae, position, t0) * scales for position in at])
+    walked /= row_sizes(walked, general * scales)[:, None]
     if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
         return rows, (0, 0)
     vanishing = np.array([vanishing_combinations(G, rank) for G in walked])
     sufficient = np.setdiff1d(np.arange(dae.n_r), _superfluous(vanishing))
     of_positions = sufficient[sufficient < dae.n_c]
-    G0 = _measured(dae, q, t0, scales, general)[of_positions]
-    of_rank, _ = independent_rows_and_columns(G0, np.ones(len(G0)))
+    of_rank, _ = independent_rows_and_columns(walked[0, of_positions], np.ones(len(of_positions)))
     return sufficient, (len(sufficient) - rank, len(of_positions) - len(of_rank))
 
 
@@ -184,12 +186,6 @@ def own_scales(dae: DAE, q: Array, t0: float) -> Array:
     return np.where([is_linear(name) for name in dae.v_names], length, 1.0)
 
 
-def _measured(dae: DAE, q: Array, t0: float, scales: Array, general: Array) -> Array:
-    """The Jacobian of all rows at q (n_q,) in scales of displacements (n_v,), rows over their sizes."""
-    G = evaluate_at_rest(cast(ca.Function, dae.G), dae, q, t0) * scales
-    return G / row_sizes(G, general * scales)[:, None]
-
-
 def _least(G: Array, rank: int) -> float:
     """The singular value of that number, the least one of a matrix of that rank."""
     return float(np.linalg.svd(G, compute_uv=False)[rank - 1])
@@ -200,22 +196,35 @@ def _positions(
 ) -> Iterator[Array]:
     """Positions on the constraints on random walks from q (n_q,) in steps of a distance [rad, share of the size].
 
-    `rank` is that of all rows in their sizes (n_r,).
+    `rank` is that of all rows in their sizes (n_r,). Drives do not hold the walks, as they move the system.
     """
-    G, scale, own = cast(ca.Function, dae.G), own_scales(dae, q, t0), _above_zero(sizes)[:, None]
+    held, scale = _rows_without_drives(dae), own_scales(dae, q, t0)
+    own, of_positions = _above_zero(sizes)[held, None], int((held < dae.n_c).sum())
+
+    def rows_at(position: Array) -> Array:
+        return evaluate_at_rest(cast(ca.Function, dae.G), dae, position, t0)[held] * scale / own
+
+    if len(held) < dae.n_r:
+        rank = len(independent_rows_and_columns(rows_at(q), np.ones(len(held)))[0])
     random = np.random.default_rng(0)
     for _ in range(walks):
         position, step = q, np.zeros(dae.n_v)
         for _ in range(steps):
-            free = np.linalg.svd(evaluate_at_rest(G, dae, position, t0) * scale / own)[2][rank:]
+            free = np.linalg.svd(rows_at(position))[2][rank:]
             if not len(free):
                 return
             step = (_PERSISTENCE * (free @ step) + random.normal(size=len(free))) @ free
             step /= np.abs(step).max()
             position = np.asarray(dae.retract(position, distance * scale * step)).ravel()
-            for _ in range(_NEWTON_STEPS if dae.Phi is not None else 0):
-                r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()
-                of_positions = (evaluate_at_rest(G, dae, position, t0) * scale / own)[: dae.n_c]
-                back = least_step(of_positions, -r / own[: dae.n_c, 0])
+            for _ in range(_NEWTON_STEPS if of_positions else 0):
+                r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()[held[:of_positions]]
+                back = least_step(rows_at(position)[:of_positions], -r / own[:of_positions, 0])
                 position = np.asarray(dae.retract(position, scale * back)).ravel()
             yield position
+
+
+def _rows_without_drives(dae: DAE) -> Indices:
+    """Numbers of the rows that ask for no velocity of a system at rest, at any time."""
+    q, p, t = ca.SX.sym("q", dae.n_q), ca.SX.sym("p", len(dae.p_nominal)), ca.SX.sym("t")
+    rates = ca.sparsify(cast(ca.Function, dae.Phi_dot)(*resting(dae, q, p), p, t))
+    return np.setdiff1d(np.arange(dae.n_r), rates.row())

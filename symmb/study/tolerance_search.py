@@ -19,6 +19,8 @@ _SETTLED = 2e-3
 """Change of the factors over them at which a search ends."""
 MOST = 16.0
 """Largest factor that is looked for: the box that is given is meant to be of the right size."""
+_OF_SIGN = 0.99
+"""The same over that at which a parameter would reach 0, such as a mass or a length, if its interval has one sign."""
 _STUDIES = 16
 """Most studies: three are usual, more where polynomials are not good."""
 _BEYOND, _FAR = 1.05, 1.5
@@ -109,6 +111,10 @@ class Search:
                 raise DeclarationError(
                     f"{OWNER}: the nominal value {name} = {p:g} is outside of its interval from {low:g} to {high:g}."
                 )
+        closest = np.where(shape.lower > 0, shape.lower, np.where(shape.upper < 0, shape.upper, self._nominal))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
+        self._most = np.minimum(_OF_SIGN * to_zero, MOST)
         self.evaluations, self.remarks, self._at_nominal = 0, tuple[str, ...](), 0.0
 
     def _nominal_margin(self, surrogate: Piecewise | None, whole: Box) -> float:
@@ -165,7 +171,7 @@ class Search:
         Its polynomials show the largest factor, which a last study checks. Without good polynomials the search goes on
         between the largest factor that keeps the limits and the least that does not.
         """
-        bracket, most = _Bracket(), float(np.min(MOST / along))
+        bracket, most = _Bracket(), float(np.min(self._most / along))
         s, tolerance, best = 1.0, first, None
         for _ in range(_STUDIES):
             try:
@@ -189,6 +195,12 @@ class Search:
         self.remarks = () if bracket.low >= most else bracket.remarks
         return bracket.low * along, best
 
+    def signs(self, factors: Array) -> tuple[str, ...]:
+        """Why factors (d,) are not larger, if parameters would change their signs."""
+        ends = (self._most < MOST) & (factors >= self._most * (1 - _SETTLED))
+        names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
+        return (f"Larger tolerances are not looked for: {', '.join(names)} would reach 0.",) if names else ()
+
     def _factor_of(self, bounds: Bounds, factors: Array) -> float | None:
         """The largest share of the factors (d,) that keeps the limits, by the polynomials of their study, if good."""
         surrogate = bounds.good_surrogate(self._columns)
@@ -209,8 +221,9 @@ class Search:
         ones = np.ones(len(self._shape))
         _, margin = self._study(ones, TOLERANCES[0])
         factors, is_largest, disagree = ones / max(1 - margin / self._at_nominal, 1 / 4), False, False
+        factors = np.minimum(factors, self._most)
         for _ in range(_STUDIES):
-            wide = np.minimum(_WIDER * factors, MOST)
+            wide = np.minimum(_WIDER * factors, self._most)
             surrogate = self._polynomials(wide)
             if surrogate is None and is_largest:
                 raise PropagationError(f"{OWNER}: no polynomials are good enough for an allocation. Leave costs out.")
@@ -220,7 +233,7 @@ class Search:
             share = self._factor_on(surrogate, wide, factors)
             start, disagree = share * factors, disagree or share < _AGREE
             factors = self._allocated(surrogate, wide, start, cost)
-            is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= MOST * (1 - _SETTLED))
+            is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= self._most * (1 - _SETTLED))
             if (is_inside & (factors > start * _NARROWER * (1 + _SETTLED))).all():
                 break
         if disagree and not is_largest and cost(common := self.largest(ones)[0]) < cost(factors):

@@ -130,8 +130,9 @@ def tolerances(
     """The largest tolerances that keep limits of outputs at all times, or the cheapest ones.
 
     All deviations of the box from the nominal values are multiplied by one factor, up to 16, or, with costs, each by
-    its own. The factors are searched on the polynomials of a study with PolynomialChaos(), and a last study over the
-    box that is found checks the limits. Where a study leaves no good polynomials, more studies are made.
+    its own. A parameter whose interval has one sign, such as a mass, keeps it. The factors are searched on the
+    polynomials of a study with PolynomialChaos(), and a last study over the box that is found checks the limits. Where
+    a study leaves no good polynomials, more studies are made.
 
     Parameters
     ----------
@@ -180,9 +181,11 @@ def tolerances(
     nominal = {name: float(simulator.parameters[name]) for name in shape.names}
     factor = float(factors[shape.radius > 0].min(initial=MOST))
     assert bounds.box is not None
-    binding = None if factor >= MOST or search.remarks else check.worst
+    signs = search.signs(factors)
+    is_open = factor >= MOST or search.remarks or (signs and cost is None)
+    binding = None if is_open else check.worst
     return Tolerances(
-        bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, search.remarks
+        bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, search.remarks + signs
     )
 
 

@@ -74,6 +74,10 @@ _LIFT = 1e-10
 """Share of the diagonal added to a singular matrix: far above the rounding of its factors, far below its other
 eigenvalues. The solution is refined once, so errors are of its square. tests/symbolic/test_linear.py"""
 
+_VANISHED = 1e-28
+"""Square of a row over those of all rows below which the row is rounding. It keeps a row that vanishes at some states
+from a division by 0. tests/symbolic/test_linear.py"""
+
 _TINY = 1e-300
 """A square that keeps velocities without rows from a division by 0."""
 
@@ -82,9 +86,9 @@ def singular_solver(S: ca.SX, nullity: int) -> Callable[[ca.SX], ca.SX]:
     """Solver of S z = r for a semidefinite S (n, n) of rank n - nullity, or close to such a one, at that rank.
 
     The combinations that vanish come from inverse iteration, and are taken out of right sides and solutions. Rows are
-    measured by the diagonal, so that units have no effect.
+    measured by the diagonal, so that units have no effect. One of them may vanish at some states.
     """
-    size = ca.sqrt(ca.diag(S))
+    size = ca.sqrt(ca.diag(S) + _VANISHED * ca.trace(S))
     scaled = ca.sparsify(ca.diag(1 / size) @ S @ ca.diag(1 / size))
     lifted = symmetric_solver(scaled + _LIFT * ca.SX.eye(S.shape[0]))
     N = _vanishing(lifted, S.shape[0], nullity)
@@ -102,7 +106,8 @@ def singular_solver(S: ca.SX, nullity: int) -> Callable[[ca.SX], ca.SX]:
 
 def vanishing_rows(G: ca.SX, nullity: int) -> ca.SX:
     """Combinations (n_r, nullity) of the rows of G that vanish where its rank is n_r - nullity."""
-    size = ca.sqrt(ca.sum2(G * G))
+    squares = ca.sum2(G * G)
+    size = ca.sqrt(squares + _VANISHED * ca.sum1(squares))
     rows = ca.sparsify(ca.diag(1 / size) @ G)
     lifted = symmetric_solver(ca.sparsify(rows @ rows.T) + _LIFT * ca.SX.eye(G.shape[0]))
     return ca.diag(1 / size) @ _vanishing(lifted, G.shape[0], nullity)

@@ -3,6 +3,7 @@
 import bricard
 import numpy as np
 import pytest
+from driven_loops import driven_loop
 from numpy.testing import assert_allclose
 from problems import windows_in_space
 from scipy.integrate import solve_ivp
@@ -154,3 +155,16 @@ def test_rows_that_are_redundant_everywhere_are_left_out_where_others_are_not():
     run = mb.simulate(scene, mb.DormandPrince())
     assert_allclose(run["plate.x"], np.cos(known.y[0]), rtol=0, atol=1e-6)
     assert_allclose(run["c3.omega_z"], known.y[1], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("coordinates", ["body", "joint"])
+@pytest.mark.parametrize("seed", [0, 1, 3, 4])
+def test_driven_loops_go_on_where_rows_of_the_start_depend_on_each_other(seed, coordinates):
+    """A four-bar, a cardan shaft, and jacks: rows of a nut on a trunnion shrink as the screw makes a quarter turn.
+
+    A larger draw: tests/benchmarks/driven_mechanisms.py.
+    """
+    loop = driven_loop(seed)
+    run = mb.simulate(loop.scene(coordinates))
+    assert_allclose(run.values, loop.known, rtol=0, atol=1e-8)
+    assert not run.doubts

@@ -30,6 +30,19 @@ def test_a_chain_of_lengths(low, high, allowed):
     )
 
 
+@pytest.mark.parametrize(("nominal", "low", "high"), [(2.0, 1.5, 2.1), (-2.0, -2.1, -1.8), (2.0, 1.0, 2.5)])
+@pytest.mark.parametrize("costs", [None, {}])
+def test_parameters_whose_interval_has_one_sign_keep_it(nominal, low, high, costs):
+    """A mass or a length below 0 is none: far limits are no reason for one."""
+    simulator = mb.FunctionSimulator(lambda a: [[a]], {"a": nominal}, [0.0], ["y"])
+    found = mb.tolerances(simulator, {"y": (-50.0, 50.0)}, mb.Box(a=(low, high)), costs=costs)
+    assert found.remarks == ("Larger tolerances are not looked for: a would reach 0.",)
+    if costs is None:
+        assert found.binding is None
+    closest = found.box.lower[0] if nominal > 0 else -found.box.upper[0]
+    assert 0 < closest < 0.03
+
+
 def test_the_cheapest_chain():
     """The least sum of 1 / s_i with sum s_i h_i = w has s_i = w / (sqrt(h_i) sum sqrt(h))."""
     found = mb.tolerances(chain(), {"gap": (None, 0.25)}, BOX, costs={})
@@ -78,7 +91,8 @@ def test_the_box_of_a_four_bar_keeps_its_limits_in_many_runs():
 
 
 def test_no_limit_binds():
-    found = mb.tolerances(chain(), {"gap": (None, 100.0)}, BOX)
+    narrow = mb.Box(a=(0.99, 1.01), b=(1.98, 2.02), c=(2.85, 2.95))
+    found = mb.tolerances(chain(), {"gap": (None, 100.0)}, narrow)
     assert found.factor == pytest.approx(16)
     assert found.binding is None
     assert "no limit" in str(found)

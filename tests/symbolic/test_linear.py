@@ -39,6 +39,20 @@ def test_units_of_rows_have_no_effect(nullity):
     assert_allclose(effects[1], effects[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("shrunk", [0.0, 1e-20, 1e-8])
+def test_a_row_may_vanish(shrunk):
+    """Rows of two directions, of which one turns into another, as those of a nut on a trunnion."""
+    G = rows_of_rank(6, 0, 7)
+    G[5] = shrunk * G[4]
+    S, r = ca.SX.sym("S", 6, 6), ca.SX.sym("r", 6)
+    solve = ca.Function("solve", [S, r], [singular_solver(S, 1)(r)])
+    motion = np.random.default_rng(8).normal(size=12)
+    effect = G.T @ solve(G @ G.T, G @ motion).full().ravel()
+    assert_allclose(effect, np.linalg.pinv(G[:5]) @ (G[:5] @ motion), atol=1e-9)
+    N = np.array(ca.DM(vanishing_rows(ca.SX(ca.DM(G)), 1)))
+    assert_allclose(N.T @ G / np.linalg.norm(N), 0, atol=1e-9)
+
+
 def test_rows_that_vanish_leave_their_multipliers_at_zero():
     G = rows_of_rank(8, 2, 6)
     N = np.array(ca.DM(vanishing_rows(ca.SX(ca.DM(G)), 2)))
