@@ -49,6 +49,22 @@ QUESTIONS = [
     ("What arguments does PolynomialChaos take?", "PolynomialChaos", "api/PolynomialChaos"),
     ("How fast is it?", "speed benchmarks", "speed"),
     ("How do I go from a drawing's tolerances to limits?", "tolerances drawing", "tolerances"),
+    ("What if the mechanism is a URDF?", "my mechanism is a URDF", "urdf"),
+    ("What if a parameter is measured?", "one parameter is measured", "calibration"),
+    ("How do I give tolerances of ISO 2768?", "ISO 2768", "limits"),
+    ("Where are natural frequencies?", "natural frequency", "linear"),
+    ("How do I make runs in parallel?", "parallel", "executors"),
+    ("How do I make a PID controller?", "PID controller", "joints"),
+    ("How do I print a report?", "print report PDF", "results"),
+    ("How do I take results to Excel?", "export to Excel", "results"),
+    ("How do I resume a study?", "resume", "stored_runs"),
+    ("How do I make a stepper motor?", "stepper motor", "joints"),
+    ("Where is the process capability?", "Cpk", "laws"),
+    ("How do I make a belt?", "belt", "declaring"),
+    ("How do I make a cable?", "cable", "declaring"),
+    ("Which units have numbers?", "units", "declaring"),
+    ("How do I keep a point on a plane?", "point plane", "declaring"),
+    ("How many parts are rejected?", "reject rate", "laws"),
 ]
 """What a new user asks, the words that they type, and a page that must be among the first three answers."""
 NOTEBOOKS = {
