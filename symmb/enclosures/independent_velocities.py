@@ -13,22 +13,39 @@ Source: Wehage and Haug, Journal of Mechanical Design 104 (1982), generalised co
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import qr
 
 from symmb._types import Array, Indices
+from symmb.enclosures import points
+from symmb.enclosures.errors import ProofError
 from symmb.enclosures.reactions import of_bodies, solved_function
+from symmb.enclosures.tape import Tape
 from symmb.formulations import Formulation
 from symmb.model import Lazy, System
 from symmb.symbolic import ExplicitSolver, common
 
 _SETS = 500
 """Most sets of velocities that are all compared; of more, those that are best at some time are."""
-_TIMES = 100
-"""Times of the nominal run at which they are compared."""
+_TIMES, _EACH = 100, 8
+"""Least number of times of the nominal run at which they are compared, and times of each of its steps."""
+_CHANGE = np.log(10.0)
+"""Change of the logarithm of a determinant above which another set may be better."""
+_EXACT = 1e-6
+"""Errors of velocities at the start, over the largest one, which are as good as none."""
 _RTOL = 1e-6
 """Tolerance of that run."""
+
+
+class Partition(NamedTuple):
+    """Numbers of the dependent velocities, the Jacobian G where they are worst, and the time up to which they serve."""
+
+    dependent: tuple[int, ...]
+    G_there: Array
+    until: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +59,8 @@ class Equations:
     kept : numbers of the entries of that state which x has
     solved : (x, p, t) -> multipliers of all rows of the system, and accelerations of the bodies, if the system is known
     regular : (x, p, t) -> (m,), of which none is 0 where the rates are those of the formulation; None: everywhere
+    until : time from which on others with as many states are better [s]; infinite if these are good to the end
+    following : the others
     """
 
     rates: ca.Function
@@ -49,6 +68,8 @@ class Equations:
     kept: Indices
     solved: Lazy[ca.Function]
     regular: ca.Function | None = None
+    until: float = np.inf
+    following: "Lazy[Equations] | None" = None
 
 
 def equations_of(form: Formulation, system: System | None, times: Array) -> Equations:
@@ -68,11 +89,13 @@ def equations_of(form: Formulation, system: System | None, times: Array) -> Equa
         return Equations(
             common("rates", [x, p, t], [ca.densify(ca.vertcat(*parts))]), whole, np.arange(n), Lazy(of_tree)
         )
-    return _partitioned(form, system, *_dependent(form, times))
+    return _partitioned(form, system, _partitions(form, times))
 
 
-def _partitioned(form: Formulation, system: System | None, dependent: Sequence[int], G_there: Array) -> Equations:
-    """The equations in which the rows determine some velocities, by their numbers. Their Jacobian is G_there once."""
+def _partitioned(form: Formulation, system: System | None, partitions: Sequence[Partition]) -> Equations:
+    """The equations in the first of some partitions, which the others follow."""
+    (dependent, G_there, until), *later = partitions
+    following = Lazy(lambda: _partitioned(form, system, later)) if later else None
     dae, bodies = form.dae, form.dae if form.bodies is None else form.bodies.dae
     assert dae.G is not None and dae.Phi_dot is not None and dae.gamma is not None
     n_q, n_v = dae.n_q, dae.n_v
@@ -84,17 +107,12 @@ def _partitioned(form: Formulation, system: System | None, dependent: Sequence[i
     at_rest = (q, ca.SX.zeros(n_v), *state, p, t)
     G = dae.G(*at_rest)
     solve = ExplicitSolver(G[:, list(dependent)], G_there[:, list(dependent)])
-
-    def of_all(values: ca.SX, free_values: ca.SX) -> ca.SX:
-        """Rows (n_v, m) of the dependent and of the free velocities in their order."""
-        order = np.argsort([*dependent, *free]).tolist()
-        return ca.densify(ca.vertcat(values, free_values))[order, :]
-
-    along = of_all(-solve(G[:, free]), ca.SX.eye(len(free)))
-    v = along @ u + of_all(-solve(dae.Phi_dot(*at_rest)), ca.SX(len(free), 1))
+    none = ca.SX(len(free), 1)
+    along = _in_order(dependent, -solve(G[:, free]), ca.SX.eye(len(free)))
+    v = along @ u + _in_order(dependent, -solve(dae.Phi_dot(*at_rest)), none)
     at = (q, v, *state, p, t)
     first, *others = dae.rhs.call(list(at))
-    bias = of_all(solve(dae.gamma(*at)), ca.SX(len(free), 1))
+    bias = _in_order(dependent, solve(dae.gamma(*at)), none)
     moved = of_bodies(form, system, at, first)
     S, a = ca.densify(moved.J @ along), moved.drift + moved.J @ bias
     acceleration = ca.SX.sym("a", bodies.n_v)
@@ -108,26 +126,86 @@ def _partitioned(form: Formulation, system: System | None, dependent: Sequence[i
     solved = Lazy(
         lambda: solved_function(form, system, (x, p, t), moved, along @ du + bias, lambda f: loads(f[dependent, :]))
     )
-    return Equations(rates, whole, kept, solved, common("regular", [x, p, t], [determinants]))
+    return Equations(rates, whole, kept, solved, common("regular", [x, p, t], [determinants]), until, following)
 
 
-def _dependent(form: Formulation, times: Array) -> tuple[tuple[int, ...], Array]:
-    """The velocities that the rows determine best along a nominal run, and the Jacobian G where they do worst.
+def _in_order(dependent: Sequence[int], values: ca.SX, free_values: ca.SX) -> ca.SX:
+    """Rows (n_v, m) of the dependent and of the free velocities in their order."""
+    free = [k for k in range(values.shape[0] + free_values.shape[0]) if k not in dependent]
+    return ca.densify(ca.vertcat(values, free_values))[np.argsort([*dependent, *free]).tolist(), :]
 
-    Those of which the determinant of S' M S changes least are best: it is infinite where they are not determined.
+
+def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
+    """The state (n_x,) at the start, where rows determine those velocities from the others that have large errors.
+
+    The solver of the start is made for runs: bounds of its rounding may be large. Velocities that a scene lists have
+    small ones.
     """
-    G, M = _along_a_run(form, times)
+    dae, start = form.dae, form.start
+    x0 = start.state(u, p)
+    if dae.G is None or dae.Phi_dot is None:
+        return x0
+    q, v, *rest = at = dae.arguments(x0, p, ca.SX(start.t0))
+    unknowns = start.position.solve(dae.p_nominal[None])[0][0]
+    nominal = [[points.point(value) for value in values.tolist()] for values in (unknowns, dae.p_nominal)]
+    try:
+        found = Tape(start.state).run(points.OPERATIONS, points.point, nominal)[0]
+    except (ProofError, KeyError):  # the proof tells what fails
+        return x0
+    errors = np.array([error for _, error, *_ in found[dae.n_q : dae.n_q + dae.n_v]])
+    x = start.nominal()
+    G_there = dae.G(*dae.arguments(np.concatenate([x["q"], x["v"], x["s"]]), x["p"], start.t0)).full()
+    weights = np.maximum(errors / errors.max(initial=1e-300), _EXACT) * dae.displacement_scales
+    dependent = list(qr(G_there * weights, mode="r", pivoting=True)[-1][: dae.n_r])
+    free = [k for k in range(dae.n_v) if k not in dependent]
+    G = dae.G(*at)
+    solve = ExplicitSolver(G[:, dependent], G_there[:, dependent])
+    drift = dae.Phi_dot(*dae.arguments(ca.vertcat(q, 0 * v, *rest[:-2]), p, ca.SX(start.t0)))
+    return ca.vertcat(q, _in_order(dependent, -solve(drift + G[:, free] @ v[free]), v[free]), *rest[:-2])
+
+
+def _partitions(form: Formulation, times: Array) -> list[Partition]:
+    """The partitions of the velocities that serve a nominal run, one after the other.
+
+    That of which the determinant of S' M S changes least is best: it is infinite where the rows do not determine the
+    dependent velocities. Where it changes much, the run is in parts: in each the determinant of another changes less.
+    """
+    G, M, at = _along_a_run(form, times)
     scales = form.dae.displacement_scales
     n_r, n_v = G.shape[1:]
     scaled, none = G * scales, np.zeros((len(G), n_r, n_r))
     saddle = np.block([[M * scales * scales[:, None], scaled.swapaxes(1, 2)], [scaled, none]])
     whole = np.linalg.slogdet(saddle)[1]
     sets = list(combinations(range(n_v), n_r)) if _count(n_v, n_r) <= _SETS else sorted(_best_sets(scaled))
-    logs = np.array([whole - 2 * np.linalg.slogdet(scaled[:, :, list(chosen)])[1] for chosen in sets])
-    with np.errstate(invalid="ignore"):
-        change = np.ptp(logs, axis=1)
-    best = int(np.where(np.isfinite(change), change, np.inf).argmin())
-    return sets[best], G[int(logs[best].argmax())]
+    signs, sizes = (np.stack(part) for part in zip(*(np.linalg.slogdet(scaled[:, :, list(s)]) for s in sets),
+                                                   strict=True))  # fmt: skip
+    logs = whole - 2 * sizes
+
+    def changes(first: int) -> Array:
+        """How much the determinants change from a place on (sets, places): infinitely from where they have been 0."""
+        with np.errstate(invalid="ignore"):
+            part = logs[:, first:]
+            change = np.maximum.accumulate(part, axis=1) - np.minimum.accumulate(part, axis=1)
+            lost = np.logical_or.accumulate(signs[:, first:] != signs[:, first, None], axis=1)
+        return np.where(lost | ~np.isfinite(change), np.inf, change)
+
+    found, first = [], 0
+    while True:
+        change = changes(first)
+        best, last = int(change[:, -1].argmin()), len(at)
+        if change[best, -1] > _CHANGE:
+            lengths = (change <= _CHANGE).sum(axis=1)
+            best = int(lengths.argmax())
+            last = first + int(lengths[best])
+        if found and found[-1].dependent == sets[best]:
+            found[-1] = found[-1]._replace(until=np.inf)
+            return found
+        worst = first + int(logs[best, first:last].argmax())
+        is_last = last >= len(at) or last <= first + 1
+        found.append(Partition(sets[best], G[worst], np.inf if is_last else float(at[last - 1])))
+        if is_last:
+            return found
+        first = last - 1
 
 
 def _count(n: int, k: int) -> int:
@@ -142,14 +220,14 @@ def _count(n: int, k: int) -> int:
 
 def _best_sets(G: Array) -> set[tuple[int, ...]]:
     """Sets of columns that are independent at some time: each column is the one that is farthest from those before."""
-    from scipy.linalg import qr
-
     n_r = G.shape[1]
     return {tuple(sorted(qr(at, mode="r", pivoting=True)[-1][:n_r].tolist())) for at in G}
 
 
-def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array]:
-    """Jacobians (m, n_r, n_v) of the rows and mass matrices (m, n_v, n_v) along a nominal run, as far as it goes."""
+def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array, Array]:
+    """Jacobians (m, n_r, n_v) of the rows, mass matrices (m, n_v, n_v) and times (m,) of a nominal run, as far as it
+    goes.
+    """
     from scipy.integrate import solve_ivp
 
     dae, at = form.dae, form.start.nominal()
@@ -159,7 +237,7 @@ def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array]:
     arguments = dae.arguments(x, parameters, t)
     rhs = ca.Function("rhs", [x, parameters, t], [ca.vertcat(*dae.rhs.call(list(arguments)))])
     f = ca.Function("matrices", [x, parameters, t], [dae.G(*arguments), dae.M(*arguments)])
-    found = [f(x0, p, times[0])]
+    at, states = times[:1], x0[None]
     if times[-1] > times[0]:
         run = solve_ivp(
             lambda t, x: rhs(x, p, t).full().ravel(),
@@ -168,8 +246,10 @@ def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array]:
             method="DOP853",
             rtol=_RTOL,
             atol=_RTOL * dae.state_sizes,
-            t_eval=np.linspace(times[0], times[-1], _TIMES)[1:],
+            dense_output=True,
         )
-        found += [f(state, p, time) for state, time in zip(np.transpose(run.y), run.t, strict=True)]
+        at = np.linspace(times[0], run.t[-1], max(_TIMES, _EACH * len(run.t)))
+        states = run.sol(at).T
+    found = [f(state, p, time) for state, time in zip(states, at, strict=True)]
     G, M = (np.stack([matrices[i].full() for matrices in found]) for i in (0, 1))
-    return G, M
+    return G, M, at

@@ -19,6 +19,7 @@ from symmb.enclosures.schedule import Phase, grain_of
 from symmb.enclosures.start import first_front
 from symmb.enclosures.step import SINGULAR, Proof, is_regular, prove
 from symmb.enclosures.switching import holds, off_while_switching
+from symmb.enclosures.transitions import mapped
 
 TIME_TERMS, FRAME_TERMS = 20, 11
 """Terms of the motion and of the frame in time."""
@@ -32,6 +33,8 @@ _FIRST = 50
 """Horizon over the first step that is tried."""
 _LOST, _CRAWL = 1e-2, 2.0**-6
 """Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
+_NEAR = 8
+"""Shortest step that ends at a change of states, over the unit of times."""
 _RESOLVING = 2.0**-10
 """Parts of a step, over the step, down to which it is shown that no law of time switches in them."""
 
@@ -143,7 +146,10 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     is_in_window = front.t >= phase.stop
     if is_in_window and phase.window is None:
         raise ProofError(phase.why)
+    change, near = problem.change, _NEAR * grain
     usual, left = control.h, (phase.resume if is_in_window else phase.stop) - front.t
+    if change is not None and change.time > front.t + near:
+        left = min(left, change.time - front.t)
     control.h = min(usual, left)
     step, proof = _step(problem, front, grain, control)
     beside = off_while_switching(step, proof, phase.window) if is_in_window else np.zeros(problem.n)
@@ -160,6 +166,8 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         if front.t < phase.resume:
             raise ProofError(phase.why)
         front, problem = replace(front, x_error=above(front.x_error + beside)), problem.after_switch()
+    elif change is not None and change.time <= front.t + near and front.t < phase.stop and not course.is_done:
+        front, problem = mapped(problem, front, change.states), problem.after_change(front.t)
     return Place(front, control, problem), step.h
 
 

@@ -31,6 +31,7 @@ class Problem:
     phase : the equations between switches of laws of time, whose rates these are; None: always the same
     regular : (x, p, t) -> (m,), none of which is 0 where the rates are those of the scene; None: everywhere
     refused : for each output the operations that have no remainder; its expression is then not a number
+    change : to other states; None: these serve to the end
     """
 
     rates: ca.Function
@@ -45,6 +46,7 @@ class Problem:
     phase: Phase | None = None
     regular: ca.Function | None = None
     refused: tuple[str, ...] = ()
+    change: "Change | None" = None
 
     def over(self, variable: int, side: int) -> "Problem":
         """The problem over the half of the box where a variable is negative (side -1) or positive (1)."""
@@ -52,9 +54,13 @@ class Problem:
         radius = np.where(mine, 0.5 * self.radius, self.radius)
         middle = np.where(mine, self.middle + side * radius, self.middle)
         errors = np.where(mine, above(self.errors + U * np.abs(middle)), self.errors)
-        half = replace(self, middle=middle, radius=radius, errors=errors)
-        half.__dict__.update({name: value for name, value in self.__dict__.items() if name in _GRAPHS})
-        return half
+        return self._over(middle, radius, errors)
+
+    def _over(self, middle: Array, radius: Array, errors: Array | float) -> "Problem":
+        """The problem over another box."""
+        other = replace(self, middle=middle, radius=radius, errors=errors)
+        other.__dict__.update({name: value for name, value in self.__dict__.items() if name in _GRAPHS})
+        return other
 
     @property
     def n(self) -> int:
@@ -102,6 +108,11 @@ class Problem:
         phase = self.phase.window.following()
         return replace(self, phase=phase, rates=phase.rates)
 
+    def after_change(self, time: float) -> "Problem":
+        """The problem of the other states from a time on, over the same box."""
+        assert self.change is not None
+        return self.change.following(time)._over(self.middle, self.radius, self.errors)
+
     @cached_property
     def regular_tape(self) -> Tape | None:
         """(x, p, t) -> what must not be 0."""
@@ -123,6 +134,21 @@ class Problem:
     def sensitivity_tape(self) -> Tape:
         """(x, p, t) -> y, and its Jacobian (n_y, n) in column-major order."""
         return with_jacobian(self.outputs)
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A change to other states from a time on [s].
+
+    Attributes
+    ----------
+    states : (x, p, t) -> the other states
+    following : time -> their problem from then on, over the whole box
+    """
+
+    time: float
+    states: ca.Function
+    following: Callable[[float], Problem]
 
 
 _GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "regular_tape", "_tapes")

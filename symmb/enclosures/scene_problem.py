@@ -1,5 +1,6 @@
 """The initial value problem of a scene's simulator, or the reason why there is none."""
 
+from functools import cache
 from typing import cast
 
 import casadi as ca
@@ -9,9 +10,9 @@ from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
-from symmb.enclosures.independent_velocities import Equations, equations_of
+from symmb.enclosures.independent_velocities import Equations, equations_of, start_states
 from symmb.enclosures.modes import with_modes
-from symmb.enclosures.problem import Problem, StartEquations
+from symmb.enclosures.problem import Change, Problem, StartEquations
 from symmb.enclosures.schedule import Phase, Schedule, corners
 from symmb.enclosures.tape import Tape
 from symmb.events import kinks
@@ -29,8 +30,7 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     Raises
     ------
     PropagationError         if the scene has loops, impacts, sampled values, kinks or jumps that depend on the state,
-                             or operations without a remainder in its equations or in all outputs, or starts in
-                             equilibrium
+                             or operations without a remainder in its equations or in all outputs
     """
     if isinstance(simulator, ModalSimulator):
         return _modal_problem(method, simulator, box)
@@ -41,24 +41,47 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
             f"{method!r}: it needs the equations of a scene, or outputs that are plain expressions of parameters and "
             f"time, but {simulator!r} gives values only. Use PolynomialChaos()."
         )
-    regular = None
     times = np.asarray(simulator.times, dtype=float)
     if isinstance(simulator, DAESimulator):
         form = _formulation(method, simulator, box)
         equations = equations_of(form, simulator.scene and simulator.scene.system, times)
-        rates, regular, scales = equations.rates, equations.regular, form.dae.state_sizes[equations.kept]
-        outputs, start = _outputs(simulator, form, equations), _start(form, equations)
-        phase = _phase(method, form.dae, _later(rates, times[0]), times, _intervals(simulator, box))
-    else:
-        p, t = ca.SX.sym("p", len(simulator.parameters)), ca.SX.sym("t")
-        none = ca.SX.sym("x", 0)
-        rates = ca.Function("rates", [none, p, t], [ca.SX(0, 1)])
-        phase = Phase(rates)
-        outputs = ca.Function("outputs", [none, p, t], [ca.densify(cast(ca.Function, expression)(p, t))])
-        scales, start = np.zeros(0), StartEquations(rates, rates, lambda P: np.zeros((len(P), 0)))
+        return _of_equations(method, simulator, box, form, equations)
+    p, t = ca.SX.sym("p", len(simulator.parameters)), ca.SX.sym("t")
+    none = ca.SX.sym("x", 0)
+    rates = ca.Function("rates", [none, p, t], [ca.SX(0, 1)])
+    outputs = ca.Function("outputs", [none, p, t], [ca.densify(cast(ca.Function, expression)(p, t))])
     outputs, refused = _with_remainders(method, outputs)
-    problem = Problem(phase.rates, _later(outputs, times[0]), *_intervals(simulator, box), times - times[0], scales,
-                      start, phase=phase, regular=regular and _later(regular, times[0]), refused=refused)  # fmt: skip
+    start = StartEquations(rates, rates, lambda P: np.zeros((len(P), 0)))
+    problem = Problem(rates, _later(outputs, times[0]), *_intervals(simulator, box), times - times[0], np.zeros(0),
+                      start, phase=Phase(rates), refused=refused)  # fmt: skip
+    _require_tapes(method, problem)
+    return problem
+
+
+def _of_equations(
+    method: object, simulator: DAESimulator, box: Box, form: Formulation, equations: Equations, begin: float = 0.0
+) -> Problem:
+    """The problem with the states of equations from a time on, from the first one on [s]."""
+    times, intervals = np.asarray(simulator.times, dtype=float), _intervals(simulator, box)
+    phase = _phase(method, form.dae, _later(equations.rates, times[0]), times, intervals, begin)
+    outputs, refused = _with_remainders(method, _outputs(simulator, form, equations))
+    regular, change = equations.regular, None
+    if equations.following is not None:
+        other = equations.following()
+        x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+        states = common("states", [x, p, t], [equations.whole(x, p, t)[other.kept.tolist()]])
+        following = cache(lambda time: _of_equations(method, simulator, box, form, other, time))
+        change = Change(equations.until - times[0], _later(states, times[0]),
+                        following if phase.valid else lambda time: following(0.0))  # fmt: skip
+    problem = Problem(phase.rates, _later(outputs, times[0]), *intervals, times - times[0],
+                      form.dae.state_sizes[equations.kept], _start(form, equations), phase=phase,
+                      regular=regular and _later(regular, times[0]), refused=refused, change=change)  # fmt: skip
+    _require_tapes(method, problem)
+    return problem
+
+
+def _require_tapes(method: object, problem: Problem) -> None:
+    """Refuse operations without a remainder in equations, switches and the start."""
     starts = [Tape(problem.start.residual), Tape(problem.start.states)]
     of_switches = [] if problem.valid_tape is None else [problem.valid_tape]
     for tape in (problem.jacobian_tape, problem.sensitivity_tape, *of_switches, *starts):
@@ -138,10 +161,6 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
             f"{method!r}: rows of constraints depend on others ({rows}), which is not proved. Use PolynomialChaos()."
         )
     _require_smooth(method, form)
-    if form.start.is_equilibrium:
-        raise PropagationError(
-            f"{method!r}: the scene starts in equilibrium, which it does not prove. Give the start by values."
-        )
     middle, radius, _ = _intervals(simulator, box)
     places = np.random.default_rng(0).uniform(-1, 1, (_POINTS, len(middle)))
     if contradiction := _contradiction(form, middle + radius * places):
@@ -203,9 +222,14 @@ def _require_smooth(method: object, form: Formulation) -> None:
 
 
 def _phase(
-    method: object, dae: DAE, rates: ca.Function, times: Array, intervals: tuple[Array, Array, tuple[int, ...]]
+    method: object,
+    dae: DAE,
+    rates: ca.Function,
+    times: Array,
+    intervals: tuple[Array, Array, tuple[int, ...]],
+    begin: float,
 ) -> Phase:
-    """The first phase of equations whose rates are Functions of the time from the first one on."""
+    """The phase from a time on of equations whose rates are Functions of the time from the first one on."""
     found = kinks(dae, times)
     if found is None:
         return Phase(rates)
@@ -221,7 +245,7 @@ def _phase(
     smooth = ca.Function("smooth", arguments, [ca.densify(ca.vertcat(*branch.outputs))])
     switches = ca.Function("switches", arguments, [ca.densify(branch.switches)])
     end, samples = float(times[-1] - times[0]), corners(*intervals[:2])
-    return Schedule(smooth, switches, end, samples, float(times[0]), str(found)).phase(0.0)
+    return Schedule(smooth, switches, end, samples, float(times[0]), str(found)).phase(begin)
 
 
 def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:
@@ -238,7 +262,7 @@ def _start(form: Formulation, equations: Equations) -> StartEquations:
     start, position = form.start, form.start.position
     p, t = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t")
     u = ca.SX.sym("u", start.state.numel_in(0))
-    residual, states = position.residual(u, p), start.state(u, p)[equations.kept.tolist()]
+    residual, states = position.residual(u, p), start_states(form, u, p)[equations.kept.tolist()]
 
     def solve(P: Array) -> Array:
         found, ok = position.solve(P)

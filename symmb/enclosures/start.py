@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
 from symmb.enclosures.curves import TimeStep
@@ -13,7 +13,7 @@ from symmb.enclosures.ellipses import TOO_MANY, ellipses, reaches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import Curve, fit, integrated, parameters_at
 from symmb.enclosures.front import Front
-from symmb.enclosures.outputs import interpolation
+from symmb.enclosures.outputs import SHARP, interpolation
 from symmb.enclosures.patches import Patches
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.ranges import cut
@@ -30,6 +30,8 @@ _COUNTS = (1, 8, 32, 128)
 
 NO_START = "there are parameters for which the scene cannot be started"
 """Why no part of a box can be proved."""
+_SHORT = 1e-9
+"""Length of a step in which nothing moves [s]."""
 _NONE = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """No frame."""
 
@@ -49,26 +51,40 @@ def _first_front(problem: Problem, order: int) -> Front:
     start, n, d = problem.start, problem.n, problem.d
     own = Problem(start.residual, start.states, problem.middle, problem.radius, problem.variables, np.zeros(1),
                   np.ones(start.residual.numel_in(0)), start)  # fmt: skip
-    u = integrated(_unknowns(own, order), np.zeros((own.n, 1, *(order + 1,) * d)), 1.0)
-    step = TimeStep(own, 0.0, 1.0, u, _NONE, _NONE.c)
+    step = still(own, 0.0, _unknowns(own, order))
     e = _distance(step)
-    every = tuple(range(n))
-    rho, most = _largest(step, start_of="outputs")
-    c, rest = interpolation(step, np.zeros(1), every, rho, most, np.zeros(n))
-    of_unknowns = above(_slopes(step, e).reshape(len(e), n).T @ e) if len(e) else np.zeros(n)
-    c = c[:, 0]
-    size = ch.sums(c, d)
-    x, lost = _cut_to(c, order + 1)
-    x_short, gone = cut(x, _SHARE * size)
-    x = np.zeros((n, *(order + 1,) * d))
-    x[(slice(None), *(slice(0, m) for m in x_short.shape[1:]))] = x_short
+    x, lost = polynomials(step, np.arange(n), (order + 1,) * d)
+    slopes = bounds_of(own.sensitivity_tape, step, e)[1]
+    of_unknowns = above(slopes.reshape(len(e), n).T @ e) if len(e) else np.zeros(n)
     frame_terms = max(2, order // 2) + 1
     B = np.zeros((n, n, *(frame_terms,) * d))
     B[(np.arange(n), np.arange(n), *(0,) * d)] = problem.scales
-    error = above(rest[:, 0] + of_unknowns + lost + gone)
+    error = above(lost + of_unknowns)
     if not np.isfinite(error).all():
         raise ProofError("the starting values cannot be shown to be smooth over the box")
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
+
+
+def still(problem: Problem, t: float, x: Array) -> TimeStep:
+    """A short step from a time, in which states (n, N + 1, ...) stay."""
+    return TimeStep(problem, t, _SHORT, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), _SHORT), _NONE, _NONE.c)
+
+
+def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
+    """Coefficients (m, *lengths) of some outputs at the begin of a step, and bounds (m,) of the errors.
+
+    Raises
+    ------
+    ProofError         if they cannot be shown to be smooth
+    """
+    rho, most = _largest(step, start_of="outputs")
+    c, rest = interpolation(step, np.array([step.t0]), tuple(which.tolist()), rho, most[which], np.zeros(len(which)),
+                            sharp)  # fmt: skip
+    c, lost = _cut_to(c[:, 0], lengths)
+    short, gone = cut(c, _SHARE * ch.sums(c, len(lengths)))
+    whole = np.zeros((len(which), *lengths))
+    whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
+    return whole, above(rest[:, 0] + lost + gone)
 
 
 def nominal_front(problem: Problem, order: int) -> Array:
@@ -90,9 +106,9 @@ def nominal_front(problem: Problem, order: int) -> Array:
     return fit(x, [order + 1] * problem.d)
 
 
-def _cut_to(c: Array, terms: int) -> tuple[Array, Array]:
-    """Coefficients up to a number of terms in each variable, and the sums of the others (m,)."""
-    part = (slice(None), *(slice(0, terms),) * (c.ndim - 1))
+def _cut_to(c: Array, lengths: tuple[int, ...]) -> tuple[Array, Array]:
+    """Coefficients up to numbers of terms in each variable, and the sums of the others (m,)."""
+    part = (slice(None), *(slice(0, terms) for terms in lengths))
     others = c.copy()
     others[part] = 0.0
     return c[part], ch.sums(others, c.ndim - 1)
@@ -135,14 +151,14 @@ def _largest(step: TimeStep, start_of: str) -> tuple[list[float], Array]:
     raise ProofError("the starting values cannot be shown to be smooth over the box")
 
 
-def _slopes(step: TimeStep, e: Array) -> Array:
-    """Bounds of the derivatives of the states by the unknowns, over the box and within e (n_u,) of them."""
+def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
+    """Bounds of the outputs of a tape over the box and within e (n,) of the states."""
     d = step.problem.d
-    found = np.empty(0)
+    found: list[Array] = []
     for count in _counts(d):
         real = step.on_patches(_patches(step, [1.0] * (d + 1), count), e)
-        found = reaches(step.problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, real)[1])
-        if np.isfinite(found).all():
+        found = [reaches(part) for part in tape.run(discs.OPERATIONS, discs.disc, real)]
+        if all(np.isfinite(part).all() for part in found):
             break
     return found
 
@@ -155,8 +171,8 @@ def _counts(d: int) -> Iterator[int]:
 def _distance(step: TimeStep) -> Array:
     """Bounds (n_u,) of the distance of the solution from the polynomials u.
 
-    With Y about the inverse of the Jacobian J at the middle, |Y r(u)| + |I - Y J(u + [-e, e])| e < e proves one
-    solution within e, the only one there.
+    With Y about the inverse of the Jacobian J in the middle of a part of the box, |Y r(u)| + |I - Y J(u + [-e, e])| e
+    < e proves one solution within e for all parameters of the part, the only one there.
 
     Source: Krawczyk (1969); Neumaier (1990), Interval Methods for Systems of Equations, theorem 5.1.8.
     """
@@ -170,23 +186,37 @@ def _distance(step: TimeStep) -> Array:
     same = replace(step, problem=residual)
     c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
-    real = _patches(step, [1.0] * (d + 1))
-    middle = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[1]
-    try:
-        Y = np.linalg.inv(np.array([float(np.real(a.centre).mean()) for a in middle]).reshape(n, n).T)
-    except np.linalg.LinAlgError:
-        raise ProofError(problem.start.unproved) from None
-    g = above(np.abs(Y) @ off)
-    e = above(2.0 * g)
-    for _ in range(8):
-        slopes = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
+    for count in _counts(d):
+        e = _contracted(step, off, _patches(step, [1.0] * (d + 1), count))
+        if e is not None:
+            return e
+    raise ProofError(problem.start.unproved)
+
+
+def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
+    """Bounds (n_u,) of the distance of a solution, where the residual is at most `off` (n_u,), if it is proved."""
+    n = step.problem.n
+
+    def jacobians(e: Array) -> tuple[Array, Array]:
+        """Middles and radii (k, n, n) on the parts, within e (n,)."""
+        slopes = step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(parts, e))[1]
         shape = np.broadcast_shapes(*(np.shape(a.centre) for a in slopes))
         J = np.stack([np.broadcast_to(np.real(a.centre), shape).ravel() for a in slopes], axis=-1)
         R = np.stack([np.broadcast_to(a.swing, shape).ravel() for a in slopes], axis=-1)
         J, R = (a.reshape(-1, n, n).swapaxes(1, 2) for a in (J, R))
+        return J, R
+
+    try:
+        Y = np.linalg.inv(jacobians(np.zeros(n))[0])
+    except np.linalg.LinAlgError:
+        return None
+    g = above(np.abs(Y) @ off)
+    e = above(2.0 * g.max(axis=0))
+    for _ in range(8):
+        J, R = jacobians(e)
         D = np.abs(np.eye(n) - Y @ J) + np.abs(Y) @ (above(R) + of_sum(n + 3) * np.abs(J)) + of_sum(n + 3)
-        new = above(g + above(D.max(axis=0)) @ e)
+        new = above(g + above(D) @ e).max(axis=0)
         if (new < e).all():
             return new
         e = above(1.5 * new)
-    raise ProofError(problem.start.unproved)
+    return None

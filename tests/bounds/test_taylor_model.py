@@ -200,15 +200,16 @@ def test_a_change_point_is_not_passed():
     assert np.isfinite(bounds.upper[:5]).all() and not np.isfinite(bounds.upper[15:]).any()
 
 
-def test_start_in_equilibrium_is_refused():
+def test_a_spring_that_holds_a_mass_in_equilibrium():
     p = mb.Parameters(k=100.0)
     mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
     spring = mb.Spring("spring", mb.Ground().point(0, 0), mass.point(0, 0), p.k, length=1.0)
     system = mb.System(mass, spring, mb.Gravity(0, -9.81), parameters=p)
     box, guess = mb.Box(k=(90, 110)), {"mass.y": -1.1}
     scene = mb.Scene(system, equilibrium=True, guess=guess, outputs={"y": mass.y}, times=[0.0, 1.0], box=box)
-    with pytest.raises(mb.PropagationError, match="starts in equilibrium"):
-        mb.propagate(scene, mb.TaylorModel())
+    bounds = mb.propagate(scene, mb.TaylorModel())
+    assert bounds.lower[:, 0] == pytest.approx(np.full(2, -1 - 9.81 / 90), rel=1e-6)
+    assert bounds.upper[:, 0] == pytest.approx(np.full(2, -1 - 9.81 / 110), rel=1e-6)
 
 
 def test_an_operation_without_remainder_is_refused_by_name():

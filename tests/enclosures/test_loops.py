@@ -8,10 +8,13 @@ import casadi as ca
 import numpy as np
 import pytest
 from enclosure_samples import ode
+from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import loop_proofs
+from _loops import FINE
 
+import symmb as mb
 from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import integrated
@@ -67,3 +70,53 @@ def test_boxes_with_parameters_without_a_start_are_not_proved(seed):
     """Starts at change points and beyond dead centres."""
     found = loop_proofs.check(loop_proofs.random_case(seed), order=4)
     assert not found.fault and found.refused, _told(found)
+
+
+def _require_sharp(bounds, runs):
+    """Bounds at all times, which hold runs (N, n_t, n_y) and are hardly wider."""
+    assert np.isfinite(bounds.upper).all(), bounds.doubts
+    size = np.abs(runs).max(axis=(0, 1))
+    off = np.maximum(bounds.lower - runs, runs - bounds.upper) / size
+    assert off.max() <= loop_proofs.INSIDE
+    assert ((bounds.upper - bounds.lower - np.ptp(runs, axis=0)) / size).max() < 1e-5
+
+
+def test_a_pendulum_on_a_distance_turns_over():
+    """Neither the velocity along x nor that along y determines the other everywhere. The reference is the angle's."""
+    p = mb.Parameters(L=1.0, w=8.0)
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    link = mb.Distance("link", mb.Ground().point(0, 0), bob.point(0, 0), p.L)
+    times, box = np.linspace(0.0, 0.9, 10), {"w": (7.99, 8.01)}
+    scene = mb.Scene(
+        mb.System(bob, link, mb.Gravity(0, -9.81), parameters=p), {"bob.x": 0.0, "bob.vx": p.w}, times,
+        {"x": bob.x, "y": bob.y, "vx": bob.vx, "vy": bob.vy}, guess={"bob.y": -1.0}, box=mb.Box(**box),
+    )  # fmt: skip
+    runs = []
+    for w in (7.99, 7.995, 8.0, 8.01):
+        run = solve_ivp(lambda t, z: [z[1], -9.81 * np.sin(z[0])], (0, 0.9), [0.0, w], method="DOP853", rtol=FINE,
+                        atol=1e-14, t_eval=times)  # fmt: skip
+        angle, rate = run.y
+        runs.append(np.stack([np.sin(angle), -np.cos(angle), rate * np.cos(angle), rate * np.sin(angle)], axis=1))
+    assert np.ptp([run[:, 1] for run in runs]) > 1.9  # over the top
+    _require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), np.array(runs))
+
+
+def test_sliders_on_a_rod_that_turns_evenly():
+    """Two equal masses on rails along x and y: x = L cos(w t), y = L sin(w t), over dead centres of either."""
+    p = mb.Parameters(L=1.0, w=3.0)
+    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", 1.0, 0.1)
+    system = mb.System(
+        a, b, mb.Distance("rod", a.point(0, 0), b.point(0, 0), p.L),
+        mb.Prismatic("along_x", mb.Ground().point(0, 0), a.point(0, 0), axis=(1, 0, 0)),
+        mb.Prismatic("along_y", mb.Ground().point(0, 0), b.point(0, 0), axis=(0, 1, 0)), parameters=p,
+    )  # fmt: skip
+    times = np.linspace(0.0, 1.5, 7)
+    scene = mb.Scene(system, {"a.x": p.L * np.cos(0.4), "a.vx": -p.L * p.w * np.sin(0.4)}, times,
+                     {"x": a.x, "y": b.y, "vx": a.vx, "vy": b.vy}, guess={"b.y": 0.4},
+                     box=mb.Box(L=(0.999, 1.001), w=(2.997, 3.003)))  # fmt: skip
+    runs = []
+    for L in (0.999, 1.0, 1.001):
+        for w in (2.997, 3.0, 3.003):
+            turn = 0.4 + w * times
+            runs.append(L * np.stack([np.cos(turn), np.sin(turn), -w * np.sin(turn), w * np.cos(turn)], axis=1))
+    _require_sharp(mb.propagate(scene, mb.TaylorModel(order=4)), np.array(runs))

@@ -66,3 +66,19 @@ def test_frequencies_that_cross_are_not_proved():
     bounds = mb.propagate(mb.ModalSimulator(particle(p.k, 111.0, 900.0, parameters=p)), mb.TaylorModel(ORDER))
     assert 2 * np.pi * bounds.lower[0, :3] == pytest.approx(np.sqrt([95.0, 111.0, 900.0]), rel=1e-8)
     assert 2 * np.pi * bounds.upper[0, :3] == pytest.approx(np.sqrt([105.0, 111.0, 900.0]), rel=1e-8)
+
+
+def test_about_an_equilibrium_that_moves_with_the_parameters():
+    """k x + c x^3 = m g holds a mass, and m omega^2 = k + 3 c x^2."""
+    p = mb.Parameters(m=2.0, k=50.0)
+    mass = mb.Body("mass", mass=p.m, pose=mb.Particle())
+    spring = mb.Force("spring", mass.point(0, 0, 0), (-p.k * mass.x - 30 * mass.x**3, -900 * mass.y, -900 * mass.z))
+    system = mb.System(mass, spring, mb.Gravity(9.81, 0, 0), parameters=p)
+    box = mb.Box.around(p, 0.1)
+    modal = mb.ModalSimulator(mb.Scene(system, equilibrium=True, box=box), count=3)
+    P = corners_and_more(box)
+    x = np.array([max(np.roots([30, 0, k, -m * 9.81]), key=lambda root: -abs(root.imag)).real for m, k in P])
+    exact = np.sqrt((P[:, 1] + 90 * x**2) / P[:, 0]) / (2 * np.pi)
+    bounds = mb.propagate(modal, mb.TaylorModel(8))
+    assert (exact >= bounds.lower[0, 0]).all() and (exact <= bounds.upper[0, 0]).all()
+    assert np.ptp(exact) == pytest.approx(float(bounds.upper[0, 0] - bounds.lower[0, 0]), rel=1e-4)

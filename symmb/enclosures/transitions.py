@@ -1,0 +1,74 @@
+"""Other states at the same time: a front behind a map."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures import chebyshev as ch
+from symmb.enclosures.front import Front
+from symmb.enclosures.problem import Problem
+from symmb.enclosures.rounding import above
+from symmb.enclosures.start import bounds_of, polynomials, still
+from symmb.enclosures.tape import Tape
+from symmb.symbolic import common
+
+_SHARP = 1e-14
+"""Aliasing of a mapped polynomial over its width."""
+
+
+@np.errstate(all="ignore")  # what is not finite proves nothing
+def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
+    """The front of the states f(x, p, t).
+
+    With the Jacobian G of f at x and its second derivative H along e = B w, f(x + e) = f(x) + G B w + H / 2, where H is
+    taken somewhere between x and x + e. The new polynomials are interpolations of f(x) and of G B.
+
+    Raises
+    ------
+    ProofError         if f cannot be shown to be smooth there
+    """
+    n, d = problem.n, problem.d
+    lengths, of_frame = front.x.shape[1:], front.B.shape[2:]
+    x, columns, e, off = (ca.SX.sym(name, size) for name, size in zip("xbew", (n, n * n, n, n), strict=True))
+    p, t = ca.SX.sym("p", len(problem.middle)), ca.SX.sym("t")
+    values = ca.vertsplit(f(x, p, t))
+    which = np.array([k for k, value in enumerate(values) if not ca.is_equal(value, x[k])], dtype=np.intp)
+    m, new = len(which), ca.vertcat(*(values[k] for k in which))
+    along = ca.jtimes(new, x, ca.reshape(columns, n, n).T)
+    y = ca.vertcat(x, columns)
+    both = common("mapped", [y, p, t], [ca.densify(ca.vertcat(new, ca.vec(along.T)))])
+    same = common("same", [y, p, t], [ca.SX.zeros(n + n * n)])
+    states = np.zeros((n + n * n, *np.maximum(lengths, of_frame)))
+    states[(slice(n), *map(slice, lengths))] = front.x
+    states[(slice(n, None), *map(slice, of_frame))] = front.B.reshape(n * n, *of_frame)
+    scales = np.concatenate([problem.scales, np.maximum(ch.sums(states[n:], d), 1e-300)])
+    step = still(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
+    x_new, x_lost = polynomials(step, np.arange(m), lengths, _SHARP)
+    B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
+
+    y = ca.vertcat(x, e, off)
+    of_errors = ca.jtimes(new, x, off), ca.jtimes(ca.jtimes(new, x, e), x, e)
+    tape = Tape(common("errors", [y, p, t], [ca.densify(part) for part in of_errors]))
+    beside = above(front.x_error + front.B_error @ front.w)
+    reach = above(ch.sums(front.B, d) @ front.w + beside)
+    centres = np.zeros((3 * n, *lengths))
+    centres[:n] = front.x
+    more = np.concatenate([reach, reach, beside])
+    moved = still(replace(problem, scales=np.ones(3 * n)), front.t, centres)
+    linear, quadratic = bounds_of(tape, moved, more)
+    return replace(
+        front,
+        x=_with(front.x, which, x_new),
+        B=_with(front.B, which, B_new.reshape(m, n, *of_frame)),
+        x_error=_with(front.x_error, which, above(x_lost + linear + 0.5 * quadratic)),
+        B_error=_with(front.B_error, which, B_lost.reshape(m, n)),
+    )
+
+
+def _with(array: Array, which: Array, rows: Array) -> Array:
+    """The array with other rows."""
+    found = array.copy()
+    found[which] = rows
+    return found
