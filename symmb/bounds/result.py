@@ -158,8 +158,7 @@ class Bounds(Answers, Result, files.Saved):
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
         Without names these are the first six outputs. The filled band lies between lower and upper; dashed lines are
-        ``outer``, dotted ones ``inner`` of bounds that are not sampled, where they can be told from the bounds. The thin
-        line is the nominal run.
+        ``outer``, dotted ones ``inner`` of bounds that are not sampled. The thin line is the nominal run.
 
         Parameters
         ----------

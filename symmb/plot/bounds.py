@@ -83,9 +83,7 @@ def plot_bounds(
             own = lower[:, i] - origin[:, i], upper[:, i] - origin[:, i]
             with np.errstate(invalid="ignore"):  # infinite bounds
                 is_seen = not (np.abs(np.stack(own) - drawn) <= _SEEN * np.ptp(drawn)).all()
-            if label and not is_seen:
-                continue  # the legend would tell of curves that nobody sees
-            _draw_pair(axes, t, *own, label=label, color=colour, **style)
+            _draw_pair(axes, t, *own, label=label if is_seen else None, color=colour, **style)
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])
             axes.plot(abscissa(t), run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")

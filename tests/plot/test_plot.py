@@ -212,4 +212,4 @@ def test_legends_tell_of_curves_that_can_be_seen():
     given = {"outer": (lower - error, upper + error), "inner": (lower + 1e-3, upper - 1e-3)}
     figure = plot.plot_bounds(T, ["y0", "y1"], band, **given)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["band", "widened by the estimated error"]
-    assert [len(axes.lines) for axes in figure.axes] == [2, 4]
+    assert [len(axes.lines) for axes in figure.axes] == [6, 6]
