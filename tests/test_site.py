@@ -106,7 +106,7 @@ def answers(index, query):
             for word in query.split():
                 if word in f"{prefix}.{name}".lower() and all(other in about for other in query.split()):
                     found(file, {0: 15, 1: 5, 2: -5}[priority] + (11 if word == last else 6 if word in last else 0))
-    words = {language.stem(word) for word in query.split() if word not in language.stopwords}
+    words = {language.stem(word) for word in query.split() if word not in language.stopwords and not word.isdigit()}
     points = {word: {} for word in words}
     for word in words:
         for terms, whole, part in ((index["terms"], 5, 2), (index["titleterms"], 15, 7)):
