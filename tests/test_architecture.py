@@ -21,6 +21,7 @@ FLOORS = {
     "_options": 0,
     "_specs": 0,
     "_table": 0,
+    "_doubt": 0,
     "_html": 0,
     "_labelled": 0,
     "_progress": 0,

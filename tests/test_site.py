@@ -49,6 +49,22 @@ QUESTIONS = [
     ("What arguments does PolynomialChaos take?", "PolynomialChaos", "api/PolynomialChaos"),
     ("How fast is it?", "speed benchmarks", "speed"),
     ("How do I go from a drawing's tolerances to limits?", "tolerances drawing", "tolerances"),
+    ("What if the mechanism is a URDF?", "my mechanism is a URDF", "urdf"),
+    ("What if a parameter is measured?", "one parameter is measured", "calibration"),
+    ("How do I give tolerances of ISO 2768?", "ISO 2768", "limits"),
+    ("Where are natural frequencies?", "natural frequency", "linear"),
+    ("How do I make runs in parallel?", "parallel", "executors"),
+    ("How do I make a PID controller?", "PID controller", "joints"),
+    ("How do I print a report?", "print report PDF", "results"),
+    ("How do I take results to Excel?", "export to Excel", "results"),
+    ("How do I resume a study?", "resume", "stored_runs"),
+    ("How do I make a stepper motor?", "stepper motor", "joints"),
+    ("Where is the process capability?", "Cpk", "laws"),
+    ("How do I make a belt?", "belt", "declaring"),
+    ("How do I make a cable?", "cable", "declaring"),
+    ("Which units have numbers?", "units", "declaring"),
+    ("How do I keep a point on a plane?", "point plane", "declaring"),
+    ("How many parts are rejected?", "reject rate", "laws"),
 ]
 """What a new user asks, the words that they type, and a page that must be among the first three answers."""
 NOTEBOOKS = {
@@ -90,7 +106,7 @@ def answers(index, query):
             for word in query.split():
                 if word in f"{prefix}.{name}".lower() and all(other in about for other in query.split()):
                     found(file, {0: 15, 1: 5, 2: -5}[priority] + (11 if word == last else 6 if word in last else 0))
-    words = {language.stem(word) for word in query.split() if word not in language.stopwords}
+    words = {language.stem(word) for word in query.split() if word not in language.stopwords and not word.isdigit()}
     points = {word: {} for word in words}
     for word in words:
         for terms, whole, part in ((index["terms"], 5, 2), (index["titleterms"], 15, 7)):

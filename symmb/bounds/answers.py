@@ -58,11 +58,13 @@ class Answers(Envelope):
 
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
         """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
-        varied, cases = self._acting(self.box) if self.box else tuple(runs.simulator.parameters), []
+        acting = {k: self._acting(self.box, [k]) for _, _, k in places} if self.box else {}
+        cases = list[WorstCase]()
         for place, sample in zip(places, runs.samples(places), strict=True):
             side, i, k = place
             lower, upper = float(self.lower[i, k]), float(self.upper[i, k])
             parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
+            varied = acting.get(k, tuple(parameters))
             about = parameters, sample.value, upper - lower, varied, len(self.t), runs.simulator
             case = WorstCase(self.names[k], side, lower if side == "lower" else upper, float(self.t[i]), *about)
             cases.append(self._at_extreme(case, place) if case.is_short else case)
@@ -141,14 +143,15 @@ class Answers(Envelope):
             return True
         return takes_runs(self._responses("Bounds.contributions"))
 
-    def _acting(self, box: Box) -> tuple[str, ...]:
-        """The parameters of the box, but those with a fixed value, and those that change no output beyond noise and
-        rounding, if polynomials tell that.
+    def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
+        """The parameters of the box, but those with a fixed value, and those that change none of some outputs, by their
+        numbers, beyond noise and rounding, if polynomials tell that.
         """
         acts = box.radius > 0
         if self.surrogate is not None:
             rounding = ROUNDING_SCALE * np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
-            acts &= self.surrogate.acting(np.maximum(rounding, 0.0 if self.noise is None else self.noise))
+            floor = np.maximum(rounding, 0.0 if self.noise is None else self.noise)
+            acts &= self.surrogate.part(slice(None), columns).acting(floor[[*columns]])
         return tuple(name for name, is_acting in zip(box.names, acts, strict=True) if is_acting)
 
     def quantiles(
@@ -193,7 +196,11 @@ class Answers(Envelope):
         laws: Mapping[str, Any],
         correlation: Correlation | None = None,
     ) -> Probability:
-        """Probability that an output is above or below a value, at each time and ever; see `quantiles`."""
+        """Probability that an output is above or below a value, at each time and ever; see `quantiles`.
+
+        With both values it is the probability that the output is above the one or below the other, as the reject rate
+        of a limit with two ends.
+        """
         return probability_of(self._verified("Bounds.probability"), output, above, below, laws, correlation)
 
     def samples(self, n: int, laws: Mapping[str, Any], correlation: Correlation | None = None, seed: int = 0) -> Sweep:

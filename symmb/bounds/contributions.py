@@ -215,11 +215,16 @@ def takes_runs(responses: Responses) -> bool:
 
 
 def _is_poor(responses: Responses, error: Array, alone: Array) -> bool:
-    """Whether an error (n_t, n_y) hides what parameters contribute, (d, n_t, n_y). Rounding does not count."""
+    """Whether an error (n_t, n_y) hides what parameters contribute, (d, n_t, n_y). Rounding and noise do not count.
+
+    Polynomials that are good enough have errors so large beside the width only where an output is noise.
+    """
     largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
     error = np.where(error > ROUNDING * largest, error, 0.0)
-    size = np.sqrt(np.square(alone).mean(axis=1)).max(axis=0, initial=0.0)
-    return bool((np.sqrt(np.square(error).mean(axis=0)) > _POOR * size).any())
+    size, wrong, width = (
+        np.sqrt(np.square(part).mean(axis=-2)) for part in (alone, error, responses.upper - responses.lower)
+    )
+    return bool(((wrong > _POOR * size.max(axis=0, initial=0.0)) & (wrong <= _POOR * width)).any())
 
 
 def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, int]:

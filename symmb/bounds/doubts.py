@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from symmb._doubt import Doubt
 from symmb._names import counted
 from symmb._types import Array, Executor
 from symmb.black_boxes import Noisy, SecondLook, Simulator
@@ -141,8 +142,9 @@ def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)
     varies = (upper - lower > ROUNDING * np.maximum(np.abs(lower), np.abs(upper))).any(axis=0)
     below = (upper <= lower + simulator.noise).all(axis=0) & varies
-    names = ", ".join(bounds.names[k] for k in np.flatnonzero(below))
-    return (f"The noise of runs is larger than the width of {names}: this width is not known.",) if names else ()
+    names = [bounds.names[k] for k in np.flatnonzero(below)]
+    text = f"The noise of runs is larger than the width of {', '.join(names)}: this width is not known."
+    return (Doubt(text, names),) if names else ()
 
 
 _PATIENCE = 1.0

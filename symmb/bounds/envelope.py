@@ -117,7 +117,7 @@ class Envelope:
         if len(self.t) == 1:
             return ""
         if not windows or windows[-1][1] == self.t[-1]:
-            return f" from {since:g} s"
+            return f" from {max([since, *(begin for begin, _ in windows[:1])]):g} s"
         texts = [f"from {begin:g} to {end:g} s" for begin, end in windows[:_NAMED_WINDOWS]]
         return " " + " and ".join([*texts, *(["later"] if len(windows) > _NAMED_WINDOWS else [])])
 

@@ -64,13 +64,14 @@ class Laws:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Which laws lose a part outside of the box."""
-        cut = 1.0 - (self.masses[:, 1] - self.masses[:, 0])
-        return tuple(
-            f"The law of {name} is cut to its interval, outside of which it has a probability of {mass:.2g}."
-            for name, mass in zip(self.names, cut.tolist(), strict=True)
-            if mass > _TOLD_MASS
-        )
+        """Which laws lose a part outside of the box, in one sentence."""
+        outside = 1.0 - (self.masses[:, 1] - self.masses[:, 0])
+        cut = {name: mass for name, mass in zip(self.names, outside.tolist(), strict=True) if mass > _TOLD_MASS}
+        if not cut:
+            return ()
+        words = "law of {} is cut to its interval" if len(cut) == 1 else "laws of {} are cut to their intervals"
+        masses = ", ".join(dict.fromkeys(f"{mass:.2g}" for mass in cut.values()))
+        return (f"The {words.format(', '.join(cut))}, with a probability of {masses} outside.",)
 
     def unit_points(self, uniform: Array, box: Box) -> Array:
         """Values (N, n_l) in the unit box from independent uniform numbers (N, n_l) of [0, 1]."""

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symmb import plot
+from symmb._doubt import concerned
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
 from symmb._names import did_you_mean
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
 Limits = Mapping[str, tuple[float | None, float | None]]
 """Limits (low, high) of outputs by name, of which one may be None."""
+_DOUBTFUL = 3.0
+"""How many times an estimated error counts that is a large share of the width."""
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
 
 
@@ -167,12 +171,12 @@ def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, t
     return {name: _ends(owner, name, pair) for name, pair in limits.items()}
 
 
-def kept_limit(bounds: Envelope, output: str, low: float, high: float, is_doubted: bool) -> KeptLimit:
-    """Whether an output keeps a limit."""
+def kept_limit(bounds: Envelope, output: str, low: float, high: float, is_doubtful: bool) -> KeptLimit:
+    """Whether an output keeps a limit; its estimated error may be a large share of the width."""
     k, (lower, upper) = bounds.names.index(output), bounds[output]
     margin = np.minimum(lower - low, high - upper)
     unit = bounds.units[k] if bounds.units else ""
-    return KeptLimit(output, unit, low, high, *_decision(bounds, k, margin, low, high, is_doubted), margin)
+    return KeptLimit(output, unit, low, high, *_decision(bounds, k, margin, low, high, is_doubtful), margin)
 
 
 def _rounding(bounds: Envelope, k: int) -> float:
@@ -181,8 +185,15 @@ def _rounding(bounds: Envelope, k: int) -> float:
     return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
 
 
+def _doubt(bounds: Envelope, output: str) -> str:
+    """The first doubt about an output beside its estimated error, '' if there is none."""
+    if doubts := [doubt for doubt in bounds.run_doubts if concerned(doubt, [output])]:
+        return doubts[0]
+    return "Runs failed." if bounds.failed else f"The bounds are {bounds.caution}." if bounds.caution else ""
+
+
 def _decision(
-    bounds: Envelope, k: int, margin: Array, low: float, high: float, is_doubted: bool
+    bounds: Envelope, k: int, margin: Array, low: float, high: float, is_doubtful: bool
 ) -> tuple[bool | None, str]:
     """Whether output number k keeps a limit, by a margin (n_t,), and why."""
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
@@ -190,8 +201,8 @@ def _decision(
     rounding = _rounding(bounds, k)
     if beyond > rounding:
         return False, "A run is beyond it."
-    if is_doubted:
-        return None, "The bounds are doubted."
+    if doubt := _doubt(bounds, bounds.names[k]):
+        return None, f"See the doubts: {shorten(doubt, 60, placeholder=' ...')}"
     if beyond > 0:
         return None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}."
     if bounds.kind == "sampled":
@@ -204,6 +215,8 @@ def _decision(
         return None, "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
     if bounds.estimate is None:
         return None, "The bounds have no estimated error: PolynomialChaos() has one."
+    if is_doubtful:
+        return _decision_of_doubtful(bounds.estimate[:, k].max(), margin)
     estimate = bounds.estimate[:, k]
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
@@ -215,6 +228,16 @@ def _decision(
         None,
         f"The estimated error is up to {error:.1e}: PolynomialChaos(tolerance=...) with a smaller number decides.",
     )
+
+
+def _decision_of_doubtful(error: float, margin: Array) -> tuple[bool | None, str]:
+    """The same from an estimated error that is a large share of the width: it may be off, by times and by size."""
+    text = f"{_DOUBTFUL:g} times the estimated error, which is doubtful, are {_DOUBTFUL * error:.1e}"
+    if (margin < -_DOUBTFUL * error).any():
+        return False, f"The bounds are beyond it by more: {text}."
+    if (margin >= _DOUBTFUL * error).all():
+        return True, f"{text}."
+    return None, f"{text}: PolynomialChaos(budget=..., seconds=...) with larger numbers decides."
 
 
 def _ends(owner: str, name: str, pair: object) -> tuple[float, float]:

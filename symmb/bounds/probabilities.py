@@ -194,31 +194,35 @@ def _of_sorted(values: Array, q: Array) -> Array:
 def probability_of(
     responses: Responses, output: object, above: object, below: object, laws: object, correlation: object
 ) -> Probability:
-    """Probability that an output is above or below a value; see `Bounds.probability`."""
+    """Probability that an output is above one value or below another; see `Bounds.probability`.
+
+    Where parameters without a law give a sample a range, the event is certain if the range is on one side as a whole.
+    """
     owner = "Bounds.probability"
     k = responses.column(owner, output)
-    thresholds = [value for value in (above, below) if value is not None]
-    if len(thresholds) != 1 or not is_finite_number(thresholds[0]):
+    thresholds = [value for value in (below, above) if value is not None]
+    if not thresholds or not all(map(is_finite_number, thresholds)) or thresholds != sorted(thresholds):
         raise DeclarationError(
-            f"{owner}: give a number for one of above and below, got {shown(above)} and {shown(below)}."
+            f"{owner}: give a number for one of above and below, or for both, of which below is not the larger one, "
+            f"got {shown(above)} and {shown(below)}."
         )
-    value, sign = float(thresholds[0]), 1.0 if above is not None else -1.0
+    top = np.inf if above is None else float(thresholds[-1])
+    bottom = -np.inf if below is None else float(thresholds[0])
     samples = _Samples(owner, responses, k, laws, correlation)
     at_times, ever = [], np.zeros((4, _REPLICATES, samples.number // _REPLICATES), dtype=bool)
     for window, low, high in samples.over_time():
-        if sign < 0:
-            low, high = -high, -low
-        ends = responses.lower[window, k], responses.upper[window, k]
-        ends = ends if sign > 0 else (-ends[1], -ends[0])
-        low, high, e = np.clip(low, *ends), np.clip(high, *ends), samples.error[window]
-        beyond = np.stack([each > sign * value for each in (low, high, low - e, high + e)])
+        ends, e = (responses.lower[window, k], responses.upper[window, k]), samples.error[window]
+        low, high = np.clip(low, *ends), np.clip(high, *ends)
+        pairs = (low, high), (high, low), (low - e, high + e), (high + e, low - e)
+        beyond = np.stack([(above_it > top) | (below_it < bottom) for above_it, below_it in pairs])
         at_times.append(beyond.mean(axis=2))
         ever |= beyond.any(axis=3)
     sets = np.concatenate([*at_times, ever.mean(axis=2)[..., None]], axis=2)  # (4, replicates, n_t + 1)
     lower, upper, least, greatest = sets.mean(axis=1)
     sampling = np.maximum(np.maximum(_scatter(sets[0]), _scatter(sets[1])), _NONE / samples.number)
     estimate = sampling + np.maximum(lower - least, greatest - upper)
-    event = f"{responses.names[k]} {'above' if sign > 0 else 'below'} {value:g}"
+    sides = ((below, "below"), (above, "above"))
+    event = f"{responses.names[k]} " + " or ".join(f"{word} {end:g}" for end, word in sides if end is not None)
     last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
     return Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
 

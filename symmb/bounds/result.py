@@ -78,9 +78,10 @@ class Bounds(Answers, Result, files.Saved):
     def check(self, limits: Limits) -> LimitCheck:
         """Whether outputs keep limits for all parameters of the box, at all times.
 
-        A limit is kept if the bounds, widened by their estimated error, are inside and nothing is doubted. It is
-        violated if a run is beyond it by more than rounding and noise, or the bounds are so by more than their error.
-        Otherwise it is undecided. For enclosures it is proved to be kept; samples alone can only violate it.
+        A limit is kept if the bounds, widened by their estimated error, are inside and no doubt concerns the output. It
+        is violated if a run is beyond it by more than rounding and noise, or the bounds are so by more than their
+        error. Otherwise it is undecided. An estimated error that is doubtful counts three times, at its largest. For
+        enclosures a limit is proved to be kept; samples alone can only violate it.
 
         Parameters
         ----------
@@ -92,8 +93,7 @@ class Bounds(Answers, Result, files.Saved):
             If an output is unknown, or limits cross.
         """
         pairs, doubtful = limit_pairs("Bounds.check", limits, self.names), self.doubtful()
-        is_doubted = bool(self.run_doubts or self.failed or self.caution)
-        checked = [kept_limit(self, name, *ends, is_doubted or name in doubtful) for name, ends in pairs.items()]
+        checked = [kept_limit(self, name, *ends, name in doubtful) for name, ends in pairs.items()]
         return LimitCheck(self.t, self.method, tuple(checked), partial(self.plot, None), self._closest_to(checked))
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
@@ -125,6 +125,7 @@ class Bounds(Answers, Result, files.Saved):
             "inner_upper": inner_upper,
             "failed": [asdict(run) for run in self.failed],
             "nominal_parameters": dict(self.nominal_parameters),
+            **result_file.doubts_entries(self.run_doubts, self.names),
             "worst": [case.record() for case in self._all_worst()],
             "box": self.box and dict(self.box),
             **{name: expansion and getattr(expansion, name) for name in ("parameters", "alpha", "coefficients")},

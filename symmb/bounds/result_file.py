@@ -1,10 +1,11 @@
 """What the files of bounds hold, entries of a record, columns of a table, and labelled arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, cast
 
 import numpy as np
 
+from symmb._doubt import Doubt, concerned
 from symmb._errors import DeclarationError
 from symmb._labelled import BOUND, Labelled, Named, over_outputs, parameter_names, texts, unit_text
 from symmb._types import Array
@@ -18,7 +19,7 @@ from symmb.polynomials.ranges import Piecewise
 Kind = Literal["enclosure", "estimate", "sampled"]
 PLAIN = (
     *("t", "names", "units", "lower", "upper", "kind", "method", "evaluations", "estimate", "noise", "nominal"),
-    *("failed_region", "seconds", "caution", "run_doubts", "remarks", "doubts", "range_of"),
+    *("failed_region", "seconds", "caution", "remarks", "doubts", "range_of"),
 )
 """Attributes of Bounds that files hold under the same names."""
 MEANING = {
@@ -53,12 +54,25 @@ def attributes_of(record: Record) -> dict[str, Any]:
         "expansion": expansion,
         "surrogate": _surrogate(record, expansion, *shape) if "surrogate_error" in record else None,
         **{name: record.text(name, default="") for name in ("failed_region", "caution", "range_of")},
-        **{name: record.texts(name, default=()) for name in ("run_doubts", "remarks", "units")},
+        **{name: record.texts(name, default=()) for name in ("remarks", "units")},
+        "run_doubts": _run_doubts(record, names),
         "nominal": record.array("nominal", *shape, finite=False) if "nominal" in record else None,
         "nominal_parameters": record.numbers("nominal_parameters") if "nominal_parameters" in record else {},
         "worst_cases": tuple(map(WorstCase.of_record, record.records("worst"))) if "worst" in record else (),
         "box": box_of(record.record("box")) if "box" in record else None,
     }
+
+
+def doubts_entries(doubts: Sequence[str], names: Sequence[str]) -> dict[str, Any]:
+    """Entries of doubts about runs, and of the outputs that each of them concerns."""
+    return {"run_doubts": doubts, "doubted": [{"outputs": concerned(doubt, names)} for doubt in doubts]}
+
+
+def _run_doubts(record: Record, names: Sequence[str]) -> tuple[str, ...]:
+    """Doubts about runs; those of earlier files concern all outputs."""
+    doubts, doubted = record.texts("run_doubts", default=()), record.records("doubted", "outputs")
+    outputs = [each.texts("outputs") for each in doubted] or [tuple(names)] * len(doubts)
+    return tuple(Doubt(*each) for each in zip(doubts, outputs, strict=True))
 
 
 def box_of(record: Record) -> Box:

@@ -111,7 +111,7 @@ class WorstCase:
     parameters : dict          values of all parameters of the run
     attained : float           value of the output in the run at this time
     width : float              of the bounds at this time
-    varied : tuple of str      the parameters of the box that act on outputs, which are printed
+    varied : tuple of str      the parameters of the box that act on the output, which are printed
     times : int                how many output times the bounds have: an only one of 0 is not printed
     simulator : Simulator      None if the bounds were read from a file
     """

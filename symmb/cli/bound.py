@@ -9,7 +9,7 @@ import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb.black_boxes import Simulator
-from symmb.bounds import LimitCheck
+from symmb.bounds import LimitCheck, limit_pairs
 from symmb.cli import specs
 from symmb.cli.result_path import result_path
 from symmb.cli.scene_file import load_subject
@@ -51,6 +51,8 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     limits = _limits(options)
     subject, own = load_subject(options.scene)
     box = _box(options, subject, own)
+    if limits:  # before the study, which may take long
+        limit_pairs("--limit", limits, subject.output_names if isinstance(subject, mb.Scene) else subject.outputs)
     if "view" in paths and not isinstance(subject, mb.Scene):
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)

@@ -105,7 +105,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     also = [row, *_extremes(bounds.lower, bounds.upper)]
     drawing = draw(nominal, also=also)
 
-    acting = bounds._acting(study.box)
+    acting = bounds._acting(study.box, [column])
     ghosts = [
         Ghost(
             f"{side} {name}({t:g} s) = {run[name][row]:.6g} (bound {bound:.6g}){_place(run, acting)}",

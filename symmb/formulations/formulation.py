@@ -154,7 +154,7 @@ def _formulations(scene: Scene) -> Formulations:
     if counted and joints.operations > _CHEAPER * bodies.operations:
         return Formulations(bodies, None, joints)
     of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
-    why = f"coordinates of joints: {joints.operations} operations a stage, {of_bodies} in those of bodies"
+    why = f"coordinates of joints, which take fewer operations: {joints.operations}, {of_bodies} in those of bodies"
     return Formulations(bodies, replace(joints, why=why), None)
 
 

@@ -113,7 +113,7 @@ class Box:
         **tolerances : by name, a number (to both sides), a pair (lower, upper) of signed deviations, a share such as
             "1%", or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or "40 +0.1/-0.2", or
             with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value must then be
-            this size, in m or in mm
+            this size, in m or in mm; of an angle such as "30° ±0.5°" it is in rad or in degrees
 
         Raises
         ------

@@ -64,7 +64,7 @@ _GENERAL: dict[str, tuple[float | None, ...]] = {
 }
 """Deviations to both sides of sizes without an indication of their own."""
 _FIT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(js|JS|[A-Za-z])(\d+)\s*")
-_GENERAL_CLASS = re.compile(r"\s*(\d+(?:\.\d+)?)\s+(?:ISO\s*)?2768\s*-?\s*([a-z])[A-Z]?\s*")
+_GENERAL_CLASS = re.compile(r"\s*(\d+(?:\.\d+)?)\s+(?:(?i:ISO)\s*)?2768\s*-?\s*([a-z])[A-Z]?\s*")
 
 
 def sizes_of_grade(text: str) -> tuple[float, float, float]:

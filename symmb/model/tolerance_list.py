@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 import re
 import tomllib
 from collections import Counter
@@ -18,8 +19,13 @@ Interval = tuple[float, float]
 _SAME = 1e-9
 """Share by which a nominal value may differ from that of a table, or from the size told with a grade, by rounding."""
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
-_SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "\N{NO-BREAK SPACE}": " "})
-"""Characters of texts from word processors."""
+_SIGNS = str.maketrans(
+    {"\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "\N{NO-BREAK SPACE}": " "} | dict.fromkeys("Øø⌀", "")
+)
+"""Characters of texts from word processors, and the sign of a diameter, which says nothing about its tolerance."""
+_DEGREE = "\N{DEGREE SIGN}"
+_LENGTH, _ANGLE = {"m": 1e-3, "mm": 1.0}, {"rad": math.pi / 180, "deg": 1.0}
+"""Units of nominal values, over those of sizes in texts."""
 _SIZE, _DEVIATION = r" *(-?\d+(?:\.\d+)?)", r"([+-] *\d+(?:\.\d+)?|0(?:\.0+)?)"
 _BOTH_SIDES = re.compile(_SIZE + r" *(?:±|\+ */ *-|\+-) *(\d+(?:\.\d+)?) *(%?) *")
 _EACH_SIDE = re.compile(_SIZE + r"(?: +|(?=[+-]))" + _DEVIATION + r"(?: */ *| +|(?=[+-]))" + _DEVIATION + " *")
@@ -53,7 +59,7 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Int
 
 
 def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
-    plain = text.translate(_SIGNS)
+    plain = text.translate(_SIGNS).replace(_DEGREE, "")
     if match := _BOTH_SIDES.fullmatch(plain):
         size, deviation = float(match[1]), float(match[2])
         unit = _unit(owner, name, nominal, text, size)
@@ -75,8 +81,10 @@ def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
         if isinstance(percent, str):
             raise DeclarationError(f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.")
         return _share(owner, name, nominal, text, percent)
+    if _DEGREE in text:
+        raise DeclarationError(f"{owner}: {text!r} of {name!r}: grades are known for lengths alone. Write '30° ±0.5°'.")
     try:
-        size, lower, upper = sizes_of_grade(text)
+        size, lower, upper = sizes_of_grade(plain)
     except DeclarationError as error:
         raise DeclarationError(f"{owner}: {name!r}: {error}") from None
     unit = _unit(owner, name, nominal, text, size)
@@ -93,18 +101,22 @@ def _share(owner: str, name: str, nominal: float, text: str, percent: float) -> 
 
 
 def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> float:
-    """The unit of a nominal value, m or mm, over that of its size in a text [mm]."""
+    """The unit of a nominal value, m or mm, over that of its size in a text [mm]; of an angle rad or deg, over deg."""
+    units = _ANGLE if _DEGREE in text else _LENGTH
+    own, other = units
     if size == 0:
         raise DeclarationError(
-            f"{owner}: {text!r} of {name!r}: deviations from 0 may be in m or in mm. Write a number, or a pair of them."
+            f"{owner}: {text!r} of {name!r}: deviations from 0 may be in {own} or in {other}. Write a number, or a "
+            "pair of them."
         )
-    unit = next((unit for unit in (1e-3, 1.0) if abs(nominal - unit * size) <= _SAME * unit * abs(size)), None)
-    if unit is None:
-        raise DeclarationError(
-            f"{owner}: {name!r} is {nominal:g}, and {text!r} is a tolerance of {size:g} mm: the nominal value must be "
-            f"{1e-3 * size:g} (in m) or {size:g} (in mm)."
-        )
-    return unit
+    for unit in units.values():
+        if abs(nominal - unit * size) <= _SAME * unit * abs(size):
+            return unit
+    signed = f" A value below 0 takes its deviations, as '-{size:g} ±0.5'." if nominal < 0 < size else ""
+    raise DeclarationError(
+        f"{owner}: {name!r} is {nominal:g}, and {text!r} is a tolerance of {size:g} {other}: the nominal value must be "
+        f"{units[own] * size:g} (in {own}) or {size:g} (in {other}).{signed}"
+    )
 
 
 def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None = None) -> dict[str, Interval]:

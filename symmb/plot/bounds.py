@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     from symmb.plot.layout import GivenAxes
 
+_SEEN = 0.004
+"""Share of a panel's height below which curves lie on each other: it is half a pixel."""
 _TINT = 0.16
 """Opacity of the band between bounds: other bands stay visible below it."""
 
@@ -74,11 +76,14 @@ def plot_bounds(
         pairs.append((inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}))
     figure, panels = panels_over_time("Bounds.plot", ax, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
-        low, high = (along(t, end[:, i] - origin[:, i]) for end in (band.lower, band.upper))
+        drawn = np.stack([end[:, i] - origin[:, i] for end in (band.lower, band.upper)])
+        low, high = (along(t, end) for end in drawn)
         axes.fill_between(abscissa(t), low, high, color=colour, alpha=_TINT, linewidth=0, label=band.label)
         for (lower, upper), label, style in pairs:
             own = lower[:, i] - origin[:, i], upper[:, i] - origin[:, i]
-            _draw_pair(axes, t, *own, label=label, color=colour, **style)
+            with np.errstate(invalid="ignore"):  # infinite bounds
+                is_seen = not (np.abs(np.stack(own) - drawn) <= _SEEN * np.ptp(drawn)).all()
+            _draw_pair(axes, t, *own, label=label if is_seen else None, color=colour, **style)
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])
             axes.plot(abscissa(t), run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")

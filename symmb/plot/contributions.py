@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_HATCHES = ("", "///", "...", "xxx")
+"""Patterns that tell parameters of the same colour apart."""
+
+
 def plot_contributions(
     t: Array,
     names: Sequence[str],
@@ -36,7 +40,9 @@ def plot_contributions(
         if row is None:
             colours = [cyclic(COLOURS, p) for p in range(len(parameters))]
             parts = [along(t, alone[:, k, p]) for p in range(len(parameters))]
-            axes.stackplot(abscissa(t), *parts, labels=[*parameters], colors=colours, alpha=0.75, linewidth=0)
+            areas = axes.stackplot(abscissa(t), *parts, labels=[*parameters], colors=colours, alpha=0.75, linewidth=0)
+            for p, area in enumerate(areas):
+                area.set(hatch=cyclic(_HATCHES, p // len(COLOURS)), edgecolor="white")
             axes.plot(abscissa(t), along(t, width[:, k]), color="black", linewidth=1.1, label="width of all together")
             continue
         at = np.arange(len(parameters))

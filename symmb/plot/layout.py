@@ -333,9 +333,10 @@ def cyclic(styles: Sequence[Any], k: int) -> Any:
 
 
 def shared_legend(figure: "FigureBase", panels: Sequence["Axes"]) -> None:
-    """One legend of all panels, which is that of the first."""
-    handles, labels = panels[0].get_legend_handles_labels()
-    _add_legend(figure, handles, [*map(plain, labels)], _LEGEND_COLUMNS)
+    """One legend of all panels."""
+    both = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in panels)
+    handles = {label: handle for pairs in both for handle, label in pairs}
+    _add_legend(figure, [*handles.values()], [*map(plain, handles)], _LEGEND_COLUMNS)
 
 
 def _add_legend(figure: "FigureBase", handles: Sequence[Any], texts: Sequence[str], columns: int) -> "Legend":

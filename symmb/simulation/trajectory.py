@@ -338,9 +338,9 @@ class Trajectory(plot.OverTime, Result, files.Saved):
 
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:
     """What the start held, solved for and left free, and rows that are redundant."""
-    parts = "; ".join(f"{what} {_listed(start[key])}" for key, what in _START.items())
-    redundant = [f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []
-    return [f"  start       {parts}", *redundant]
+    parts = "; ".join(f"{what} {', '.join(start[key])}" for key, what in _START.items() if start[key])
+    redundant = [f"  redundant   {', '.join(start['redundant'])}: least reactions"] if start["redundant"] else []
+    return [*([f"  start       {parts}"] if parts else []), *redundant]
 
 
 def _pulse_lines(simulator: DAESimulator) -> list[str]:
@@ -373,7 +373,3 @@ def _extremes(t: Array, values: Array, names: Sequence[str]) -> list[list[str]]:
     head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "least", "largest"]
     columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
     return [head, *([name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(names))]
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) or "nothing"

@@ -9,6 +9,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from symmb._doubt import Doubt
 from symmb._types import Array, Indices, Mask
 from symmb.black_boxes import Samples
 from symmb.formulations import Formulation
@@ -145,10 +146,11 @@ class TwoWays:
         lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
         if lost.any():
             lost &= widths > self.floor(self.levels[0])  # where nothing is uncertain, widths are errors alone
-        doubts = self._doubts(lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds")
-        return tuple(f"{doubt} Give a solver of a smaller rtol." for doubt in doubts)
+        return self._doubts(
+            lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds", " Give a solver of a smaller rtol."
+        )
 
-    def _doubts(self, lost: Mask, sizes: Array, beyond: str) -> tuple[str, ...]:
+    def _doubts(self, lost: Mask, sizes: Array, beyond: str, advice: str = "") -> tuple[str, ...]:
         if not lost.any():
             return ()
         concerned = [name for name, some in zip(self.names, lost.T, strict=True) if some.any()]
@@ -159,7 +161,7 @@ class TwoWays:
         value, other = (f"{values[k, i]:.9g} by {way}" for values, way in both)
         since = f"From t = {self.t[int(lost.any(axis=1).argmax())]:g} s on, errors of {listed} exceed {beyond}"
         at = f"at t = {self.t[k]:g} s" + (self.parameters and f" and {self.parameters}")
-        return (f"{since}: {at}, {self.names[i]} is {value}, and {other}.",)
+        return (Doubt(f"{since}: {at}, {self.names[i]} is {value}, and {other}.{advice}", concerned),)
 
 
 def times_to_compare(times: Array) -> Indices:

@@ -84,6 +84,19 @@ def test_a_parameter_that_jumps_and_one_that_does_nothing():
     assert np.isnan(found.first).all()  # polynomials overshoot at jumps
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_an_output_that_is_noise_takes_no_further_runs():
+    """y = a + b t; z is 0.5 with noise of 1e-8."""
+    noisy = mb.FunctionSimulator(
+        lambda a, b: np.stack([a + b * T, 0.5 + 1e-8 * np.sin(1e6 * a + b * T)], axis=1),
+        {"a": 1.0, "b": 1.0}, T, ["y", "z"], noise={"z": 3e-8},
+    )  # fmt: skip
+    found = mb.propagate(noisy, mb.PolynomialChaos(), mb.Box(a=(0.9, 1.1), b=(0.9, 1.1))).contributions()
+    assert found.runs == 0
+    assert np.allclose(found.alone[:, 0], np.stack([0 * T + 0.2, 0.2 * T], axis=1), atol=1e-4)
+    assert (found.alone[:, 1] <= 3e-8).all()
+
+
 def test_widths_come_from_runs_where_no_polynomial_is_good():
     """Stairs over five parameters: each alone goes from -3 to 3, all together from -15 to 15."""
     names = [f"p{i}" for i in range(5)]

@@ -1,10 +1,13 @@
 """Limits of bounds, where what is true is known in closed form."""
 
+import pickle
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import symmb as mb
+from symmb._doubt import Doubt
 
 T = np.linspace(0.0, 2.0, 21)
 BOX = mb.Box(a=(0.9, 1.1), b=(-0.5, 0.5))
@@ -105,6 +108,37 @@ def test_doubted_bounds_keep_nothing():
         estimate=np.zeros((1, 1)), run_doubts=("Runs are doubtful.",),
     )  # fmt: skip
     assert bounds.check({"y": (-2, 2)}).kept is None
+
+
+def doubted(*doubts: str, estimate: tuple[float, float] = (0.0, 0.0)) -> mb.Bounds:
+    """y and z between 0 and 1, with doubts about runs."""
+    t, lower, names = np.array([0.0, 1.0]), np.zeros((2, 2)), ("y", "z")
+    error = np.tile(estimate, (2, 1))
+    return mb.Bounds(t, names, lower, lower + 1, "estimate", "PolynomialChaos()", 9, estimate=error, run_doubts=doubts)
+
+
+def test_a_doubt_about_one_output_leaves_limits_of_others(tmp_path):
+    limits = {"y": (-2, 2), "z": (-2, 2)}
+    bounds = doubted(Doubt("The noise of y is large.", ["y"]))
+    bounds.save(tmp_path / "a.npz")
+    bounds.save(tmp_path / "a.json")
+    copies = [mb.Bounds.load(tmp_path / f"a.{end}") for end in ("npz", "json")]
+    for each in (bounds, pickle.loads(pickle.dumps(bounds)), *copies):
+        check = each.check(limits)
+        assert (check["y"].kept, check["z"].kept) == (None, True) and "noise of y" in check["y"].why
+    everywhere = doubted("Runs are doubtful.")
+    everywhere.save(tmp_path / "b.json")
+    for each in (everywhere, mb.Bounds.load(tmp_path / "b.json")):
+        assert [limit.kept for limit in each.check(limits).limits] == [None, None]
+
+
+def test_an_early_end_is_no_doubt_beside_the_estimated_error():
+    """Bounds from 0 to 1 that may be off by 0.2 keep limits that are far from them."""
+    bounds = doubted(Doubt("The study was ended."), estimate=(0.2, 0.0))
+    assert bounds.doubtful().keys() == {"y"}
+    kept = {high: bounds.check({"y": (None, high)}).kept for high in (0.3, 0.9, 1.3, 1.7)}
+    assert kept == {0.3: False, 0.9: None, 1.3: None, 1.7: True}
+    assert bounds.check({"z": (None, 1.01)}).kept is True
 
 
 def test_limits_are_drawn_and_labelled(tmp_path):

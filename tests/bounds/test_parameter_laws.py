@@ -63,7 +63,15 @@ def test_laws_are_cut_to_the_box():
     found = bounds.quantiles("y", LEVELS, {"a": st.expon()})
     cut = st.truncexpon(1.0)
     assert np.allclose(found.lower[:, 0], cut.ppf(LEVELS), atol=found.estimate[:, 0])
-    assert found.remarks == ("The law of a is cut to its interval, outside of which it has a probability of 0.37.",)
+    assert found.remarks == ("The law of a is cut to its interval, with a probability of 0.37 outside.",)  # exp(-1)
+
+
+def test_laws_that_are_cut_are_told_together():
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0.0, 1.0), b=(0.0, 1.0)))
+    (told,) = bounds.quantiles("y", 0.5, {"a": st.expon(), "b": st.uniform(0, 2)}).remarks
+    assert told == "The laws of a, b are cut to their intervals, with a probability of 0.37, 0.5 outside."
+    (told,) = bounds.quantiles("y", 0.5, {"a": st.expon(), "b": st.expon()}).remarks
+    assert told.endswith("with a probability of 0.37 outside.")
 
 
 def test_probability_of_an_event_at_any_time():
@@ -74,6 +82,25 @@ def test_probability_of_an_event_at_any_time():
     assert found.ever[0] == pytest.approx(0.75, abs=found.ever[2])  # 1 - P(a + 2 b < 1)
     assert found.ever[2] < 0.02
     assert found.lower[1] == pytest.approx(0.5, abs=float(found.estimate[1]))
+
+
+def test_the_reject_rate_of_a_limit_with_two_ends():
+    """a + b t leaves (0.5, 1.5): at t = 1 with 1/8 to either side, and ever if a < 0.5 or a + 2 b > 1.5."""
+    even = {"a": st.uniform(0, 1), "b": st.uniform(0, 1)}
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0, 1), b=(0, 1)))
+    found = bounds.probability("y", above=1.5, below=0.5, laws=even)
+    assert found.event == "y below 0.5 or above 1.5"
+    assert found.lower[:2] == pytest.approx([0.5, 0.25], abs=found.estimate[:2].max())
+    assert found.ever[0] == pytest.approx(0.5 + 0.3125, abs=found.ever[2]) and found.ever[2] < 0.02
+
+
+def test_a_parameter_without_a_law_gives_two_reject_rates():
+    """b is from -1 to 3. At t = 1, a + b t must leave (-3, 4) if a > 5 or a < -6, and may if a > 1 or a < -2."""
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(-9, 9), b=(-1, 3)))
+    law = NORMAL["a"]
+    found = bounds.probability("y", above=4.0, below=-3.0, laws={"a": law})
+    assert found.lower[1] == pytest.approx(law.sf(5) + law.cdf(-6), abs=found.estimate[1])
+    assert found.upper[1] == pytest.approx(law.sf(1) + law.cdf(-2), abs=found.estimate[1])
 
 
 def test_a_probability_is_printed_and_labelled():
@@ -124,6 +151,8 @@ def test_other_malformed_calls():
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
     with pytest.raises(mb.DeclarationError, match="one of above and below"):
         bounds.probability("y", laws=NORMAL)
+    with pytest.raises(mb.DeclarationError, match="below is not the larger one"):
+        bounds.probability("y", above=1.0, below=2.0, laws=NORMAL)
     with pytest.raises(mb.DeclarationError, match="need a law of every parameter"):
         bounds.samples(3, {"a": st.norm()})
     with pytest.raises(mb.DeclarationError, match="n must be"):

@@ -91,7 +91,7 @@ def test_a_run_is_made_where_the_polynomials_have_their_extreme():
 
 @pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.PolynomialChaos(order=3)], ids=repr)
 def test_parameters_that_do_not_act_are_not_told(tmp_path, method):
-    """c changes nothing, b only the second output by little, and d is fixed. The runs have all of them."""
+    """c changes nothing, b only the second output y by little, and d is fixed. The runs have all of them."""
     names = dict.fromkeys("abcd", 1.0)
     both = mb.FunctionSimulator(
         lambda a, b, c, d: np.stack([a * np.sin(T), a + 1e-6 * b * T + 0 * c], 1), names, T, ["x", "y"]
@@ -99,10 +99,12 @@ def test_parameters_that_do_not_act_are_not_told(tmp_path, method):
     box = mb.Box(a=(0.9, 1.1), b=(0.9, 1.1), c=(0.9, 1.1), d=(2, 2))
     bounds = mb.propagate(both, method, box)
     bounds.save(tmp_path / "b.npz")
-    for worst in (bounds.worst("x"), mb.Bounds.load(tmp_path / "b.npz").worst("x")):
+    for own in (bounds, mb.Bounds.load(tmp_path / "b.npz")):
+        worst = own.worst("y")
         assert worst.upper.varied == worst.lower.varied == ("a", "b")
         assert {*worst.upper.parameters} == {*"abcd"} and worst.upper.parameters["d"] == 2
         assert worst._rows()[0] == ["worst case", "bound", "at [s]", "a", "b", "attained"]
+        assert own.worst("x").upper.varied == ("a",)
     assert mb.propagate(both, mb.Vertex(), box).worst("x").upper.varied == ("a", "b", "c")  # runs do not tell it
 
 

@@ -79,6 +79,12 @@ def test_wrong_words_are_told_in_one_sentence(folder, capsys, words, why):
     assert why in error and error.startswith("symmb bound: ") and error.count("\n") == 1
 
 
+def test_limits_are_checked_before_the_study(folder, capsys, monkeypatch):
+    monkeypatch.setattr(mb, "propagate", None)
+    assert main(["bound", "roll.py", "--limit", "yy=:3"]) == 2
+    assert capsys.readouterr().err == "symmb bound: --limit: no output 'yy'. Did you mean 'y'?\n"
+
+
 def test_table_of_other_nominal_values_is_refused(folder, capsys):
     (folder / "t.csv").write_text("name,nominal,plus\nspeed,1.1,0.2\n")
     assert main(["bound", "roll.py", "--tolerances", "t.csv"]) == 2

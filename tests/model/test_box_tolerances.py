@@ -95,6 +95,22 @@ def test_deviations_of_drawings(tmp_path, text, lower, upper, unit):
     assert mb.Box.read(tmp_path / "a.csv") == box
 
 
+def test_signs_of_diameters_and_angles():
+    """h11 of 140 mm is -0.25 mm; 30 degrees are pi / 6."""
+    p = mb.Parameters(a=0.14, b=0.14, c=140.0, deg=30.0, rad=np.pi / 6)
+    box = mb.Box.plus_minus(p, a="Ø140 h11", b="⌀140 ±0.5", c="140 iso 2768 m", deg="30° ±0.5°", rad="30° +1°/-0.5°")
+    rad = np.pi / 6 * np.array([59, 62]) / 60
+    exact = [(0.13975, 0.14), (0.1395, 0.1405), (139.5, 140.5), (29.5, 30.5), rad]
+    np.testing.assert_allclose(box.bounds, exact, rtol=1e-12)
+    with pytest.raises(mb.DeclarationError, match=r"must be 0\.52\d* \(in rad\) or 30 \(in deg\)"):
+        mb.Box.plus_minus(p, a="30° ±0.5°")
+    for grade in ("30° ISO 2768-m", "30° H7"):
+        with pytest.raises(mb.DeclarationError, match="grades are known for lengths alone"):
+            mb.Box.plus_minus(p, deg=grade)
+    with pytest.raises(mb.DeclarationError, match=r"A value below 0 takes its deviations, as '-140 ±0\.5'"):
+        mb.Box.plus_minus(mb.Parameters(x=-0.14), x="140 ISO 2768-m")
+
+
 def test_negative_sizes_have_deviations():
     assert mb.Box.plus_minus({"angle": -30.0}, angle="-30 +1/-2")["angle"] == (-32, -29)
 

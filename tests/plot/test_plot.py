@@ -193,3 +193,23 @@ def test_pyplot_is_not_touched(tmp_path):
         "print('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+def test_areas_of_many_parameters_differ_in_colour_or_pattern():
+    names, alone = [f"p{k}" for k in range(20)], np.ones((2, 1, 20))
+    width = np.full((2, 1), 20.0)
+    figure = plot.plot_contributions(np.array([0.0, 1.0]), ["y"], names, width, alone, alone)
+    areas = figure.axes[0].collections
+    assert len({(area.get_facecolor().tobytes(), area.get_hatch() or "") for area in areas}) == len(areas) == 20
+    plot.png(figure)
+
+
+def test_legends_tell_of_curves_that_can_be_seen():
+    """Of two outputs between 0 and 1, the second may be off by 0.1, and runs attain all but a thousandth of both."""
+    lower, upper = np.zeros((5, 2)), np.ones((5, 2))
+    error = np.array([0.0, 0.1])
+    band = plot.Band("band", lower, upper)
+    given = {"outer": (lower - error, upper + error), "inner": (lower + 1e-3, upper - 1e-3)}
+    figure = plot.plot_bounds(T, ["y0", "y1"], band, **given)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["band", "widened by the estimated error"]
+    assert [len(axes.lines) for axes in figure.axes] == [6, 6]

@@ -96,6 +96,7 @@ def test_what_is_left_free_is_told_where_assembly_put_it():
     system = mb.System(rod, mb.Revolute("hinge", GROUND.point(0, 0), rod.point(-0.5, 0)))
     run = mb.simulate(mb.Scene(system, guess={"rod.theta": 1.0, "rod.x": 0.5}))
     assert f"left free rod.theta = {run['rod.theta'][0]:.6g}" in str(run)
+    assert "held" not in str(run)  # nothing is listed
 
 
 def test_velocities_are_told_as_positions_are():

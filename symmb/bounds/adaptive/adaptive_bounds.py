@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from symmb._doubt import Doubt
 from symmb._errors import PropagationError
 from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
@@ -134,7 +135,7 @@ def _of_accuracy(
     short = _SHORT.format(tolerance=tolerance, error=error)
     if is_enough or not runs.clock.is_cut:
         return (short,), ()
-    cut = _CUT.format(tolerance=tolerance)
+    cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error tells what it costs each output
     return ((short,), (cut,)) if error > DOUBTFUL else ((short, cut), ())
 
 
@@ -143,10 +144,11 @@ def _of_noise(runs: Runs) -> tuple[str, ...]:
     low, high = runs.extremes
     scale = np.maximum(rms(low), rms(high))
     is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), NOISE_OF_SOLVERS * scale)
-    names = _listed(runs, is_large & (scale > ROUNDING * scale.max(initial=0.0)))
-    if not names or runs.rounding < ROUNDING:  # the simulator has told its noise
+    is_large &= scale > ROUNDING * scale.max(initial=0.0)
+    if not is_large.any() or runs.rounding < ROUNDING:  # the simulator has told its noise
         return ()
-    return (f"The measured noise of runs is above a fifth of the width of {names}.",)
+    text = f"The measured noise of runs is above a fifth of the width of {_listed(runs, is_large)}."
+    return (Doubt(text, np.array(runs.simulator.outputs)[is_large].tolist()),)
 
 
 def _listed(runs: Runs, which: Mask) -> str:

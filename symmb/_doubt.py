@@ -1,0 +1,29 @@
+"""Doubts that concern some outputs alone."""
+
+from collections.abc import Iterable
+
+
+class Doubt(str):
+    """A sentence about what cannot be trusted. Plain texts concern all outputs.
+
+    Attributes
+    ----------
+    outputs : names            of which more is doubted than their estimated error tells
+
+    Examples
+    --------
+    >>> concerned(Doubt("The noise of x is large.", ["x"]), "xy"), concerned("A run failed.", "xy")
+    (('x',), ('x', 'y'))
+    """
+
+    outputs: tuple[str, ...]
+
+    def __new__(cls, text: str, outputs: Iterable[str] = ()) -> "Doubt":
+        doubt = super().__new__(cls, text)
+        doubt.outputs = tuple(outputs)
+        return doubt
+
+
+def concerned(doubt: str, names: Iterable[str]) -> tuple[str, ...]:
+    """Which of some outputs a doubt concerns."""
+    return tuple(name for name in names if not isinstance(doubt, Doubt) or name in doubt.outputs)
