@@ -85,13 +85,13 @@ def pictures(files: Iterable[tuple[str, bytes]]) -> str:
     return f'<div class="pictures">{figures}</div>'
 
 
-def moving(page: str, png: bytes) -> str:
-    """A page inside the report, in whose place a picture is printed.
+def moving(page: str, png: bytes, labels: Sequence[str]) -> str:
+    """A page inside the report, in whose place a picture with the labels of the page is printed.
 
     The page runs its own scripts, and reaches nothing of the report.
     """
     frame = f'<iframe sandbox="allow-scripts" title="the mechanism, to play" srcdoc="{escape(page)}"></iframe>'
-    return f'{frame}<div class="printed still">{html.picture(png)}</div>'
+    return f'{frame}<div class="printed still">{"".join(map(note, labels))}{html.picture(png)}</div>'
 
 
 def folded(heading: str, text: str) -> str:
