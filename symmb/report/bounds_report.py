@@ -123,10 +123,7 @@ def _part_or_reason(part: Callable[[], str]) -> str:
 
 
 def _title(bounds: Bounds) -> str:
-    if not isinstance(bounds.study, Study):
-        return f"Bounds of {', '.join(bounds.names)}"
-    simulator = bounds.study.simulator
-    return f"Bounds of {simulator.name if isinstance(simulator, DAESimulator) else repr(simulator)}"
+    return f"Bounds of {bounds.subject or ', '.join(bounds.names)}"
 
 
 def _prepared(bounds: Bounds) -> DAESimulator | None:
@@ -157,9 +154,9 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
     return [
         ("method", bounds.method),
         ("seed", seed(bounds.method)),
-        ("solver", repr(simulator.solver) if of_scene else ""),
+        ("solver", bounds.solver),
         ("why this solver", simulator.reason if of_scene else ""),
-        ("simulator", "" if of_scene or simulator is None else repr(simulator)),
+        ("simulator", "" if bounds.solver else bounds.subject),
     ]
 
 

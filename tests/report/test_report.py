@@ -201,6 +201,14 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     assert (f"Worst case: {words(bounds.check({'x': (None, 2)}).worst)}" in text) == (suffix != ".csv")
     if suffix != ".csv":
         assert "greatest x 1.1 1 1.1 1.1" in text and "0.9 1.1 1" in text
+        assert f"Bounds of {rolling().name}" in text and f"solver {bounds.study.solver!r}" in text
+
+
+def test_large_numbers_are_powers_of_ten(tmp_path):
+    simulator = mb.FunctionSimulator(lambda E, n: T / E + n, {"E": 2e9, "n": 1234567.0}, T, ["x"])
+    mb.propagate(simulator, mb.Vertex(), mb.Box(E=(2e9, 2.25e9))).report(tmp_path / "r.html")
+    text = text_of(tmp_path / "r.html")
+    assert "E 2e9 2.25e9 2e9" in text and "n 1234567" in text
 
 
 @pytest.mark.parametrize("method", [mb.Taylor(2), mb.MonteCarlo(20), mb.Swarm(5, 3, seed=4)])
