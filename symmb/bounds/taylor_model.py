@@ -47,11 +47,11 @@ class TaylorModel(Method):
     Where a nominal run finds other velocities better, the states change to these.
     Frequencies and damping of a `ModalSimulator` are proved as long as no two may cross in the box.
     Reactions and accelerations are outputs as others are; multipliers of redundant rows are those of least norm.
-    Impacts, sampled values, rows that depend on others for some parameters only, and kinks or jumps that depend on the
-    state are refused. Where nothing can be proved any more, as from the first jump of a law of
-    time on, or close to a singular position of a loop, bounds are infinite, and ``caution`` tells until when they are
-    proved. Outputs that are not smooth, or have operations without a remainder, have infinite bounds. The executor is
-    not used, and each box counts as a run.
+    Steps end at the instants of sampled values. Impacts, rows that depend on others for some parameters only, and kinks
+    or jumps that depend on the state are refused. Where nothing can be proved any more, as from the first jump of a law
+    of time on, or close to a singular position of a loop, bounds are infinite, and ``caution`` tells until when they
+    are proved. Outputs that are not smooth, or have operations without a remainder, have infinite bounds. The executor
+    is not used, and each box counts as a run.
 
     Parameters
     ----------

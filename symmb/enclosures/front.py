@@ -93,7 +93,7 @@ def well_conditioned(front: Front, scales: Array, worst: float = _WORST) -> Fron
     at = ch.along([ch.values_at_nodes(m, k) for m, k in zip(counts, lengths, strict=True)], front.B)
     at = np.moveaxis(at, (0, 1), (-2, -1)) / scales[:, None]
     columns = np.linalg.norm(at, axis=-2, keepdims=True)
-    if float(np.linalg.cond(at / columns).max()) < worst:
+    if float(np.linalg.cond(at / np.where(columns > 0, columns, 1.0)).max()) < worst:
         return front
     order = np.argsort(-columns.reshape(-1, n).mean(axis=0) * front.w)
     Q, R = np.linalg.qr(at[..., order])

@@ -19,7 +19,7 @@ from symmb.enclosures.schedule import Phase, grain_of
 from symmb.enclosures.start import first_front
 from symmb.enclosures.step import SINGULAR, Proof, is_regular, prove
 from symmb.enclosures.switching import holds, off_while_switching
-from symmb.enclosures.transitions import mapped
+from symmb.enclosures.transitions import drifted, mapped
 
 TIME_TERMS, FRAME_TERMS = 20, 11
 """Terms of the motion and of the frame in time."""
@@ -35,6 +35,8 @@ _LOST, _CRAWL = 1e-2, 2.0**-6
 """Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
 _NEAR = 8
 """Shortest step that ends at a change of states, over the unit of times."""
+_AT = 4
+"""Distance of output times from an instant that are at it, over the error of the instant."""
 _RESOLVING = 2.0**-10
 """Parts of a step, over the step, down to which it is shown that no law of time switches in them."""
 
@@ -148,13 +150,17 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         raise ProofError(phase.why)
     change, near = problem.change, _NEAR * grain
     usual, left = control.h, (phase.resume if is_in_window else phase.stop) - front.t
-    if change is not None and change.time > front.t + near:
+    if change is not None and (change.late is not None or change.time > front.t + near):
         left = min(left, change.time - front.t)
+        if is_in_window and change.late is not None and change.time <= phase.resume:
+            raise ProofError(f"a value is sampled while {phase.why}")
     control.h = min(usual, left)
     step, proof = _step(problem, front, grain, control)
     beside = off_while_switching(step, proof, phase.window) if is_in_window else np.zeros(problem.n)
     front, times = leaving(step, proof.end), problem.times
-    behind = int(np.searchsorted(times, front.t, side="right"))
+    is_sampled = change is not None and change.late is not None and front.t == change.time
+    until = front.t - _AT * change.late if is_sampled else front.t  # at an instant, outputs have the new values
+    behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
         part = slice(course.stored, behind)
         found = output_bounds(step, proof.W, times[part], control, beside=beside)
@@ -166,6 +172,10 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         if front.t < phase.resume:
             raise ProofError(phase.why)
         front, problem = replace(front, x_error=above(front.x_error + beside)), problem.after_switch()
+    elif is_sampled:
+        front = drifted(problem, front, change.late)
+        front, problem = mapped(problem, front, change.states), problem.after_change(front.t)
+        front = drifted(problem, front, change.late)
     elif change is not None and change.time <= front.t + near and front.t < phase.stop and not course.is_done:
         front, problem = mapped(problem, front, change.states), problem.after_change(front.t)
     return Place(front, control, problem), step.h
@@ -192,9 +202,10 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
 def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
     """The same, as long as it can be proved with what is adapted so far."""
     h = aim = control.h
-    reason = ""
+    reason, change = "", problem.change
     while h >= _SHORTEST * aim and h > 4 * grain:
-        h = float(np.floor(h / grain)) * grain
+        if change is None or change.late is None or h != change.time - front.t:
+            h = float(np.floor(h / grain)) * grain
         try:
             x = motion(problem, front.x, front.t, h, TIME_TERMS)
         except ProofError as error:

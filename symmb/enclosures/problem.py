@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -54,11 +55,11 @@ class Problem:
         radius = np.where(mine, 0.5 * self.radius, self.radius)
         middle = np.where(mine, self.middle + side * radius, self.middle)
         errors = np.where(mine, above(self.errors + U * np.abs(middle)), self.errors)
-        return self._over(middle, radius, errors)
+        return self.with_fields(middle=middle, radius=radius, errors=errors)
 
-    def _over(self, middle: Array, radius: Array, errors: Array | float) -> "Problem":
-        """The problem over another box."""
-        other = replace(self, middle=middle, radius=radius, errors=errors)
+    def with_fields(self, **fields: Any) -> "Problem":
+        """The same equations with another box, or another change."""
+        other = replace(self, **fields)
         other.__dict__.update({name: value for name, value in self.__dict__.items() if name in _GRAPHS})
         return other
 
@@ -111,7 +112,7 @@ class Problem:
     def after_change(self, time: float) -> "Problem":
         """The problem of the other states from a time on, over the same box."""
         assert self.change is not None
-        return self.change.following(time)._over(self.middle, self.radius, self.errors)
+        return self.change.following(time, self)
 
     @cached_property
     def regular_tape(self) -> Tape | None:
@@ -138,17 +139,19 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change to other states from a time on [s].
+    """A change to other states at a time [s].
 
     Attributes
     ----------
     states : (x, p, t) -> the other states
-    following : time -> their problem from then on, over the whole box
+    following : time, problem -> the problem of the others from then on, over the same box
+    late : error of the time, which is given [s]; None: any time about this one will do
     """
 
     time: float
     states: ca.Function
-    following: Callable[[float], Problem]
+    following: Callable[[float, Problem], Problem]
+    late: float | None = None
 
 
 _GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "regular_tape", "_tapes")

@@ -13,6 +13,7 @@ from symmb.enclosures.discs import OPERATIONS
 from symmb.enclosures.independent_velocities import Equations, equations_of, start_states
 from symmb.enclosures.modes import with_modes
 from symmb.enclosures.problem import Change, Problem, StartEquations
+from symmb.enclosures.sampling import sampled
 from symmb.enclosures.schedule import Phase, Schedule, corners
 from symmb.enclosures.tape import Tape
 from symmb.events import kinks
@@ -29,8 +30,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
 
     Raises
     ------
-    PropagationError         if the scene has loops, impacts, sampled values, kinks or jumps that depend on the state,
-                             or operations without a remainder in its equations or in all outputs
+    PropagationError         if the scene has impacts, kinks or jumps that depend on the state, or operations without a
+                             remainder in its equations or in all outputs
     """
     if isinstance(simulator, ModalSimulator):
         return _modal_problem(method, simulator, box)
@@ -70,9 +71,15 @@ def _of_equations(
         other = equations.following()
         x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
         states = common("states", [x, p, t], [equations.whole(x, p, t)[other.kept.tolist()]])
-        following = cache(lambda time: _of_equations(method, simulator, box, form, other, time))
-        change = Change(equations.until - times[0], _later(states, times[0]),
-                        following if phase.valid else lambda time: following(0.0))  # fmt: skip
+        later = cache(lambda time: _of_equations(method, simulator, box, form, other, time))
+
+        def following(time: float, problem: Problem) -> Problem:
+            found = later(time if phase.valid else 0.0)
+            return found.with_fields(middle=problem.middle, radius=problem.radius, errors=problem.errors)
+
+        change = Change(equations.until - times[0], _later(states, times[0]), following)
+    if form.dae.sampling is not None:
+        change = sampled(form.dae, equations, times)
     problem = Problem(phase.rates, _later(outputs, times[0]), *intervals, times - times[0],
                       form.dae.state_sizes[equations.kept], _start(form, equations), phase=phase,
                       regular=regular and _later(regular, times[0]), refused=refused, change=change)  # fmt: skip
@@ -217,8 +224,6 @@ def _require_smooth(method: object, form: Formulation) -> None:
         raise PropagationError(
             f"{method!r}: the scene has impacts, over which it proves nothing. Use PolynomialChaos()."
         )
-    if dae.sampling is not None:
-        raise PropagationError(f"{method!r}: the scene holds sampled values. Use PolynomialChaos().")
 
 
 def _phase(
@@ -253,8 +258,11 @@ def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -
     x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
     whole, symbols = equations.whole(x, p, t), form.declared.sx_in()
     depends = any(ca.which_depends(form.declared(*symbols), ca.vertcat(*symbols[3:]), 1, True) or [])
-    known = depends and simulator.scene is not None
-    y = form.declared(whole, p, t, *equations.solved()(x, p, t)) if known else form.y(whole, p, t)
+    if depends and simulator.scene is None:
+        y = form.y(whole, p, t)
+    else:  # values that are held change between steps
+        solved = equations.solved()(x, p, t) if depends else [ca.SX.zeros(s.shape) for s in symbols[3:]]
+        y = form.declared(whole, p, t, *solved)
     return common("outputs", [x, p, t], [ca.densify(y)])
 
 

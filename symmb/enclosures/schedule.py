@@ -19,6 +19,7 @@ from symmb.symbolic import common
 
 _GRAINS = 2.0**30
 """Steps are multiples of a power of 2, that of the horizon over this: times of steps are then sums without rounding."""
+_FINE = 2.0**50
 _MARGIN = 4
 """Grains between a switch and both ends of its window: times of switches are sought to some digits less."""
 _TOGETHER = 4
@@ -32,6 +33,11 @@ _AFTER = 1e-9
 def grain_of(end: float) -> float:
     """The unit of times of steps over a horizon [s]."""
     return 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS
+
+
+def fine_grain_of(end: float) -> float:
+    """The unit of times that are given: sums of so many are exact as well, with two bits to spare."""
+    return grain_of(end) * _GRAINS / _FINE
 
 
 @dataclass(frozen=True, eq=False)

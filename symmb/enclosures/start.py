@@ -27,6 +27,8 @@ _NOISE = 1e-15
 """Coefficients of scaled unknowns that are rounding, and would be large on ellipses."""
 _COUNTS = (1, 8, 32, 128)
 """Patches of each variable that are tried: a start solves equations whose pivots nearly cancel, and it is made once."""
+_PARTS, _MOST_PARTS = (1, 8, 32), 1024
+"""Parts of each variable with an inverse of their own, which are tried, and most of them in all: they take seconds."""
 
 NO_START = "there are parameters for which the scene cannot be started"
 """Why no part of a box can be proved."""
@@ -65,9 +67,9 @@ def _first_front(problem: Problem, order: int) -> Front:
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
 
 
-def still(problem: Problem, t: float, x: Array) -> TimeStep:
+def still(problem: Problem, t: float, x: Array, h: float = _SHORT) -> TimeStep:
     """A short step from a time, in which states (n, N + 1, ...) stay."""
-    return TimeStep(problem, t, _SHORT, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), _SHORT), _NONE, _NONE.c)
+    return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NONE, _NONE.c)
 
 
 def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
@@ -186,7 +188,7 @@ def _distance(step: TimeStep) -> Array:
     same = replace(step, problem=residual)
     c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
-    for count in _counts(d):
+    for count in (count for count in _PARTS if count**d <= _MOST_PARTS):
         e = _contracted(step, off, _patches(step, [1.0] * (d + 1), count))
         if e is not None:
             return e
@@ -215,7 +217,8 @@ def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
     for _ in range(8):
         J, R = jacobians(e)
         D = np.abs(np.eye(n) - Y @ J) + np.abs(Y) @ (above(R) + of_sum(n + 3) * np.abs(J)) + of_sum(n + 3)
-        new = above(g + above(D) @ e).max(axis=0)
+        grown = above(D) @ e
+        new = above(g + grown).max(axis=0)
         if (new < e).all():
             return new
         e = above(1.5 * new)

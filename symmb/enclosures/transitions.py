@@ -7,6 +7,8 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
+from symmb.enclosures import discs
+from symmb.enclosures.errors import ProofError
 from symmb.enclosures.front import Front
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.rounding import above
@@ -14,6 +16,9 @@ from symmb.enclosures.start import bounds_of, polynomials, still
 from symmb.enclosures.tape import Tape
 from symmb.symbolic import common
 
+_ROUGH = "sampled values, or other velocities of a loop, cannot be shown to be smooth over the box"
+_ROOM = 1e-9
+"""How far states may move between an instant and its rounded time, over their scales."""
 _SHARP = 1e-14
 """Aliasing of a mapped polynomial over its width."""
 
@@ -44,20 +49,27 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     states[(slice(n), *map(slice, lengths))] = front.x
     states[(slice(n, None), *map(slice, of_frame))] = front.B.reshape(n * n, *of_frame)
     scales = np.concatenate([problem.scales, np.maximum(ch.sums(states[n:], d), 1e-300)])
+    _require_known(both)
     step = still(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
-    x_new, x_lost = polynomials(step, np.arange(m), lengths, _SHARP)
-    B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
+    try:
+        x_new, x_lost = polynomials(step, np.arange(m), lengths, _SHARP)
+        B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
+    except ProofError:
+        raise ProofError(_ROUGH) from None
 
     y = ca.vertcat(x, e, off)
     of_errors = ca.jtimes(new, x, off), ca.jtimes(ca.jtimes(new, x, e), x, e)
-    tape = Tape(common("errors", [y, p, t], [ca.densify(part) for part in of_errors]))
+    errors = common("errors", [y, p, t], [ca.densify(part) for part in of_errors])
+    _require_known(errors)
     beside = above(front.x_error + front.B_error @ front.w)
     reach = above(ch.sums(front.B, d) @ front.w + beside)
     centres = np.zeros((3 * n, *lengths))
     centres[:n] = front.x
     more = np.concatenate([reach, reach, beside])
     moved = still(replace(problem, scales=np.ones(3 * n)), front.t, centres)
-    linear, quadratic = bounds_of(tape, moved, more)
+    linear, quadratic = bounds_of(Tape(errors), moved, more)
+    if not (np.isfinite(linear).all() and np.isfinite(quadratic).all()):
+        raise ProofError(_ROUGH)
     return replace(
         front,
         x=_with(front.x, which, x_new),
@@ -65,6 +77,27 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
         x_error=_with(front.x_error, which, above(x_lost + linear + 0.5 * quadratic)),
         B_error=_with(front.B_error, which, B_lost.reshape(m, n)),
     )
+
+
+def _require_known(f: ca.Function) -> None:
+    if unknown := ", ".join(Tape(f).unknown(discs.OPERATIONS)):
+        raise ProofError(f"there is no remainder of {unknown}, which is in the law of a sampled value")
+
+
+def drifted(problem: Problem, front: Front, late: float) -> Front:
+    """The front with all states that it has within a short time before and after.
+
+    Raises
+    ------
+    ProofError         if the rates cannot be bounded
+    """
+    room = _ROOM * problem.scales
+    reach = above(ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error + room
+    around = still(problem, front.t - 2 * late, front.x, 4 * late)
+    moved = above(late * bounds_of(problem.rate_tape, around, above(reach))[0])
+    if not (moved < room).all():
+        raise ProofError("the motion changes too fast at an instant")
+    return replace(front, x_error=above(front.x_error + moved))
 
 
 def _with(array: Array, which: Array, rows: Array) -> Array:

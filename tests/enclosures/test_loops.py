@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import casadi as ca
@@ -120,3 +121,48 @@ def test_sliders_on_a_rod_that_turns_evenly():
             turn = 0.4 + w * times
             runs.append(L * np.stack([np.cos(turn), np.sin(turn), -w * np.sin(turn), w * np.cos(turn)], axis=1))
     _require_sharp(mb.propagate(scene, mb.TaylorModel(order=4)), np.array(runs))
+
+
+def _absolute_run(lengths, poses, rates, times, ground=9.81):
+    """Slender bars of density 1 that are pinned in a row, and to the ground at both ends: (n_t, 9) poses.
+
+    The ends of a row are the left end of its first bar, and the left end of its last one, whose right end is pinned to
+    the bar before. Accelerations and forces in the pins follow from Newton's and Euler's laws.
+    """
+    M = np.diag(np.column_stack([lengths, lengths, lengths**3 / 12]).ravel())
+    load = np.tile([0.0, -ground, 0.0], 3) * np.diag(M)
+
+    def end(k, side, q, w):
+        angle, J = q[3 * k + 2], np.zeros((2, 9))
+        arm = side * lengths[k] / 2 * np.array([np.cos(angle), np.sin(angle)])
+        J[:, 3 * k : 3 * k + 3] = [[1, 0, -arm[1]], [0, 1, arm[0]]]
+        return J, -arm * w[3 * k + 2] ** 2
+
+    def rate(t, z):
+        q, w = np.split(z, 2)
+        ends = [end(k, side, q, w) for k, side in ((0, -1), (0, 1), (1, -1), (1, 1), (2, 1), (2, -1))]
+        pins = [ends[0], *((a[0] - b[0], a[1] - b[1]) for a, b in list(pairwise(ends))[1::2]), ends[-1]]
+        J = np.vstack([pin[0] for pin in pins])
+        K = np.block([[M, J.T], [J, np.zeros((8, 8))]])
+        return np.concatenate([w, np.linalg.solve(K, np.concatenate([load, *(-pin[1] for pin in pins)]))[:9]])
+
+    start = np.concatenate([poses, rates])
+    return solve_ivp(rate, times[[0, -1]], start, method="DOP853", rtol=1e-12, atol=1e-13, t_eval=times).y[:9].T
+
+
+def test_a_four_bar_passes_dead_centres_of_all_of_its_bars():
+    """The longest and the shortest bar are longer than the others (Grashof): no bar turns all the way."""
+    values = {"a": 0.597, "b": 1.01, "c": 0.573, "d": 0.708, "rho": 1.0, "tilt": 0.842, "spin": 3.61, "k": 1.0}
+    times, spread = np.linspace(0.0, 0.4, 9), 2e-4
+    box = {"spin": (values["spin"] * (1 - spread), values["spin"] * (1 + spread))}
+    case = loop_proofs.planar_case("four-bar", values, loop_proofs.loops._four_bar, loop_proofs._start, times, box,
+                                   ("coupler", "C"))  # fmt: skip
+    at = loop_proofs.loops.symbols(list(values))
+    bars = loop_proofs.loops._four_bar(at.named, at.phi).bars.values()
+    poses = ca.vertcat(*(ca.vertcat(*bar.pose) for bar in bars))
+    start = ca.Function("start", [at.phi, at.p], [poses, ca.jacobian(poses, at.phi)])
+    q, along = (part.full().ravel() for part in start(values["tilt"], list(values.values())))
+    lengths = np.array([values[name] for name in "abc"])
+    runs = np.array([_absolute_run(lengths, q, along * spin, times) for spin in np.linspace(*box["spin"], 3)])
+    scene = replace(case.scene, outputs={name: case.scene.outputs[name] for name in ("theta", "x", "y")})
+    _require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), runs[:, :, [5, 3, 4]])
