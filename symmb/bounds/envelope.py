@@ -46,6 +46,8 @@ class Envelope:
     surrogate: Piecewise | None = None
     study: Runs | None = None
     range_of: str = ""
+    subject: str = ""
+    solver: str = ""
     nominal: Array | None = None
     nominal_parameters: Mapping[str, float] = field(default_factory=dict)
     attaining: AttainingRuns | None = None
@@ -64,7 +66,8 @@ class Envelope:
         if since := self.doubtful():
             windows = self.doubtful_windows()
             parts = [
-                name + self._doubtful_part(t, [w[1:] for w in windows if w[0] == name]) for name, t in since.items()
+                name + self._doubtful_part(max(t, self._first_error(name)), [w[1:] for w in windows if w[0] == name])
+                for name, t in since.items()
             ]
             doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
         if self.caution:
@@ -112,12 +115,17 @@ class Envelope:
             for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
         )
 
+    def _first_error(self, name: str) -> float:
+        """When an output has an estimated error for the first time: at a start that is known it has none."""
+        assert self.estimate is not None
+        return float(self.t[(self.estimate[:, self._column(name)] > 0).argmax()])
+
     def _doubtful_part(self, since: float, windows: list[tuple[float, float]]) -> str:
         """When an output is doubtful, in words: windows of time, or from a time on if they reach the end."""
         if len(self.t) == 1:
             return ""
         if not windows or windows[-1][1] == self.t[-1]:
-            return f" from {max([since, *(begin for begin, _ in windows[:1])]):g} s"
+            return f" from {since:g} s"
         texts = [f"from {begin:g} to {end:g} s" for begin, end in windows[:_NAMED_WINDOWS]]
         return " " + " and ".join([*texts, *(["later"] if len(windows) > _NAMED_WINDOWS else [])])
 

@@ -1,6 +1,7 @@
 """Bounds of a simulator by a method."""
 
 from dataclasses import replace
+from typing import Any
 
 from symmb._errors import PropagationError, warn_of
 from symmb._interrupts import kept_interrupts
@@ -82,7 +83,10 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     nominal, values = getattr(simulator, "nominal", None), {k: float(v) for k, v in simulator.parameters.items()}
     if nominal is None:  # a black box: the study may have made a run there
         nominal = bounds.nominal
-    known = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}
+    known: dict[str, Any] = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}
+    of_scene = isinstance(simulator, DAESimulator)
+    known["subject"] = simulator.name if of_scene else repr(simulator)
+    known["solver"] = repr(simulator.solver) if of_scene else ""
     if bounds.noise is None and bounds.kind == "sampled" and isinstance(simulator, Noisy):
         known["noise"] = simulator.noise
     return replace(bounds, **known)

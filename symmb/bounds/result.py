@@ -59,6 +59,7 @@ class Bounds(Answers, Result, files.Saved):
     surrogate : polynomials in the place of the responses, with their error; None if the method has none, or a file
         was read that does not hold them
     study : simulator and box, for more runs; None if they were read or pickled
+    subject, solver : what was bounded, a scene by its name, and the solver of a scene in words; empty if not known
     nominal : (n_t, n_y) outputs of the nominal run, or None where it is not known
     nominal_parameters : nominal values of all parameters; empty if they are not known
     attaining : the runs that attain the bounds; None if they were read or pickled, or no runs are made

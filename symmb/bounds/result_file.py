@@ -19,9 +19,10 @@ from symmb.polynomials.ranges import Piecewise
 Kind = Literal["enclosure", "estimate", "sampled"]
 PLAIN = (
     *("t", "names", "units", "lower", "upper", "kind", "method", "evaluations", "estimate", "noise", "nominal"),
-    *("failed_region", "seconds", "caution", "remarks", "doubts", "range_of"),
+    *("failed_region", "seconds", "caution", "remarks", "doubts", "range_of", "subject", "solver"),
 )
 """Attributes of Bounds that files hold under the same names."""
+_TEXTS = "failed_region", "caution", "range_of", "subject", "solver"
 MEANING = {
     "enclosure": "proved: no response lies outside",
     "estimate": "of a surrogate: may miss to either side",
@@ -53,7 +54,7 @@ def attributes_of(record: Record) -> dict[str, Any]:
         "seconds": record.number("seconds"),
         "expansion": expansion,
         "surrogate": _surrogate(record, expansion, *shape) if "surrogate_error" in record else None,
-        **{name: record.text(name, default="") for name in ("failed_region", "caution", "range_of")},
+        **{name: record.text(name, default="") for name in _TEXTS},
         **{name: record.texts(name, default=()) for name in ("remarks", "units")},
         "run_doubts": _run_doubts(record, names),
         "nominal": record.array("nominal", *shape, finite=False) if "nominal" in record else None,

@@ -132,6 +132,10 @@ class WorstCase:
         return [self.time] * self.times
 
     @property
+    def _word(self) -> str:
+        return "least" if self.side == "lower" else "greatest"
+
+    @property
     def shortfall(self) -> float:
         """How far the run stays inside of the bound."""
         return self.attained - self.value if self.side == "lower" else self.value - self.attained
@@ -169,8 +173,8 @@ class WorstCase:
 
     def __str__(self) -> str:
         values = ", ".join(f"{name} = {self.parameters[name]:.6g}" for name in self.varied)
-        word = "least" if self.side == "lower" else "greatest"
-        text = f"{word} {self.output} {self.value + 0.0:.6g}{at_time(self._times, 0)}{': ' if values else ''}{values}"
+        text = f"{self._word} {self.output} {self.value + 0.0:.6g}{at_time(self._times, 0)}"
+        text += f": {values}" if values else ""
         if self.is_short:
             text += f"; the run there attains {self.attained:.6g}"
         return text
@@ -209,12 +213,7 @@ class Worst(Result):
         return html.page(html.table(self._rows()))
 
     def _rows(self) -> list[list[str]]:
-        varied = self.lower.varied
-        rows = [["worst case", "bound", "at [s]", *varied, "attained"]]
-        for case, word in ((self.lower, "least"), (self.upper, "greatest")):
-            numbers = case.value, case.time, *(case.parameters[name] for name in varied), case.attained
-            rows.append([f"{word} {case.output}", *(f"{number + 0.0:.6g}" for number in numbers)])
-        return over_times(rows, self.lower._times)
+        return worst_rows((self.lower, self.upper))
 
     def _labelled(self) -> Labelled:
         cases = self.lower, self.upper
@@ -227,6 +226,17 @@ class Worst(Result):
         variables["parameters"] = (("bound", "parameter"), values)
         coordinates = {"bound": (("bound",), texts(SIDES)), "parameter": (("parameter",), texts(names))}
         return Labelled(coordinates, variables, {"output": self.lower.output})
+
+
+def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
+    """Rows of a table of worst cases below its head, with the parameters that act on their outputs."""
+    varied = list(dict.fromkeys(name for case in cases for name in case.varied))
+    rows = [["worst case", "bound", "at [s]", *varied, "attained"]]
+    for case in cases:
+        values = (f"{case.parameters[name] + 0.0:.6g}" if name in case.varied else "" for name in varied)
+        numbers = f"{case.value + 0.0:.6g}", f"{case.time:.6g}", *values, f"{case.attained + 0.0:.6g}"
+        rows.append([f"{case._word} {case.output}", *numbers])
+    return over_times(rows, cases[0]._times)
 
 
 def row_of(owner: str, t: Array, time: object) -> int:

@@ -5,12 +5,15 @@ import re
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 
+import numpy as np
+
 from symmb import _html as html
 from symmb.bounds import METHODS
 from symmb.model import Box
 from symmb.report.document import section
 
 _PACKAGES = "symmb", "numpy", "casadi"
+_LARGE = 1e6
 _CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
 """A call of a class in the text of a method, a box or a solver."""
 
@@ -31,9 +34,16 @@ def assumed(
 def _intervals(box: Box, nominal: Mapping[str, float]) -> list[list[str]]:
     rows = [["parameter", "lower", "upper", *(["nominal"] if nominal else [])]]
     for name, ends in zip(box.names, box.bounds, strict=True):
-        rows.append([name, *(f"{x:.12g}" for x in (*ends, *([nominal[name]] if name in nominal else [])))])
-    fixed = [[name, "", "", f"{value:.12g}"] for name, value in nominal.items() if name not in box.names]
+        rows.append([name, *(_number(x) for x in (*ends, *([nominal[name]] if name in nominal else [])))])
+    fixed = [[name, "", "", _number(value)] for name, value in nominal.items() if name not in box.names]
     return [[*row, *[""] * (len(rows[0]) - len(row))] for row in (*rows, *fixed)]
+
+
+def _number(value: float) -> str:
+    """A number with 12 digits at most, in powers of ten where that is shorter and it is large."""
+    plain = f"{value:.12g}"
+    short = np.format_float_scientific(value, precision=11, trim="-", exp_digits=1).replace("e+", "e")
+    return short if abs(value) >= _LARGE and len(short) < len(plain) else plain
 
 
 def _versions() -> str:

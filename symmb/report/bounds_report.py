@@ -10,7 +10,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError, SymmbError
-from symmb.bounds import ROUNDING, Bounds, Contributions, LimitCheck, Limits, Study
+from symmb.bounds import ROUNDING, Bounds, Contributions, LimitCheck, Limits, Study, worst_rows
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
@@ -58,7 +58,7 @@ def _parts(
         drawn = _pictures([limit.output for limit in check.limits], lambda name: check.plot(outputs=name))
         yield section("Limits", check._tabulated(), drawn, *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
-    cases = _part_or_reason(lambda: html.text("\n".join(map(str, bounds._all_worst()))))
+    cases = _part_or_reason(lambda: _worst(bounds))
     yield section("Worst cases", cases, _part_or_reason(lambda: _motion(bounds, scene, check)) if scene else "")
     if bounds.range_of or contributions is not None:  # other methods would be followed by a study of their own
         asked = _ASKED_BY_COMMAND if command else _ASKED
@@ -80,6 +80,11 @@ def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
     """Numbers of the outputs that pictures and tables of parameters show: those with limits first."""
     names = [*([] if check is None else (limit.output for limit in check.limits)), *bounds.names]
     return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
+
+
+def _worst(bounds: Bounds) -> str:
+    cases = bounds._all_worst()
+    return html.page(html.table(worst_rows(cases))) if cases else ""
 
 
 def _pictures(names: Sequence[str], draw: Callable[[str], "Figure"]) -> str:
@@ -118,10 +123,7 @@ def _part_or_reason(part: Callable[[], str]) -> str:
 
 
 def _title(bounds: Bounds) -> str:
-    if not isinstance(bounds.study, Study):
-        return f"Bounds of {', '.join(bounds.names)}"
-    simulator = bounds.study.simulator
-    return f"Bounds of {simulator.name if isinstance(simulator, DAESimulator) else repr(simulator)}"
+    return f"Bounds of {bounds.subject or ', '.join(bounds.names)}"
 
 
 def _prepared(bounds: Bounds) -> DAESimulator | None:
@@ -142,8 +144,8 @@ def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
         exhibit, text = of_run(simulate(scene, bounds.study.solver), None, None), f"The nominal run. {error}"
     file = BytesIO()
     still(exhibit, file, ".png")
-    notes = map(document.note, (text, *(ghost.label for ghost in exhibit.ghosts)))
-    return "".join(notes) + document.moving(page(exhibit), file.getvalue())
+    labels = [ghost.label for ghost in exhibit.ghosts]
+    return document.note(text) + document.moving(page(exhibit), file.getvalue(), labels)
 
 
 def _settings(bounds: Bounds) -> list[tuple[str, str]]:
@@ -152,9 +154,9 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
     return [
         ("method", bounds.method),
         ("seed", seed(bounds.method)),
-        ("solver", repr(simulator.solver) if of_scene else ""),
+        ("solver", bounds.solver),
         ("why this solver", simulator.reason if of_scene else ""),
-        ("simulator", "" if of_scene or simulator is None else repr(simulator)),
+        ("simulator", "" if bounds.solver else bounds.subject),
     ]
 
 

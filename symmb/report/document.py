@@ -9,11 +9,11 @@ from symmb.files import replacement
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #20262d; --soft: #5d6773; --line: #d5dbe1; --paper: #fff; --warn: #fff4dc;
-  --edge: #c98a00; --even: #f5f7f9; }
+  --edge: #c98a00; --even: #64748b12; --shade: #0003; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e8ec; --soft: #a3adb8; --line: #3b444e; --paper: #171b20;
-  --warn: #3a2d0c; --edge: #d9a227; --even: #1f252b; } }
+  --warn: #3a2d0c; --edge: #d9a227; --even: #94a3b814; --shade: #fff3; } }
 @media print { :root { color-scheme: light; --ink: #000; --soft: #444; --line: #bbb; --paper: #fff; --warn: #fff4dc;
-  --edge: #c98a00; --even: #f5f7f9; } }
+  --edge: #c98a00; --even: #64748b12; --shade: #0000; } }
 @page { size: A4; margin: 14mm 13mm; }
 * { box-sizing: border-box; }
 body { max-width: 1100px; margin: 0 auto; padding: 20px 24px 48px; font: 15px/1.5 system-ui, sans-serif;
@@ -26,6 +26,10 @@ th, td { padding: 4px 10px; border-bottom: 1px solid var(--line); vertical-align
 [style*="right"] { white-space: nowrap; } thead [style*="right"] { white-space: normal; }
 th { color: var(--soft); font-weight: 600; vertical-align: bottom; }
 tbody tr:nth-child(even) { background: var(--even); }
+div[style*="overflow-x"] { background: linear-gradient(90deg, var(--paper) 30%, #0000) 0 / 30px 100% local,
+  linear-gradient(270deg, var(--paper) 30%, #0000) 100% / 30px 100% local,
+  linear-gradient(90deg, var(--shade), #0000) 0 / 10px 100%,
+  linear-gradient(270deg, var(--shade), #0000) 100% / 10px 100%; background-repeat: no-repeat; }
 img { display: block; height: auto; margin: 8px 0; background: #fff; border-radius: 4px; }
 iframe { display: block; width: 100%; height: 560px; margin: 8px 0; border: 1px solid var(--line); border-radius: 4px;
   background: #fff; color-scheme: light; }
@@ -39,7 +43,8 @@ details { margin: 28px 0 0; } summary { cursor: pointer; font-weight: 600; font-
 figure { margin: 0; break-inside: avoid; } figure img { width: 100% !important; max-width: 560px !important; }
 .contributions table { display: inline-table; margin-right: 28px; vertical-align: top; }
 @media (max-width: 640px) { body { padding: 12px 14px 32px; } th, td { padding: 3px 6px; } iframe { height: 640px; }
-  .methods img { max-width: none !important; } }
+  .methods img { max-width: none !important; } .limits td:first-child { min-width: 9em; }
+  .limits td:nth-child(3) { min-width: 16em; } }
 @media print { body { max-width: none; padding: 0; font-size: 10pt; print-color-adjust: exact; }
   h1 { font-size: 17pt; } h2 { font-size: 12.5pt; margin-top: 14pt; }
   h2, .note:not(:last-child), pre:not(:last-child) { break-after: avoid; }
@@ -85,13 +90,13 @@ def pictures(files: Iterable[tuple[str, bytes]]) -> str:
     return f'<div class="pictures">{figures}</div>'
 
 
-def moving(page: str, png: bytes) -> str:
-    """A page inside the report, in whose place a picture is printed.
+def moving(page: str, png: bytes, labels: Sequence[str]) -> str:
+    """A page inside the report, in whose place a picture with the labels of the page is printed.
 
     The page runs its own scripts, and reaches nothing of the report.
     """
     frame = f'<iframe sandbox="allow-scripts" title="the mechanism, to play" srcdoc="{escape(page)}"></iframe>'
-    return f'{frame}<div class="printed still">{html.picture(png)}</div>'
+    return f'{frame}<div class="printed still">{"".join(map(note, labels))}{html.picture(png)}</div>'
 
 
 def folded(heading: str, text: str) -> str:

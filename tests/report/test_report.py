@@ -62,8 +62,14 @@ def scene_report(tmp_path_factory):
 def test_numbers_are_those_of_the_result(scene_report):
     bounds, path = scene_report
     text, check, plain = text_of(path), bounds.check({"x": (None, 1.05), "y": (-1, 1)}), str(bounds)
-    for line in (check._head(), check.worst, *map(str, bounds._all_worst())):
+    for line in (check._head(), check.worst):
         assert words(line) in text
+    for case in bounds._all_worst():
+        speed = [f"{case.parameters['speed']:.6g}"] * (case.output == "x")  # y = -t^2 / 20 in all runs
+        place = (
+            f"{'least' if case.side == 'lower' else 'greatest'} {case.output} {case.value + 0.0:.6g} {case.time:.6g}"
+        )
+        assert " ".join([place, *speed, f"{case.attained + 0.0:.6g}"]) in text
     for cells in (*check._rows(), *bounds.contributions()._rows(0, -1)):
         assert " ".join(filter(None, cells)) in text
     rows = plain.splitlines()[-2:]
@@ -96,6 +102,10 @@ def test_the_order_of_the_parts(scene_report):
 def test_the_worst_run_moves(scene_report):
     """The inner page is that of `view` for the output that is closest to its limit."""
     bounds, path = scene_report
+    labels = [ghost.label for ghost in of_bounds(bounds, "x", 1.0, None).ghosts]
+    screen, printed = path.read_text().split('<div class="printed still">')
+    for label in map(html.escape, labels):  # the page shows them; a picture that is printed has them beside it
+        assert label not in re.sub(r'srcdoc="[^"]*"', "", screen) and label in printed
     (source,) = re.findall(r'srcdoc="([^"]*)"', path.read_text())
     assert html.unescape(source) == page(of_bounds(bounds, "x", 1.0, None))
 
@@ -190,7 +200,15 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     assert ("Worst cases" in found) == ("What each parameter contributes" in found) == (suffix != ".csv")
     assert (f"Worst case: {words(bounds.check({'x': (None, 2)}).worst)}" in text) == (suffix != ".csv")
     if suffix != ".csv":
-        assert words(bounds._all_worst()[0]) in text and "0.9 1.1 1" in text
+        assert "greatest x 1.1 1 1.1 1.1" in text and "0.9 1.1 1" in text
+        assert f"Bounds of {rolling().name}" in text and f"solver {bounds.study.solver!r}" in text
+
+
+def test_large_numbers_are_powers_of_ten(tmp_path):
+    simulator = mb.FunctionSimulator(lambda E, n: T / E + n, {"E": 2e9, "n": 1234567.0}, T, ["x"])
+    mb.propagate(simulator, mb.Vertex(), mb.Box(E=(2e9, 2.25e9))).report(tmp_path / "r.html")
+    text = text_of(tmp_path / "r.html")
+    assert "E 2e9 2.25e9 2e9" in text and "n 1234567" in text
 
 
 @pytest.mark.parametrize("method", [mb.Taylor(2), mb.MonteCarlo(20), mb.Swarm(5, 3, seed=4)])
