@@ -232,12 +232,12 @@ def _decision(
 
 def _decision_of_doubtful(error: float, margin: Array) -> tuple[bool | None, str]:
     """The same from an estimated error that is a large share of the width: it may be off, by times and by size."""
-    text = f"{_DOUBTFUL:g} times the estimated error, which is doubtful, are {_DOUBTFUL * error:.1e}"
+    text = f"the estimated error is doubtful, and {_DOUBTFUL:g} times it is {_DOUBTFUL * error:.1e}"
     if (margin < -_DOUBTFUL * error).any():
         return False, f"The bounds are beyond it by more: {text}."
     if (margin >= _DOUBTFUL * error).all():
-        return True, f"{text}."
-    return None, f"{text}: PolynomialChaos(budget=..., seconds=...) with larger numbers decides."
+        return True, f"The bounds are inside by more: {text}."
+    return None, f"The bounds are too close to it, as {text}: PolynomialChaos(budget=..., seconds=...) with larger numbers decides."
 
 
 def _ends(owner: str, name: str, pair: object) -> tuple[float, float]:

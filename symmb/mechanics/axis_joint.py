@@ -43,12 +43,13 @@ class Joint(Constraint):
     Joints that turn have an `angle` [rad] and an `angle_rate` [rad/s], joints that slide a `displacement` [m] and a
     `displacement_rate` [m/s]. They are those of body b relative to body a, positive about and along `axis`, and 0 where
     the frames coincide, with `axis_b` on `axis`. `handles` names those that a joint has, and `coordinate` the one by
-    which it moves, None of a joint that has none or several.
+    which it moves, None of a joint that has none or several. `also` reminds of what users overlook.
     """
 
     poses: ClassVar[tuple[tuple[type[Pose], ...], tuple[type[Pose], ...]]] = (ORIENTED, ORIENTED)
     handles: ClassVar[tuple[str, ...]] = ()
     coordinate: ClassVar[str | None] = None
+    also: ClassVar[str] = ""
     without: ClassVar[str] = "Use coordinates and points of its bodies."
 
     name: str

@@ -187,6 +187,7 @@ class PlanarJoint(AxisJoint):
 
     poses = (_SPATIAL, _SPATIAL)
     aligns = True
+    also = "A PlanarJoint holds its normals parallel, too: Motion(name, expression, 0) keeps a point alone on a plane."
     without = "It slides in two directions and turns about a third one. Use coordinates and points of its bodies."
 
     def position_rows(self, bind: Bind) -> ca.SX:

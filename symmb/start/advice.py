@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import combinations, islice
 
 from symmb._types import Expr, Indices
-from symmb.mechanics import Constraint, rotation
+from symmb.mechanics import Constraint, Joint, rotation
 from symmb.model import DAE, Scene, is_linear
 from symmb.start.labels import coordinate_of
 
@@ -43,6 +43,13 @@ def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assem
         )
     text = ", or ".join(parts)
     return text[0].upper() + text[1:] + "."
+
+
+def reminder(scene: Scene, joint: str) -> str:
+    """What a joint holds beyond its name, as the axis of a PlanarJoint; '' if there is nothing."""
+    return "".join(
+        f" {e.also}" for e in scene.system.elements if isinstance(e, Joint) and e.name == joint.split(".")[0] and e.also
+    )
 
 
 def _owners(scene: Scene, name: str) -> set[str]:

@@ -7,7 +7,7 @@ from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.mechanics import Constraint, Motion
 from symmb.model import DAE, Scene
-from symmb.start.advice import advice
+from symmb.start.advice import advice, reminder
 from symmb.start.forward_kinematics import placed_along_joints
 from symmb.start.gauss_newton import FailedAssembly, PositionRows
 from symmb.start.joint_values import angles, listed_states, of_positions, with_position_rows, with_states, with_turns
@@ -41,7 +41,7 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     free, q = free_displacements(scene, dae), _guess(scene, dae)
     rows = _position_rows(scene, dae, q, t0)
     size = rows.size(q) * rows.dae.scales.length
-    raise AssemblyError(f"{text} {advice(scene, dae, joint, free, size, assembles)}")
+    raise AssemblyError(f"{text} {advice(scene, dae, joint, free, size, assembles)}{reminder(scene, joint)}")
 
 
 def listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:

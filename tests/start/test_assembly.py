@@ -227,3 +227,14 @@ def test_a_motor_that_contradicts_the_start_is_named():
         starts((rod.x, 0.9 + mb.t), {"rod.theta": 0.0, "rod.y": 0.2})
     with pytest.raises(mb.AssemblyError, match="constraints 'motor', 'other' contradict"):
         starts((rod.theta, mb.t), {}, mb.Motion("other", rod.theta, 2 * mb.t))
+
+
+def test_a_planar_joint_reminds_that_normals_stay_parallel():
+    """A rod that leans by 0.3 cannot stand on a plane by a PlanarJoint; a point of it can, by a Motion."""
+    ground, rod = mb.Ground(), mb.Body("rod", 1.0, (0.01, 0.01, 0.01), mb.Spatial())
+    foot, start = rod.point(0, 0, -0.25), {"rod.rotation": mb.rotation((1, 0, 0), 0.3)}
+    plate = mb.PlanarJoint("plate", ground.point(0, 0, 0), foot, axis=(0, 0, 1))
+    with pytest.raises(mb.AssemblyError, match=r"holds its normals parallel, too: Motion"):
+        mb.simulate(mb.Scene(mb.System(rod, plate), start))
+    run = mb.simulate(mb.Scene(mb.System(rod, mb.Motion("plate", foot.z, 0)), start, outputs={"z": rod.z}))
+    assert run["z"][0] == pytest.approx(0.25 * np.cos(0.3))
