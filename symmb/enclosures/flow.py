@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.enclosures.chebyshev import along, coefficients_from_nodes, integral, nodes, sums, values_at_nodes
+from symmb.enclosures.chebyshev import along, coefficients_from_nodes, graded, integral, nodes, sums, values_at_nodes
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.points import PLAIN, plain
@@ -117,7 +117,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         last = change
     else:
         raise ProofError("the motion changes too fast for the shortest step")
-    f = fit(rates_at(problem, x, p, t), (terms, *lengths))
+    f = graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
     return integrated(x0, _without_noise(f, _NOISE), h)
 
 
@@ -156,13 +156,13 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         if change < _FRAME_SETTLED or (change < _CLOSE and change > 0.5 * last):
             break
         last = change
-    rate = fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths))
+    rate = graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)
     try:
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
         raise ProofError("deviations from the polynomials grow too differently in a step") from None
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), _FRAME_NOISE)
-    C = _without_noise(fit(inverse, (terms, *lengths)).reshape(rate.shape), _FRAME_NOISE)
+    C = _without_noise(graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _FRAME_NOISE)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
 
 

@@ -93,9 +93,9 @@ def nominal_front(problem: Problem, order: int) -> Array:
 def _cut_to(c: Array, terms: int) -> tuple[Array, Array]:
     """Coefficients up to a number of terms in each variable, and the sums of the others (m,)."""
     part = (slice(None), *(slice(0, terms),) * (c.ndim - 1))
-    others = c.copy()
-    others[part] = 0.0
-    return c[part], ch.sums(others, c.ndim - 1)
+    kept, others = ch.graded(c[part], c.ndim - 1), c.copy()
+    others[part] -= kept
+    return kept, ch.sums(others, c.ndim - 1)
 
 
 def _unknowns(problem: Problem, order: int) -> Array:
