@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.enclosures.chebyshev import along, coefficients_from_nodes, graded, integral, nodes, sums, values_at_nodes
+from symmb.enclosures.chebyshev import FEW, along, coefficients_from_nodes, graded, integral, nodes, sums, values_at_nodes
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.points import PLAIN, plain
@@ -22,6 +22,8 @@ _SPARE = 2
 """Nodes in each parameter beside the least number, so that cut terms alias little."""
 _DIVERGED = 1e3
 """Growth of a state after the first iteration at which a step is too long."""
+_FIRST = 3
+"""Terms of several parameters with which the iteration begins."""
 _SETTLED = 2e-15
 """Change over the size of a state at which the iteration ends: rounding."""
 
@@ -92,13 +94,16 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     Picard's iteration at Chebyshev nodes of time and of the parameters, all at once.
     """
     lengths = x0.shape[1:]
-    counts = [n + _SPARE for n in lengths]
+    few = problem.d <= FEW
+    counts = [n + _SPARE if few else n for n in lengths]
     begin = along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
     s = nodes(terms)
     p = parameters_at(problem, [nodes(m) for m in counts])
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
     step = 0.5 * h * (values_at_nodes(terms, terms + 1) @ integral(terms) @ coefficients_from_nodes(terms))
     x = np.repeat(begin[:, None], terms, axis=1)
+    if not few and max(lengths) > _FIRST:
+        x = x + _moved_first(problem, x0, t0, h, terms, counts)
     others = tuple(range(1, x.ndim))
     size = np.maximum(problem.scales, np.abs(x).max(axis=others))
     last, most = np.inf, None
@@ -119,6 +124,14 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         raise ProofError("the motion changes too fast for the shortest step")
     f = graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
     return integrated(x0, _without_noise(f, _NOISE), h)
+
+
+def _moved_first(problem: Problem, x0: Array, t0: float, h: float, terms: int, counts: Sequence[int]) -> Array:
+    """About how far the motion (n, terms, *counts) is from its begin: few terms of the parameters move alike."""
+    part = (slice(None), *(slice(0, _FIRST),) * problem.d)
+    c = motion(problem, x0[part], t0, h, terms).c
+    c[:, 0] -= x0[part]
+    return along([values_at_nodes(m, size) for m, size in zip((terms, *counts), c.shape[1:], strict=True)], c)
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:

@@ -9,7 +9,7 @@ from symmb.enclosures.rounding import U, above, of_sum
 from symmb.enclosures.several_parameters import monomials, on_step, parameter_models, run
 from symmb.enclosures.taylor_models import Model, basis_of, reach
 
-_MORE = 3
+_MORE = 2
 """Degrees of Taylor models of outputs beyond those of the motion."""
 _NUMBERS = 1e5
 """Most coefficients of the polynomial of an output at a time, whose range is sought."""

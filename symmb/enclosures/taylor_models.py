@@ -140,6 +140,11 @@ class Model:
         """(P,) largest distance from the constant term."""
         return above(self.moved + self.radius)
 
+    @cached_property
+    def inverse(self) -> "Model":
+        """1 / a, which several quotients may need."""
+        return _inverse(self)
+
     @property
     def disc(self) -> Disc:
         """The same as a disc, whose places are the variables."""
@@ -325,7 +330,7 @@ def _power(a: Model, b: Model) -> Model:
         left //= 2
         base = _multiply(base, base) if left else base
     assert found is not None
-    return found if exponent > 0 else _inverse(found)
+    return found if exponent > 0 else found.inverse
 
 
 _LARGEST_POWER = 16
@@ -359,15 +364,15 @@ _OWN: dict[int, Callable[..., Model]] = {
     ca.OP_ADD: lambda a, b: _sum(a, b, 1.0),
     ca.OP_SUB: lambda a, b: _sum(a, b, -1.0),
     ca.OP_MUL: _multiply,
-    ca.OP_DIV: lambda a, b: _multiply(a, _inverse(b)),
+    ca.OP_DIV: lambda a, b: _multiply(a, b.inverse),
     ca.OP_NEG: lambda a: _scaled(a, -1.0),
     ca.OP_SQ: lambda a: _multiply(a, a),
     ca.OP_TWICE: lambda a: _scaled(a, 2.0),
-    ca.OP_INV: _inverse,
+    ca.OP_INV: lambda a: a.inverse,
     ca.OP_SQRT: _sqrt,
     ca.OP_SIN: _circular(0),
     ca.OP_COS: _circular(1),
-    ca.OP_TAN: lambda a: _multiply(_circular(0)(a), _inverse(_circular(1)(a))),
+    ca.OP_TAN: lambda a: _multiply(_circular(0)(a), _circular(1)(a).inverse),
     ca.OP_EXP: _exp,
     ca.OP_SINH: _hyperbolic(0),
     ca.OP_COSH: _hyperbolic(1),
