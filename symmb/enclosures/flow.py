@@ -22,6 +22,8 @@ _SPARE = 2
 """Nodes in each parameter beside the least number, so that cut terms alias little."""
 _DIVERGED = 1e3
 """Growth of a state after the first iteration at which a step is too long."""
+_TOGETHER = 2**14
+"""States that are treated together: they stay in a cache."""
 _FIRST = 3
 """Terms of several parameters with which the iteration begins."""
 _SETTLED = 2e-15
@@ -135,7 +137,10 @@ def _moved_first(problem: Problem, x0: Array, t0: float, h: float, terms: int, c
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
-    """f at states (n, ...), (n, ...)."""
+    """f at states (n, terms, ...), (n, terms, ...), at some times after the others where there are many states."""
+    if x[0].size > _TOGETHER and x.shape[1] > 1:
+        k = x.shape[1] // 2
+        return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)
     found = problem.rate_tape.run(PLAIN, plain, [list(x), p, [t]])[0]
     return np.stack([np.broadcast_to(value, x.shape[1:]) for value in found])
 

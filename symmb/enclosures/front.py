@@ -11,7 +11,7 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import Curve, fit
 from symmb.enclosures.rounding import U, above, of_sum
 
-_WORST = 1e4
+_WORST = 30.0
 """Condition of the frame, with columns of length 1, from which on it is made orthogonal."""
 
 _UNMOVED = 1e-3

@@ -49,17 +49,14 @@ class Basis:
         self._weights = (degree + 1) ** np.arange(variables)
         self._sorted = np.argsort(self.exponents @ self._weights)
         self._codes = (self.exponents @ self._weights)[self._sorted]
-        self._pairs: dict[tuple[int, int, int], tuple[Indices, Indices, Indices, int]] = {}
+        self._pairs: dict[tuple[int, int, int], Pairs] = {}
 
     def places(self, exponents: Indices) -> Indices:
         """Numbers of the monomials with exponents (m, variables), whose degrees are in the basis."""
         return self._sorted[np.searchsorted(self._codes, exponents @ self._weights)]
 
-    def pairs(self, a: int, b: int, most: int) -> tuple[Indices, Indices, Indices, int]:
-        """Pairs of monomials up to the degrees a and b, whose products are up to `most`, grouped by their products.
-
-        The last two are where the groups begin, and the size of the largest one.
-        """
+    def pairs(self, a: int, b: int, most: int) -> "Pairs":
+        """Pairs of monomials up to the degrees a and b, whose products are up to `most`."""
         if (a, b, most) not in self._pairs:
             totals = self.exponents.sum(axis=1)
             left, right = [], []
@@ -71,8 +68,7 @@ class Basis:
             out = self.places(self.exponents[i] + self.exponents[j])
             order = np.argsort(out, kind="stable")
             starts = np.flatnonzero(np.diff(out[order], prepend=-1))
-            largest = int(np.diff(starts, append=len(out)).max())
-            self._pairs[a, b, most] = i[order], j[order], starts, largest
+            self._pairs[a, b, most] = Pairs(i[order], j[order], starts)
         return self._pairs[a, b, most]
 
     def constant(self, value: float) -> "Model":
@@ -89,6 +85,37 @@ class Basis:
         own = self.exponents
         parts = [one[own[:, None, i], own[None, :, i]] for i in range(self.variables)]
         return np.prod(parts, axis=0)
+
+
+class Pairs:
+    """Pairs of monomials, numbers i and j (m,), grouped by their products from `starts` (T,) on.
+
+    Attributes
+    ----------
+    largest : size of the largest group
+    """
+
+    def __init__(self, i: Indices, j: Indices, starts: Indices) -> None:
+        ends = np.append(starts[1:], len(i))
+        self.largest, self._terms, self._parts = int((ends - starts).max()), len(starts), []
+        first = 0
+        while first < len(starts):
+            last = max(int(np.searchsorted(ends, starts[first] + _TOGETHER)), first + 1)
+            part = slice(starts[first], ends[last - 1])
+            self._parts.append((slice(first, last), i[part], j[part], starts[first:last] - starts[first]))
+            first = last
+
+    def product(self, a: Array, b: Array) -> Array:
+        """Coefficients (T, P) of the product of polynomials (., P)."""
+        found = np.empty((self._terms, max(a.shape[1], b.shape[1])), dtype=np.result_type(a, b))
+        for terms, i, j, starts in self._parts:
+            products = a.take(i, axis=0) * b.take(j, axis=0)
+            np.add.reduceat(products, starts, axis=0, out=found[terms])
+        return found
+
+
+_TOGETHER = 2000
+"""Pairs of monomials that are multiplied together: their products stay in a cache."""
 
 
 @cache
@@ -150,7 +177,8 @@ class Model:
         """The same as a disc, whose places are the variables."""
         v = self.basis.variables
         if self.degree == 0:
-            return Disc(self.c[0], discs.disc(0.0).slopes, self.radius)
+            centre, radius = (self.c[0, 0], self.radius[0]) if self.c.size == 1 else (self.c[0], self.radius)
+            return Disc(centre, discs.disc(0.0).slopes, radius)
         return Disc(self.c[0], self.c[1 : 1 + v].T, above(self.radius + self.norms[2:].sum(axis=0)))
 
     def coefficients(self) -> Array:
@@ -196,8 +224,8 @@ def _multiply(a: Model, b: Model, most: int | None = None) -> Model:
     if min(a.degree, b.degree) == 0 and max(a.degree, b.degree) <= most:
         c = a.c * b.c
     else:
-        i, j, starts, group = basis.pairs(a.degree, b.degree, most)
-        c = np.add.reduceat(a.c[i] * b.c[j], starts, axis=0)
+        pairs = basis.pairs(a.degree, b.degree, most)
+        c, group = pairs.product(a.c, b.c), pairs.largest
         tails = np.cumsum(b.norms[::-1], axis=0)[::-1]
         for k, own in enumerate(a.norms):
             if most - k + 1 < len(tails):
