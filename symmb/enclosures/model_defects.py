@@ -15,7 +15,7 @@ from symmb.enclosures.rounding import above, of_sum
 from symmb.enclosures.several_parameters import at_nodes, equations_at_nodes, on_step, run
 from symmb.enclosures.taylor_models import OPERATIONS, Model, basis_of, reach
 
-_MORE, _MORE_OF_FRAME = 1, 1
+_MORE, _MORE_OF_FRAME = 3, 1
 """Degrees of Taylor models of defects beyond those of the polynomials."""
 _FINEST = 300
 """Most nodes of time."""
