@@ -78,7 +78,7 @@ def along(matrices: Sequence[Array | None], c: Array) -> Array:
 
 
 def graded(c: Array, d: int) -> Array:
-    """Coefficients (..., N + 1, ...) of d parameters without those of a total degree above N, for several parameters."""
+    """Coefficients (..., N + 1, ...) of d parameters, of several ones without those of a total degree above N."""
     if d <= FEW:
         return c
     lengths = c.shape[c.ndim - d :]

@@ -9,7 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.enclosures.chebyshev import FEW, along, coefficients_from_nodes, graded, integral, nodes, sums, values_at_nodes
+from symmb.enclosures.chebyshev import (
+    FEW,
+    along,
+    coefficients_from_nodes,
+    graded,
+    integral,
+    nodes,
+    sums,
+    values_at_nodes,
+)
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.points import PLAIN, plain

@@ -15,9 +15,7 @@ _NUMBERS = 1e5
 """Most coefficients of the polynomial of an output at a time, whose range is sought."""
 
 
-def model_output_bounds(
-    step: TimeStep, e: Array, times: Array, sharp: float
-) -> tuple[Array, Array, Array, Array]:
+def model_output_bounds(step: TimeStep, e: Array, times: Array, sharp: float) -> tuple[Array, Array, Array, Array]:
     """Lower and upper bounds of the outputs (n_t, n_y), the remainder in them, and sensitivities (n_y, n).
 
     States are within e (n,) of the motion.

@@ -220,20 +220,26 @@ def _multiply(a: Model, b: Model, most: int | None = None) -> Model:
     """The product up to the degree `most`, that of the basis if it is None."""
     basis = a.basis
     most = basis.degree if most is None else most
-    lost, group = np.zeros(1), 1
+    group = 1
     if min(a.degree, b.degree) == 0 and max(a.degree, b.degree) <= most:
         c = a.c * b.c
     else:
         pairs = basis.pairs(a.degree, b.degree, most)
         c, group = pairs.product(a.c, b.c), pairs.largest
-        tails = np.cumsum(b.norms[::-1], axis=0)[::-1]
-        for k, own in enumerate(a.norms):
-            if most - k + 1 < len(tails):
-                lost = lost + own * tails[max(most - k + 1, 0)]
     small = a.norms[0] * b.moved + a.moved * b.norm
     rounded = _relative(c) * (a.norms[0] * b.norms[0] + (group + 1.0) * small)
-    radius = a.norm * b.radius + a.radius * (b.norm + b.radius) + lost + rounded
+    radius = a.norm * b.radius + a.radius * (b.norm + b.radius) + _lost(a, b, most) + rounded
     return Model(c, above(radius), basis)
+
+
+def _lost(a: Model, b: Model, most: int) -> Array | float:
+    """Sums (P,) of the moduli of the terms of a product beyond a degree."""
+    lost: Array | float = 0.0
+    tails = np.cumsum(b.norms[::-1], axis=0)[::-1]
+    for k, own in enumerate(a.norms):
+        if most - k + 1 < len(tails):
+            lost = lost + own * tails[max(most - k + 1, 0)]
+    return lost
 
 
 def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array) -> Model:
