@@ -52,7 +52,7 @@ def output_bounds(
     """
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
-    if problem.d > ch.FEW:
+    if problem.n and problem.d > ch.FEW:
         e = above(step.B_largest @ w + beside)
         with np.errstate(all="ignore"):
             *found, slopes = model_output_bounds(step, e, times, sharp)

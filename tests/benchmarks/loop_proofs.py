@@ -4,9 +4,9 @@
 
 Mechanisms are four-bars, six-bars, slider-cranks, parallelograms, five-bars with a gear, and four-bars with ball joints
 (RSSR), in the plane or of spatial bodies, free or driven, with springs, dampers and torques of time. One or two of
-their lengths, density, stiffness, start and speed are uncertain, or with `several` three to five of them. The references are `_loops`: no symmb in them. At some
-of the mechanisms the motion ends or branches within the box, or there are parameters without a start: no bounds may be
-told from then on.
+their lengths, density, stiffness, start and speed are uncertain, or with `several` three to five of them. The
+references are `_loops`: no symmb in them. At some of the mechanisms the motion ends or branches within the box, or
+there are parameters without a start: no bounds may be told from then on.
 
 It prints what is wrong: bounds that a run leaves, finite bounds where there is no solution, crashes, proofs that take
 too long, and infinite bounds without a word. Then follow the times that are proved, how wide bounds are, and refusals.

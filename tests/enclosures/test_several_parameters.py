@@ -63,7 +63,8 @@ def _farthest(name, exact, arity, trials=12):
                     z = _value(a, x, place) + mpmath.mpc(complex(0.999999 * turn * a.radius[place]))
                     values.append(z if is_complex else mpmath.re(z))
                 radius = float(np.broadcast_to(found.radius, PLACES)[place])
-                worst = max(worst, float(abs(exact(*values) - _value(found, x, place)) / mpmath.mpf(max(radius, 1e-290))))
+                off = abs(exact(*values) - _value(found, x, place))
+                worst = max(worst, float(off / mpmath.mpf(max(radius, 1e-290))))
     return worst
 
 
