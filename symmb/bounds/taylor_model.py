@@ -71,9 +71,10 @@ class TaylorModel(Method):
     ----------
     Makino and Berz, International Journal of Differential Equations and Applications 10 (2005), preconditioned Taylor
     models; International Journal of Pure and Applied Mathematics 4 (2003), their arithmetic. Lohner, thesis, Karlsruhe
-    (1988), frames. Lin and Stadtherr, Applied Numerical Mathematics 57 (2007), parameters. Nedialkov, Jackson and Corliss, Applied Mathematics and Computation 105 (1999), a-priori enclosures.
-    Neumaier, Reliable Computing 9 (2003), Taylor forms. Trefethen, Approximation Theory and Approximation Practice
-    (2013), theorems 8.1 and 15.2, interpolation of analytic functions.
+    (1988), frames. Lin and Stadtherr, Applied Numerical Mathematics 57 (2007), parameters. Nedialkov, Jackson and
+    Corliss, Applied Mathematics and Computation 105 (1999), a-priori enclosures. Neumaier, Reliable Computing 9 (2003),
+    Taylor forms. Trefethen, Approximation Theory and Approximation Practice (2013), theorems 8.1 and 15.2,
+    interpolation of analytic functions.
     """
 
     order: int = 8
