@@ -18,7 +18,9 @@ from symmb.enclosures.patches import Patches
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.ranges import cut
 from symmb.enclosures.rounding import above, of_sum
+from symmb.enclosures.several_parameters import equations_at_nodes, on_step, run
 from symmb.enclosures.tape import Tape
+from symmb.enclosures.taylor_models import basis_of, reach
 
 _SHARE = 1e-17
 """Share of a state below which coefficients of its start are cut."""
@@ -53,8 +55,11 @@ def _first_front(problem: Problem, order: int) -> Front:
     step = TimeStep(own, 0.0, 1.0, u, _NONE, _NONE.c)
     e = _distance(step)
     every = tuple(range(n))
-    rho, most = _largest(step, start_of="outputs")
-    c, rest = interpolation(step, np.zeros(1), every, rho, most, np.zeros(n))
+    if d > ch.FEW:
+        c, rest = _modelled(step, own.output_tape, order)
+    else:
+        rho, most = _largest(step, start_of="outputs")
+        c, rest = interpolation(step, np.zeros(1), every, rho, most, np.zeros(n))
     of_unknowns = above(_slopes(step, e).reshape(len(e), n).T @ e) if len(e) else np.zeros(n)
     c = c[:, 0]
     size = ch.sums(c, d)
@@ -135,9 +140,30 @@ def _largest(step: TimeStep, start_of: str) -> tuple[list[float], Array]:
     raise ProofError("the starting values cannot be shown to be smooth over the box")
 
 
+def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
+    """Coefficients (m, 1, order + 1, ...) of values of the unknowns in several parameters, and their errors (m, 1)."""
+    d = step.problem.d
+    basis = basis_of(d, order + _MORE)
+    x, p, _ = equations_at_nodes(step, 1, basis)
+    found = run(tape, [x, p, [basis.constant(0.0)]])[0]
+    kept = basis.counts[order]
+    c, rest = np.zeros((len(found), 1, *(order + 1,) * d)), np.zeros((len(found), 1))
+    for k, a in enumerate(found):
+        own = basis.to_chebyshev @ a.coefficients()[:, 0]
+        c[(k, 0, *basis.exponents[:kept].T)] = own[:kept]
+        rest[k] = above(a.radius + np.abs(own[kept:]).sum() + of_sum(len(own) + 2) * a.norm).max()
+    return c, np.where(np.isnan(rest), np.inf, rest)
+
+
+_MORE = 3
+"""Degrees of Taylor models of a start beyond those of the motion."""
+
+
 def _slopes(step: TimeStep, e: Array) -> Array:
     """Bounds of the derivatives of the states by the unknowns, over the box and within e (n_u,) of them."""
     d = step.problem.d
+    if d > ch.FEW:
+        return np.array([reach(a) for a in on_step(step, step.problem.sensitivity_tape, e)[1]])
     found = np.empty(0)
     for count in _counts(d):
         real = step.on_patches(_patches(step, [1.0] * (d + 1), count), e)
@@ -164,11 +190,14 @@ def _distance(step: TimeStep) -> Array:
     if not n:
         return np.zeros(0)
     d = problem.d
-    rho, most = _largest(step, "rates")
     residual = Problem(problem.rates, problem.rates, problem.middle, problem.radius, problem.variables, problem.times,
                        problem.scales, problem.start)  # fmt: skip
     same = replace(step, problem=residual)
-    c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
+    if d > ch.FEW:
+        c, rest = _modelled(step, problem.rate_tape, step.degrees[1])
+    else:
+        rho, most = _largest(step, "rates")
+        c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
     real = _patches(step, [1.0] * (d + 1))
     middle = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[1]
