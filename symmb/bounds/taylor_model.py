@@ -39,8 +39,9 @@ class TaylorModel(Method):
     itself a polynomial of the parameters. The polynomials need not be exact. The defect u' - f(u) is an analytic
     function; it is interpolated at Chebyshev nodes, where values have bounds of their rounding, and the error of the
     interpolation is bounded by the largest value on ellipses around the box. Where the equations are polynomials,
-    enough nodes have no such error. A box for w that the equation of w cannot leave is then proved. Ranges of the
-    outputs follow by Bernstein coefficients and halving.
+    enough nodes have no such error. Of three parameters and more, the polynomials have a total degree, and the defect
+    is a Taylor model in the parameters at nodes of time. A box for w that the equation of w cannot leave is then
+    proved. Ranges of the outputs follow by Bernstein coefficients and halving.
 
     It takes chains, trees and closed loops, first-order states, and scenes without bodies whose outputs are
     expressions. The states of loops are all coordinates, and velocities that give the others by the rows of the loops.
@@ -55,7 +56,7 @@ class TaylorModel(Method):
 
     Parameters
     ----------
-    order : highest degree in each parameter
+    order : highest degree in each parameter; of three parameters and more, highest total degree
     boxes : most parts of the box. It is halved where and when the remainder grows, and the bounds are joined
 
     Raises
@@ -71,10 +72,11 @@ class TaylorModel(Method):
     References
     ----------
     Makino and Berz, International Journal of Differential Equations and Applications 10 (2005), preconditioned Taylor
-    models. Lohner, thesis, Karlsruhe (1988), frames. Lin and Stadtherr, Applied Numerical Mathematics 57 (2007),
-    parameters. Nedialkov, Jackson and Corliss, Applied Mathematics and Computation 105 (1999), a-priori enclosures.
-    Neumaier, Reliable Computing 9 (2003), Taylor forms. Trefethen, Approximation Theory and Approximation Practice
-    (2013), theorems 8.1 and 15.2, interpolation of analytic functions.
+    models; International Journal of Pure and Applied Mathematics 4 (2003), their arithmetic. Lohner, thesis, Karlsruhe
+    (1988), frames. Lin and Stadtherr, Applied Numerical Mathematics 57 (2007), parameters. Nedialkov, Jackson and
+    Corliss, Applied Mathematics and Computation 105 (1999), a-priori enclosures. Neumaier, Reliable Computing 9 (2003),
+    Taylor forms. Trefethen, Approximation Theory and Approximation Practice (2013), theorems 8.1 and 15.2,
+    interpolation of analytic functions.
     """
 
     order: int = 8

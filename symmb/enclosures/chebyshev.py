@@ -12,6 +12,8 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures.rounding import U, above, of_sum
 
+FEW = 2
+"""Most parameters of which polynomials have all products of powers. Those of more have a total degree."""
 ENTRY = 8 * U
 """Error of an entry of the matrices: an angle up to pi / 2 with relative error 3 U, and a cosine."""
 
@@ -73,6 +75,15 @@ def along(matrices: Sequence[Array | None], c: Array) -> Array:
         else:
             c = np.moveaxis(np.tensordot(matrix, c, (1, axis)), 0, axis)
     return c
+
+
+def graded(c: Array, d: int) -> Array:
+    """Coefficients (..., N + 1, ...) of d parameters, of several ones without those of a total degree above N."""
+    if d <= FEW:
+        return c
+    lengths = c.shape[c.ndim - d :]
+    total = sum(np.arange(m).reshape([-1 if i == j else 1 for j in range(d)]) for i, m in enumerate(lengths))
+    return np.where(total < max(lengths), c, 0.0)
 
 
 def sums(c: Array, variables: int) -> Array:

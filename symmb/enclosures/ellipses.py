@@ -64,6 +64,7 @@ class Control:
     h : length of the next step [s]
     wanted : size of the defects of the last step, to which errors of their interpolation are compared
     turn : which choices are compared next
+    rho : ellipse of time, for several parameters
     rough : which outputs (n_y,) could not be shown to be smooth in the last step, however many patches were tried
     """
 
@@ -71,6 +72,7 @@ class Control:
     h: float
     wanted: float = 1e-9
     turn: int = 0
+    rho: float = 2.0
     rough: Mask | bool = False
 
 

@@ -9,7 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.enclosures.chebyshev import along, coefficients_from_nodes, integral, nodes, sums, values_at_nodes
+from symmb.enclosures.chebyshev import (
+    FEW,
+    along,
+    coefficients_from_nodes,
+    graded,
+    integral,
+    nodes,
+    sums,
+    values_at_nodes,
+)
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.points import PLAIN, plain
@@ -22,6 +31,10 @@ _SPARE = 2
 """Nodes in each parameter beside the least number, so that cut terms alias little."""
 _DIVERGED = 1e3
 """Growth of a state after the first iteration at which a step is too long."""
+_TOGETHER = 2**14
+"""States that are treated together: they stay in a cache."""
+_FIRST = 3
+"""Terms of several parameters with which the iteration begins."""
 _SETTLED = 2e-15
 """Change over the size of a state at which the iteration ends: rounding."""
 
@@ -92,13 +105,16 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     Picard's iteration at Chebyshev nodes of time and of the parameters, all at once.
     """
     lengths = x0.shape[1:]
-    counts = [n + _SPARE for n in lengths]
+    few = problem.d <= FEW
+    counts = [n + _SPARE if few else n for n in lengths]
     begin = along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
     s = nodes(terms)
     p = parameters_at(problem, [nodes(m) for m in counts])
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
     step = 0.5 * h * (values_at_nodes(terms, terms + 1) @ integral(terms) @ coefficients_from_nodes(terms))
     x = np.repeat(begin[:, None], terms, axis=1)
+    if not few and max(lengths) > _FIRST:
+        x = x + _moved_first(problem, x0, t0, h, terms, counts)
     others = tuple(range(1, x.ndim))
     size = np.maximum(problem.scales, np.abs(x).max(axis=others))
     last, most = np.inf, None
@@ -117,12 +133,23 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         last = change
     else:
         raise ProofError("the motion changes too fast for the shortest step")
-    f = fit(rates_at(problem, x, p, t), (terms, *lengths))
+    f = graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
     return integrated(x0, _without_noise(f, _NOISE), h)
 
 
+def _moved_first(problem: Problem, x0: Array, t0: float, h: float, terms: int, counts: Sequence[int]) -> Array:
+    """About how far the motion (n, terms, *counts) is from its begin: few terms of the parameters move alike."""
+    part = (slice(None), *(slice(0, _FIRST),) * problem.d)
+    c = motion(problem, x0[part], t0, h, terms).c
+    c[:, 0] -= x0[part]
+    return along([values_at_nodes(m, size) for m, size in zip((terms, *counts), c.shape[1:], strict=True)], c)
+
+
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
-    """f at states (n, ...), (n, ...)."""
+    """f at states (n, terms, ...), (n, terms, ...), at some times after the others where there are many states."""
+    if x[0].size > _TOGETHER and x.shape[1] > 1:
+        k = x.shape[1] // 2
+        return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)
     found = problem.rate_tape.run(PLAIN, plain, [list(x), p, [t]])[0]
     return np.stack([np.broadcast_to(value, x.shape[1:]) for value in found])
 
@@ -156,13 +183,13 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         if change < _FRAME_SETTLED or (change < _CLOSE and change > 0.5 * last):
             break
         last = change
-    rate = fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths))
+    rate = graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)
     try:
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
         raise ProofError("deviations from the polynomials grow too differently in a step") from None
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), _FRAME_NOISE)
-    C = _without_noise(fit(inverse, (terms, *lengths)).reshape(rate.shape), _FRAME_NOISE)
+    C = _without_noise(graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _FRAME_NOISE)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
 
 

@@ -11,7 +11,7 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import Curve, fit
 from symmb.enclosures.rounding import U, above, of_sum
 
-_WORST = 1e4
+_WORST = 30.0
 """Condition of the frame, with columns of length 1, from which on it is made orthogonal."""
 
 _UNMOVED = 1e-3
@@ -100,6 +100,7 @@ def well_conditioned(front: Front, scales: Array, worst: float = _WORST) -> Fron
     Q = Q * np.where(np.diagonal(R, axis1=-2, axis2=-1) < 0, -1.0, 1.0)[..., None, :]
     B = fit(np.moveaxis(scales[:, None] * Q, (-2, -1), (0, 1)), lengths)
     C = fit(np.moveaxis(np.swapaxes(Q, -1, -2) / scales, (-2, -1), (0, 1)), lengths)
+    B, C = ch.graded(B, len(lengths)), ch.graded(C, len(lengths))
     try:
         return _in_frame(front, B, C)
     except ProofError:

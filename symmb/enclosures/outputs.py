@@ -20,6 +20,7 @@ from symmb.enclosures.ellipses import (
     reaches,
 )
 from symmb.enclosures.errors import ProofError
+from symmb.enclosures.model_outputs import model_output_bounds
 from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
@@ -51,6 +52,12 @@ def output_bounds(
     """
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
+    if problem.n and problem.d > ch.FEW:
+        e = above(step.B_largest @ w + beside)
+        with np.errstate(all="ignore"):
+            *found, slopes = model_output_bounds(step, e, times, sharp)
+        terms = slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
+        return *found, np.where(np.isfinite(terms), terms, 0.0)
     with np.errstate(all="ignore"):
         e, smooth = above(step.B_largest @ w + beside), np.zeros(n_y, dtype=bool)
         for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= TOO_MANY):

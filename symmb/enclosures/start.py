@@ -18,7 +18,9 @@ from symmb.enclosures.patches import Patches
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.ranges import cut
 from symmb.enclosures.rounding import above, of_sum
+from symmb.enclosures.several_parameters import equations_at_nodes, on_step, run
 from symmb.enclosures.tape import Tape
+from symmb.enclosures.taylor_models import basis_of, reach
 
 _SHARE = 1e-17
 """Share of a state below which coefficients of its start are cut."""
@@ -79,9 +81,12 @@ def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp:
     ------
     ProofError         if they cannot be shown to be smooth
     """
-    rho, most = _largest(step, start_of="outputs")
-    c, rest = interpolation(step, np.array([step.t0]), tuple(which.tolist()), rho, most[which], np.zeros(len(which)),
-                            sharp)  # fmt: skip
+    some, begin = tuple(which.tolist()), np.array([step.t0])
+    if len(lengths) > ch.FEW:
+        c, rest = _modelled(step, step.problem.tape_of_outputs(some), max(lengths) - 1)
+    else:
+        rho, most = _largest(step, start_of="outputs")
+        c, rest = interpolation(step, begin, some, rho, most[which], np.zeros(len(which)), sharp)
     c, lost = _cut_to(c[:, 0], lengths)
     short, gone = cut(c, _SHARE * ch.sums(c, len(lengths)))
     whole = np.zeros((len(which), *lengths))
@@ -111,9 +116,9 @@ def nominal_front(problem: Problem, order: int) -> Array:
 def _cut_to(c: Array, lengths: tuple[int, ...]) -> tuple[Array, Array]:
     """Coefficients up to numbers of terms in each variable, and the sums of the others (m,)."""
     part = (slice(None), *(slice(0, terms) for terms in lengths))
-    others = c.copy()
-    others[part] = 0.0
-    return c[part], ch.sums(others, c.ndim - 1)
+    kept, others = ch.graded(c[part], len(lengths)), c.copy()
+    others[part] -= kept
+    return kept, ch.sums(others, len(lengths))
 
 
 def _unknowns(problem: Problem, order: int) -> Array:
@@ -153,9 +158,30 @@ def _largest(step: TimeStep, start_of: str) -> tuple[list[float], Array]:
     raise ProofError("the starting values cannot be shown to be smooth over the box")
 
 
+def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
+    """Coefficients (m, 1, order + 1, ...) of the outputs of a tape at the begin of a step, and their errors (m, 1)."""
+    d = step.problem.d
+    basis = basis_of(d, order + _MORE)
+    x, p, _ = equations_at_nodes(step, 1, basis)
+    found = run(tape, [x, p, [basis.constant(step.t0)]])[0]
+    kept = basis.counts[order]
+    c, rest = np.zeros((len(found), 1, *(order + 1,) * d)), np.zeros((len(found), 1))
+    for k, a in enumerate(found):
+        own = basis.to_chebyshev @ a.coefficients()[:, 0]
+        c[(k, 0, *basis.exponents[:kept].T)] = own[:kept]
+        rest[k] = above(a.radius + np.abs(own[kept:]).sum() + of_sum(len(own) + 2) * a.norm).max()
+    return c, np.where(np.isnan(rest), np.inf, rest)
+
+
+_MORE = 3
+"""Degrees of Taylor models of a start beyond those of the motion."""
+
+
 def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
     """Bounds of the outputs of a tape over the box and within e (n,) of the states."""
     d = step.problem.d
+    if d > ch.FEW:
+        return [np.array([reach(a) for a in part]) for part in on_step(step, tape, e)]
     found: list[Array] = []
     for count in _counts(d):
         real = step.on_patches(_patches(step, [1.0] * (d + 1), count), e)
@@ -182,11 +208,14 @@ def _distance(step: TimeStep) -> Array:
     if not n:
         return np.zeros(0)
     d = problem.d
-    rho, most = _largest(step, "rates")
     residual = Problem(problem.rates, problem.rates, problem.middle, problem.radius, problem.variables, problem.times,
                        problem.scales, problem.start)  # fmt: skip
     same = replace(step, problem=residual)
-    c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
+    if d > ch.FEW:
+        c, rest = _modelled(step, problem.rate_tape, step.degrees[1])
+    else:
+        rho, most = _largest(step, "rates")
+        c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
     for count in (count for count in _PARTS if count**d <= _MOST_PARTS):
         e = _contracted(step, off, _patches(step, [1.0] * (d + 1), count))

@@ -21,13 +21,15 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
-from symmb.enclosures import discs
+from symmb.enclosures import discs, taylor_models
 from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.defects import defect_of_frame, defect_of_motion, exact_defects
 from symmb.enclosures.ellipses import Control, adapted, patches_on
 from symmb.enclosures.errors import ProofError
+from symmb.enclosures.model_defects import defects_of_models
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import U, above
+from symmb.enclosures.several_parameters import on_step
 
 _TRIALS = 12
 """Candidates for the box of w."""
@@ -55,10 +57,12 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
 
 
 def _prove(step: TimeStep, w0: Array, control: Control) -> Proof:
-    defects = exact_defects(step)
+    defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects
-        rho, patches = [_AROUND] * len(step.degrees), control.choice.patches
+        rho = [_AROUND] * len(step.degrees)
+    elif step.problem.d > ch.FEW:
+        defect, growth, rho = defects_of_models(step, w0, control)
     else:
         chosen = adapted(step, control)
         rho, patches = chosen.rho, chosen.choice.patches
@@ -91,6 +95,8 @@ def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:
     tape = step.problem.regular_tape
     if tape is None:
         return True
+    if step.problem.d > ch.FEW:
+        return all(map(taylor_models.is_regular, on_step(step, tape, e)[0]))
     real = step.on_patches(patches_on(step, [1.0] * len(step.degrees), patches), e)
     return all(map(discs.is_regular, tape.run(discs.OPERATIONS, discs.disc, real)[0]))
 
@@ -112,7 +118,7 @@ class _Curvature:
         self._step = step
         d = len(rho) - 1
         counts = patches[0], max(patches[1], max(count for count in _COUNTS if count**d <= _TOGETHER))
-        self._patches = patches_on(step, [1.0] * len(rho), counts)
+        self._patches = patches_on(step, [1.0] * len(rho), counts)  # not made for several parameters
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
         self._radius, self._change = np.zeros(0), np.zeros(0)
@@ -140,7 +146,10 @@ class _Curvature:
     def _changes(self, radius: Array) -> Array:
         """Largest radii (n, n) of the Jacobian's discs, at any place of a patch, over states within a radius (n,)."""
         tape, n = self._step.problem.jacobian_tape, self._step.problem.n
-        entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
+        if self._step.problem.d > ch.FEW:
+            entries = on_step(self._step, tape, radius)[1]
+        else:
+            entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
         return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
 
 

@@ -1,12 +1,12 @@
 """Proved bounds of random mechanisms with loops against closed forms: python tests/benchmarks/loop_proofs.py.
 
-    PYTHONPATH=. python tests/benchmarks/loop_proofs.py [number] [first seed]
+    PYTHONPATH=. python tests/benchmarks/loop_proofs.py [number] [first seed] [several]
 
 Mechanisms are four-bars, six-bars, slider-cranks, parallelograms, five-bars with a gear, and four-bars with ball joints
 (RSSR), in the plane or of spatial bodies, free or driven, with springs, dampers and torques of time. One or two of
-their lengths, density, stiffness, start and speed are uncertain. The references are `_loops`: no symmb in them. At some
-of the mechanisms the motion ends or branches within the box, or there are parameters without a start: no bounds may be
-told from then on.
+their lengths, density, stiffness, start and speed are uncertain, or with `several` three to five of them. The
+references are `_loops`: no symmb in them. At some of the mechanisms the motion ends or branches within the box, or
+there are parameters without a start: no bounds may be told from then on.
 
 It prints what is wrong: bounds that a run leaves, finite bounds where there is no solution, crashes, proofs that take
 too long, and infinite bounds without a word. Then follow the times that are proved, how wide bounds are, and refusals.
@@ -18,7 +18,8 @@ import traceback
 import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -41,11 +42,23 @@ SLOW = 60.0
 """Seconds of a proof that are told."""
 
 
-def random_case(seed: int) -> Case:
-    """A random mechanism. One in four ends or branches, or has no start for some parameters."""
+def random_case(seed: int, several: bool = False) -> Case:
+    """A random mechanism. One in four ends or branches, or has no start for some parameters, but not with several."""
     rng = np.random.default_rng(seed)
-    kinds = _SPECIAL if rng.random() < 0.25 else _REGULAR
-    return kinds[int(rng.integers(len(kinds)))](rng)
+    kinds = _SPECIAL if rng.random() < 0.25 and not several else _REGULAR
+    case = kinds[int(rng.integers(len(kinds)))](rng)
+    return _with_several(case, rng) if several else case
+
+
+def _with_several(case: Case, rng: np.random.Generator) -> Case:
+    """The same mechanism with three to five uncertain parameters, of up to 0.3 %."""
+    box = case.scene.box
+    values = {name: float(value) for name, value in case.scene.system.parameters.items()}
+    others = [name for name in values if values[name] and name not in box.names]
+    names = [*box.names, *rng.permutation(others)][: int(rng.integers(3, 6))]
+    spread = 10.0 ** rng.uniform(-3.5, -2.5)
+    wide = {name: tuple(sorted((values[name] * (1 - spread), values[name] * (1 + spread)))) for name in names}
+    return replace(case, scene=case.scene.with_box(mb.Box(**wide)))
 
 
 def _box(rng: np.random.Generator, values: dict[str, float], names: tuple[str, ...]) -> dict[str, tuple[float, float]]:
@@ -353,21 +366,23 @@ def check(case: Case, order: int = 5, count: int = 8) -> Found:
     return found
 
 
-def judge(seed: int) -> Found:
-    case = random_case(seed)
+def judge(seed: int, several: bool = False) -> Found:
+    case = random_case(seed, several)
     try:
-        return check(case, order=4 + seed % 3)
+        return check(case, order=(3 if several else 4) + seed % 3)
     except Exception:
         return Found(case.kind, fault=traceback.format_exc())
 
 
 def main() -> None:
-    count, first = (int(a) for a in (*sys.argv[1:], *("100", "0")[len(sys.argv) - 1 :]))
+    several = "several" in sys.argv
+    numbers = [a for a in sys.argv[1:] if a != "several"]
+    count, first = (int(a) for a in (*numbers, *("100", "0")[len(numbers) :]))
     _isolated.WORKERS = 1
     begin, all_found, wrong = time.perf_counter(), [], 0
-    for seed, found in _isolated.outcomes(judge, range(first, first + count), LIMIT):
+    for seed, found in _isolated.outcomes(partial(judge, several=several), range(first, first + count), LIMIT):
         if isinstance(found, str):
-            found = Found(random_case(seed).kind, fault=f"{found} (limit {LIMIT:g} s)", seconds=LIMIT)
+            found = Found(random_case(seed, several).kind, fault=f"{found} (limit {LIMIT:g} s)", seconds=LIMIT)
         all_found.append(found)
         if found.outside > INSIDE or found.fault or found.seconds > SLOW:
             wrong += found.outside > INSIDE or bool(found.fault)
