@@ -146,20 +146,13 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     problem, front, control = place.problem, place.front, replace(place.control)
     phase = problem.phase or Phase(problem.rates)
     is_in_window = front.t >= phase.stop
-    if is_in_window and phase.window is None:
-        raise ProofError(phase.why)
-    change, near = problem.change, _NEAR * grain
-    usual, left = control.h, (phase.resume if is_in_window else phase.stop) - front.t
-    if change is not None and (change.late is not None or change.time > front.t + near):
-        left = min(left, change.time - front.t)
-        if is_in_window and change.late is not None and change.time <= phase.resume:
-            raise ProofError(f"a value is sampled while {phase.why}")
+    usual, left = control.h, _left(problem, front.t, phase, grain)
     control.h = min(usual, left)
     step, proof = _step(problem, front, grain, control)
     beside = off_while_switching(step, proof, phase.window) if is_in_window else np.zeros(problem.n)
     front, times = leaving(step, proof.end), problem.times
-    is_sampled = change is not None and change.late is not None and front.t == change.time
-    until = front.t - _AT * change.late if is_sampled else front.t  # at an instant, outputs have the new values
+    late = _late(problem, front.t)
+    until = front.t if late is None else front.t - _AT * late  # at an instant, outputs have the new values
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
         part = slice(course.stored, behind)
@@ -172,13 +165,45 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         if front.t < phase.resume:
             raise ProofError(phase.why)
         front, problem = replace(front, x_error=above(front.x_error + beside)), problem.after_switch()
-    elif is_sampled:
-        front = drifted(problem, front, change.late)
-        front, problem = mapped(problem, front, change.states), problem.after_change(front.t)
-        front = drifted(problem, front, change.late)
-    elif change is not None and change.time <= front.t + near and front.t < phase.stop and not course.is_done:
-        front, problem = mapped(problem, front, change.states), problem.after_change(front.t)
+    elif front.t < phase.stop and not course.is_done:
+        front, problem = _changed(problem, front, grain)
     return Place(front, control, problem), step.h
+
+
+def _left(problem: Problem, t: float, phase: Phase, grain: float) -> float:
+    """Time to the next one at which a step must end, which may be infinite [s].
+
+    Raises
+    ------
+    ProofError         if a proof cannot go over the switch that is next, or over an instant while laws switch
+    """
+    is_in_window, change = t >= phase.stop, problem.change
+    if is_in_window and phase.window is None:
+        raise ProofError(phase.why)
+    end = phase.resume if is_in_window else phase.stop
+    if change is None:
+        return end - t
+    if is_in_window and change.late is not None and change.time <= phase.resume:
+        raise ProofError(f"values are sampled while {phase.why}")
+    is_ahead = change.late is not None or change.time > t + _NEAR * grain
+    return (min(end, change.time) if is_ahead else end) - t
+
+
+def _late(problem: Problem, t: float) -> float | None:
+    """The error of an instant at a time; None if there is none."""
+    change = problem.change
+    return None if change is None or t != change.time else change.late
+
+
+def _changed(problem: Problem, front: Front, grain: float) -> tuple[Front, Problem]:
+    """The front and the problem behind a change of states, if it is due."""
+    change, late = problem.change, _late(problem, front.t)
+    if change is None or (late is None and (change.late is not None or change.time > front.t + _NEAR * grain)):
+        return front, problem
+    if late is not None:
+        front = drifted(problem, front, late)
+    front, problem = mapped(problem, front, change.states), problem.after_change(front.t)
+    return (front if late is None else drifted(problem, front, late)), problem
 
 
 def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:

@@ -93,7 +93,6 @@ def _require_tapes(method: object, problem: Problem) -> None:
     of_switches = [] if problem.valid_tape is None else [problem.valid_tape]
     for tape in (problem.jacobian_tape, problem.sensitivity_tape, *of_switches, *starts):
         _require_remainders(method, ", ".join(tape.unknown(OPERATIONS)))
-    return problem
 
 
 def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Problem:

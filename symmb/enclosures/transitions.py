@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
 from symmb.enclosures.errors import ProofError
@@ -100,7 +100,7 @@ def drifted(problem: Problem, front: Front, late: float) -> Front:
     return replace(front, x_error=above(front.x_error + moved))
 
 
-def _with(array: Array, which: Array, rows: Array) -> Array:
+def _with(array: Array, which: Indices, rows: Array) -> Array:
     """The array with other rows."""
     found = array.copy()
     found[which] = rows
