@@ -237,7 +237,7 @@ def _decision_of_doubtful(error: float, margin: Array) -> tuple[bool | None, str
         return False, f"The bounds are beyond it by more: {text}."
     if (margin >= _DOUBTFUL * error).all():
         return True, f"The bounds are inside by more: {text}."
-    return None, f"The bounds are too close to it, as {text}: PolynomialChaos(budget=..., seconds=...) with larger numbers decides."
+    return None, f"The bounds are too close to it: {text}. PolynomialChaos(budget=..., seconds=...) may decide."
 
 
 def _ends(owner: str, name: str, pair: object) -> tuple[float, float]:
