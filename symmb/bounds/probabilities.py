@@ -200,19 +200,19 @@ def probability_of(
     """
     owner = "Bounds.probability"
     k = responses.column(owner, output)
-    thresholds = [value for value in (below, above) if value is not None]
-    if not thresholds or not all(map(is_finite_number, thresholds)) or thresholds != sorted(thresholds):
+    given = [value for value in (below, above) if value is not None]
+    ends = [float(value) for value in given if is_finite_number(value)]
+    if not ends or len(ends) < len(given) or ends != sorted(ends):
         raise DeclarationError(
             f"{owner}: give a number for one of above and below, or for both, of which below is not the larger one, "
             f"got {shown(above)} and {shown(below)}."
         )
-    top = np.inf if above is None else float(thresholds[-1])
-    bottom = -np.inf if below is None else float(thresholds[0])
+    bottom, top = -np.inf if below is None else ends[0], np.inf if above is None else ends[-1]
     samples = _Samples(owner, responses, k, laws, correlation)
     at_times, ever = [], np.zeros((4, _REPLICATES, samples.number // _REPLICATES), dtype=bool)
     for window, low, high in samples.over_time():
-        ends, e = (responses.lower[window, k], responses.upper[window, k]), samples.error[window]
-        low, high = np.clip(low, *ends), np.clip(high, *ends)
+        least, greatest, e = responses.lower[window, k], responses.upper[window, k], samples.error[window]
+        low, high = np.clip((low, high), least, greatest)
         pairs = (low, high), (high, low), (low - e, high + e), (high + e, low - e)
         beyond = np.stack([(above_it > top) | (below_it < bottom) for above_it, below_it in pairs])
         at_times.append(beyond.mean(axis=2))
