@@ -154,7 +154,8 @@ def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
         return x0
     errors = np.array([error for _, error, *_ in found[dae.n_q : dae.n_q + dae.n_v]])
     x = start.nominal()
-    G_there = dae.G(*dae.arguments(np.concatenate([x["q"], x["v"], x["s"]]), x["p"], start.t0)).full()
+    there = dae.arguments(ca.SX(np.concatenate([x["q"], x["v"], x["s"]])), ca.SX(x["p"]), ca.SX(start.t0))
+    G_there = ca.DM(dae.G(*there)).full()
     weights = np.maximum(errors / errors.max(initial=1e-300), _EXACT) * dae.displacement_scales
     dependent = list(qr(G_there * weights, mode="r", pivoting=True)[-1][: dae.n_r])
     free = [k for k in range(dae.n_v) if k not in dependent]

@@ -45,7 +45,8 @@ def with_modes(
 
     def solve(samples: Array) -> Array:
         u = start.solve(samples)
-        A = np.where(np.isfinite(u).all(axis=1)[:, None, None], matrices(u, samples), 0.0)
+        A = matrices(u, samples)
+        A[np.isnan(u).any(axis=1)] = 0.0
         values, vectors = np.linalg.eig(A)
         parts = [u]
         for shape, mode in zip(shapes.T, modes, strict=True):

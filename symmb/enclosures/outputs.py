@@ -55,9 +55,9 @@ def output_bounds(
     if problem.n and problem.d > ch.FEW:
         e = above(step.B_largest @ w + beside)
         with np.errstate(all="ignore"):
-            *found, slopes = model_output_bounds(step, e, times, sharp)
+            lower, upper, remainder, slopes = model_output_bounds(step, e, times, sharp)
         terms = slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
-        return *found, np.where(np.isfinite(terms), terms, 0.0)
+        return lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
     with np.errstate(all="ignore"):
         e, smooth = above(step.B_largest @ w + beside), np.zeros(n_y, dtype=bool)
         for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= TOO_MANY):

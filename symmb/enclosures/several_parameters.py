@@ -116,13 +116,14 @@ class TimePatches:
         modulus = np.abs(own)
         found = np.zeros((len(c), basis.counts[-1], len(self._factors[0])), dtype=self._factors[0].dtype)
         whole = modulus.sum(axis=2) + lost
-        radius = whole @ self._rest[:size] + lost @ (sum(self._sizes)[:size]) + error
+        sizes = np.sum(self._sizes, axis=0)[:size]
+        radius = whole @ self._rest[:size] + lost @ sizes + error
         for m, (factor, most) in enumerate(zip(self._factors, self._sizes, strict=True)):
             count = of_parameters.counts[basis.degree - m]
             exponents = np.column_stack([np.full(count, m), of_parameters.exponents[:count]])
             found[:, basis.places(exponents)] = np.einsum("pk,qkt->qtp", factor[:, :size], own[..., :count])
             radius = radius + modulus[..., count:].sum(axis=2) @ most[:size]
-        radius = above(radius + _SUMS * (modulus.sum(axis=2) @ sum(self._sizes)[:size]))
+        radius = above(radius + _SUMS * (modulus.sum(axis=2) @ sizes))
         return [Model(values, np.full(1, r), basis) for values, r in zip(found, radius, strict=True)]
 
 
