@@ -88,8 +88,10 @@ def test_reactions_and_accelerations_are_outputs_in_both():
 
 def test_the_cheaper_coordinates_are_chosen_and_told():
     study = mb.DAESimulator(double_pendulum(), mb.DormandPrince())
-    assert study.coordinates == "joint" and study.reason.startswith("coordinates of joints, which take fewer operations: ")
-    assert "coordinates of joints, which take fewer operations: " in mb.simulate(double_pendulum()).reason
+    assert study.coordinates == "joint" and study.reason.startswith(
+        "coordinates of joints, which take fewer operations"
+    )
+    assert "coordinates of joints, which take fewer operations" in mb.simulate(double_pendulum()).reason
     assert mb.DAESimulator(spherical_pendulum.scene(), mb.DormandPrince()).coordinates == "body"
     augmented = mb.DormandPrince(stabilization=mb.AugmentedLagrangian())
     assert mb.DAESimulator(four_bar.scene(), augmented).coordinates == "body"
