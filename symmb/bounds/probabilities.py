@@ -200,9 +200,9 @@ def probability_of(
     """
     owner = "Bounds.probability"
     k = responses.column(owner, output)
-    given = [value for value in (below, above) if value is not None]
-    ends = [float(value) for value in given if is_finite_number(value)]
-    if not ends or len(ends) < len(given) or ends != sorted(ends):
+    thresholds = [value for value in (below, above) if value is not None]
+    ends = [float(value) for value in thresholds if is_finite_number(value)]
+    if not ends or len(ends) < len(thresholds) or ends != sorted(ends):
         raise DeclarationError(
             f"{owner}: give a number for one of above and below, or for both, of which below is not the larger one, "
             f"got {shown(above)} and {shown(below)}."
