@@ -98,7 +98,7 @@ class Case:
 
     Attributes
     ----------
-    runs : P (n_p,) -> outputs (n_t, n_y), not a number where no solution is known
+    runs : P (N, n_p) -> outputs (N, n_t, n_y), not a number where no solution is known
     ends : P (n_p,) -> time from which on there is no solution, or more than one; infinite where there always is one
     starts : whether it can be started with all parameters of the box
     """
@@ -130,17 +130,37 @@ class Coordinate:
         self._f = ca.Function("f", [at.phi, at.v, at.t, at.p], [(force - half * at.v**2) / reduced])
         self._start = ca.Function("start", [at.p], [ca.SX(value) for value in start])
 
-    def __call__(self, p: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """(n_t, 3) coordinate, rate and acceleration; not a number from where the run fails."""
+    def __call__(self, P: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Coordinate, rate and acceleration (3, N, n_t) at P (N, n_p); not a number from where a run fails."""
         if self._law is not None:
-            return np.array([[float(value) for value in self._law(t, p)] for t in times])
-        f, z = self._f, [float(value) for value in self._start(p)]
-        found = np.full((len(times), 3), np.nan)
-        run = solve_ivp(lambda t, z: [z[1], float(f(*z, t, p))], (times[0], times[-1]), z, method="DOP853",
-                        rtol=FINE, atol=1e-15, t_eval=times, max_step=LONGEST)  # fmt: skip
-        for k, (t, y) in enumerate(zip(run.t, run.y.T, strict=True)):
-            found[k] = [*y, float(f(*y, t, p))]
-        return found
+            return np.array(mapped(self._law, np.tile(times, len(P)), P.repeat(len(times), axis=0)))[..., 0].reshape(
+                3, len(P), len(times))  # fmt: skip
+        z = np.concatenate([value.ravel() for value in mapped(self._start, P)])
+
+        def rates(t: float, z: np.ndarray) -> np.ndarray:
+            phi, v = z.reshape(2, -1)
+            return np.concatenate([v, mapped(self._f, phi, v, np.full(len(P), t), P)[0].ravel()])
+
+        found = np.full((2 * len(P), len(times)), np.nan)
+        run = solve_ivp(rates, (times[0], times[-1]), z, method="DOP853", rtol=FINE, atol=1e-15, t_eval=times,
+                        max_step=LONGEST)  # fmt: skip
+        if not run.success and len(P) > 1:
+            return np.concatenate([self(part, times) for part in np.array_split(P, 2)], axis=1)
+        found[:, : len(run.t)] = run.y
+        phi, v = found.reshape(2, len(P), -1)
+        at = phi.ravel(), v.ravel(), np.tile(times, len(P)), P.repeat(len(times), axis=0)
+        return np.array([phi, v, mapped(self._f, *at)[0].reshape(phi.shape)])
+
+
+def mapped(f: ca.Function, *arguments: np.ndarray) -> list[np.ndarray]:
+    """A Function at N points, all arguments (N,) or (N, n): values (N, size), or (N, rows, columns) of matrices."""
+    N = len(arguments[-1])
+    values = f.map(N)(*(np.atleast_2d(a) if a.ndim == 1 else a.T for a in arguments))
+    found = []
+    for i, value in enumerate(values if isinstance(values, tuple) else (values,)):
+        rows, columns = f.size_out(i)
+        found.append(value.full().reshape(rows, N, columns).swapaxes(0, 1))
+    return [value[..., 0] if value.shape[2] == 1 else value for value in found]
 
 
 def symbols(names: list[str]) -> SimpleNamespace:
@@ -184,10 +204,11 @@ def planar_case(
     scene = _scene(kind, values, plan, start(p), p, times, box, watched, law, spatial, gravity, start_of, guess)
     first = guess[list(own.bars).index(body), 2]
 
-    def runs(p: np.ndarray) -> np.ndarray:
-        found = np.array([outputs(*state, t, p) for state, t in zip(coordinate(p, times), times, strict=True)])
-        found[:, 0] = first + np.arctan2(np.sin(found[:, 0] - first), np.cos(found[:, 0] - first))
-        return found[:, 2:] if spatial else found
+    def runs(P: np.ndarray) -> np.ndarray:
+        at = [value.ravel() for value in coordinate(P, times)]
+        found = outputs(*at, np.tile(times, len(P)), P.repeat(len(times), axis=0)).reshape(len(P), len(times), -1)
+        found[..., 0] = first + np.arctan2(np.sin(found[..., 0] - first), np.cos(found[..., 0] - first))
+        return found[..., 2:] if spatial else found
 
     return Case(kind, scene, runs, **others)
 
@@ -233,13 +254,14 @@ def _closed_form(
                     [shown, ca.densify(ca.horzcat(*columns)), ca.densify(inertia)])  # fmt: skip
     force_at = [ours[joint, part] for part in "xy"]
 
-    def outputs(*arguments: Any) -> np.ndarray:
-        values, A, b = (part.full() for part in f(*arguments))
-        if not (np.isfinite(A).all() and np.isfinite(b).all()):
-            return np.full(len(values) + 2 + (law is not None), np.nan)
-        forces = np.linalg.lstsq(A, b, rcond=None)[0].ravel()
-        more = [forces[len(columns) - 1 - bool(plan.gear)]] if law is not None else []
-        return np.array([*values.ravel(), *forces[force_at], *more])
+    def outputs(*arguments: np.ndarray) -> np.ndarray:
+        values, A, b = mapped(f, *arguments)
+        known = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
+        found = np.full((len(b), values.shape[1] + 2 + (law is not None)), np.nan)
+        forces = (np.linalg.pinv(A[known], rcond=1e-12) @ b[known, :, None])[..., 0]
+        more = [forces[:, [len(columns) - 1 - bool(plan.gear)]]] if law is not None else []
+        found[known] = np.hstack([values[known], forces[:, force_at], *more])
+        return found
 
     return coordinate, outputs
 
@@ -468,8 +490,9 @@ def _rssr(values: dict[str, float], gamma: float, times: np.ndarray, box: dict[s
         outputs["drive"] = -system.lam("motor")[0]
     scene = mb.Scene(system, start, times, outputs, guess=guess, box=mb.Box(**box), name="RSSR")
 
-    def runs(p: np.ndarray) -> np.ndarray:
-        states = coordinate(p, times)
-        return np.array([shown(*state, t, p).full().ravel() for state, t in zip(states, times, strict=True)])
+    def runs(P: np.ndarray) -> np.ndarray:
+        at = [value.ravel() for value in coordinate(P, times)]
+        (found,) = mapped(shown, *at, np.tile(times, len(P)), P.repeat(len(times), axis=0))
+        return found.reshape(len(P), len(times), -1)
 
     return Case("RSSR" if massive else "RSSR of a distance", scene, runs)
