@@ -46,7 +46,9 @@ class TaylorModel(Method):
     It takes chains, trees and closed loops, first-order states, and scenes without bodies whose outputs are
     expressions. The states of loops are all coordinates, and velocities that give the others by the rows of the loops.
     Where a nominal run finds other velocities better, the states change to these.
-    Frequencies and damping of a `ModalSimulator` are proved as long as no two may cross in the box.
+    Frequencies and damping of a `ModalSimulator` are proved as long as no two may cross in the box. Values of
+    `critical` are proved as values at which one eigenvalue is imaginary, or 0. Both need an equilibrium, or a steady
+    motion in coordinates that do not turn.
     Reactions and accelerations are outputs as others are; multipliers of redundant rows are those of least norm.
     Steps end at the instants of sampled values. Impacts, rows that depend on others for some parameters only, and kinks
     or jumps that depend on the state are refused. Where nothing can be proved any more, as from the first jump of a law

@@ -11,14 +11,14 @@ from symmb._types import Array
 from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
 from symmb.enclosures.independent_velocities import Equations, equations_of, start_states
-from symmb.enclosures.modes import with_modes
+from symmb.enclosures.modes import LinearStart, with_limits, with_modes
 from symmb.enclosures.problem import Change, Problem, StartEquations
 from symmb.enclosures.sampling import sampled
 from symmb.enclosures.schedule import Phase, Schedule, corners
 from symmb.enclosures.tape import Tape
 from symmb.events import kinks
 from symmb.formulations import Formulation
-from symmb.linear import ModalSimulator
+from symmb.linear import CriticalSimulator, ModalSimulator
 from symmb.model import DAE, Box
 from symmb.simulation import DAESimulator, prepare_equations
 from symmb.symbolic import On, batch, branches, common
@@ -35,6 +35,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     """
     if isinstance(simulator, ModalSimulator):
         return _modal_problem(method, simulator, box)
+    if isinstance(simulator, CriticalSimulator):
+        return _critical_problem(method, simulator, box)
     # The attribute is read: from Python 3.12 on isinstance accepts a property that raises.
     expression: ca.Function | None = getattr(simulator, "expression", None)
     if not isinstance(simulator, DAESimulator) and expression is None:
@@ -97,20 +99,68 @@ def _require_tapes(method: object, problem: Problem) -> None:
 
 def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Problem:
     """Frequencies and damping: the starting equations have the modes, and nothing moves."""
-    runs = prepare_equations(simulator.scene)
-    form, t = _formulation(method, runs, box), float(runs.times[0])
-    equations = equations_of(form, runs.scene.system, runs.times[:1])
-    modes, p = simulator.eigenvalues, np.array([*simulator.parameters.values()])
-    sizes = form.dae.state_sizes[equations.kept]
-    start = with_modes(_start(form, equations), equations, sizes, modes, p, t)
-    _require_remainders(method, ", ".join(Tape(start.residual).unknown(OPERATIONS)))
-    x, parameters, time = ca.SX.sym("x", 2 * len(modes)), ca.SX.sym("p", len(p)), ca.SX.sym("t")
+    linear, modes = _linear_start(method, simulator, box), simulator.eigenvalues
+    intervals = _intervals(simulator, box)
+    _require_fixed(method, linear, simulator, corners(*intervals[:2]))
+    start = with_modes(linear, modes, np.array([*simulator.parameters.values()]))
+    x = ca.SX.sym("x", 2 * len(modes))
     a, b = x[::2] - 1, x[1::2]
     share = ca.sqrt(a**2 + b**2)
     outputs = ca.vertcat(share * np.abs(modes) / (2 * np.pi), -a / share)
-    rates = ca.Function("rates", [x, parameters, time], [ca.SX.zeros(x.numel())])
-    return Problem(rates, common("outputs", [x, parameters, time], [outputs]), *_intervals(simulator, box), np.zeros(1),
-                   _OF_A_MODE * np.ones(x.numel()), start, refused=("",) * x.numel())  # fmt: skip
+    return _still_problem(method, start, x, outputs, intervals)
+
+
+def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) -> Problem:
+    """Critical values of a parameter, at which an eigenvalue is imaginary or 0."""
+    linear, intervals = _linear_start(method, simulator, box), _intervals(simulator, box)
+    p, (low, high) = np.array([*simulator.parameters.values()]), simulator.range
+    values = simulator.run(p[None]).Y[0, 0]
+    try:
+        start = with_limits(linear, simulator.number, high - low, values, p)
+    except ValueError:
+        raise PropagationError(
+            f"{method!r}: at a critical {simulator.outputs[0]} more than one eigenvalue is imaginary or 0, which is "
+            "not proved. Use PolynomialChaos()."
+        ) from None
+    samples = corners(*intervals[:2])
+    shares = batch(start.states, start.solve(samples), samples)[0]
+    for k, value in enumerate(values.tolist()):
+        whole = np.insert(samples, simulator.number, value + (high - low) * shares[:, k], axis=1)
+        _require_fixed(method, linear, simulator, whole)
+    x = ca.SX.sym("x", len(values))
+    return _still_problem(method, start, x, values + (high - low) * x, intervals)
+
+
+def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:
+    """Start and Jacobian of the scene of a simulator."""
+    runs = prepare_equations(simulator.scene)
+    form, t = _formulation(method, runs, box), float(runs.times[0])
+    equations = equations_of(form, runs.scene.system, runs.times[:1])
+    return LinearStart(_start(form, equations), equations, form.dae.state_sizes[equations.kept], t)
+
+
+def _require_fixed(
+    method: object, linear: LinearStart, simulator: ModalSimulator | CriticalSimulator, P: Array
+) -> None:
+    """Refuse steady motions in coordinates that turn, at which the Jacobian has other eigenvalues than the scene."""
+    P = P[np.isfinite(P).all(axis=1)]
+    P = P[np.isfinite(linear.start.solve(P)).all(axis=1)]
+    if not linear.has(P, [found.values for found, _ in simulator.family.eigen_of(P)]):
+        raise PropagationError(
+            f"{method!r}: {simulator.name} starts in a motion that is steady only in coordinates that turn, of which "
+            "it proves nothing. Use PolynomialChaos()."
+        )
+
+
+def _still_problem(
+    method: object, start: StartEquations, x: ca.SX, outputs: ca.SX, intervals: tuple[Array, Array, tuple[int, ...]]
+) -> Problem:
+    """Outputs of states that follow from their starting equations, and do not move."""
+    _require_remainders(method, ", ".join(Tape(start.residual).unknown(OPERATIONS)))
+    arguments = [x, ca.SX.sym("p", len(intervals[0])), ca.SX.sym("t")]
+    rates = ca.Function("rates", arguments, [ca.SX.zeros(x.numel())])
+    return Problem(rates, common("outputs", arguments, [outputs]), *intervals, np.zeros(1),
+                   _OF_A_MODE * np.ones(x.numel()), start, refused=("",) * outputs.numel())  # fmt: skip
 
 
 _OF_A_MODE = 0.1

@@ -3,7 +3,7 @@
 `linearize` gives one linearisation, `ModalSimulator` frequencies for samples of the parameters.
 """
 
-from symmb.linear.critical import critical, require_range
+from symmb.linear.critical import CriticalSimulator, critical, require_range
 from symmb.linear.family import LinearFamily
 from symmb.linear.linearization import linearize
 from symmb.linear.locus import QUANTITIES, LocusSimulator, nominal_locus

@@ -59,10 +59,10 @@ class CriticalSimulator(BlackBox):
     def __init__(self, scene: Scene, parameter: str, range: tuple[float, float]) -> None:
         scene = scene_of(scene)
         lower, upper = require_range("critical", scene, parameter, range)
-        self._family = LinearFamily(scene)
-        self.doubts = self._family.doubts
+        self.family, self.range = LinearFamily(scene), (lower, upper)
+        self.doubts, self.scene = self.family.doubts, self.family.scene
         names = list(scene.system.parameters)
-        self._number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
+        self.number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
         self.name, self._parameter = scene.name, parameter
         self.box = scene.box and scene.box.without(parameter)
         nominal = {name: value for name, value in scene.system.parameters.items() if name != parameter}
@@ -90,9 +90,9 @@ class CriticalSimulator(BlackBox):
 
     def _rows(self, others: Mapping[str, float]) -> Array:
         """Parameters (n, n_p) at the values of the grid."""
-        fixed = np.insert(np.array(list(others.values())), self._number, 0.0)
+        fixed = np.insert(np.array(list(others.values())), self.number, 0.0)
         P = np.tile(fixed, (len(self._grid), 1))
-        P[:, self._number] = self._grid
+        P[:, self.number] = self._grid
         return P
 
     def _root(self, below: Array, above: Array) -> float:
@@ -103,16 +103,16 @@ class CriticalSimulator(BlackBox):
 
         def growth(value: float) -> float:
             p = below.copy()
-            p[self._number] = value
+            p[self.number] = value
             (found,) = self._eigen(p[None])
             return 0.0 if _marginal(found) > marginal else _growth(found)  # its damping is zero to rounding
 
         width = _ROUNDING * np.ptp(self._grid)
-        return cast(float, brentq(growth, *ends[:, self._number], xtol=width))
+        return cast(float, brentq(growth, *ends[:, self.number], xtol=width))
 
     def _eigen(self, P: Array) -> list[Eigenvalues]:
         """Eigenvalues for parameters P (N, n_p)."""
-        return [eigen for eigen, _ in self._family.eigen_of(P)]
+        return [eigen for eigen, _ in self.family.eigen_of(P)]
 
     def __repr__(self) -> str:
         return f"critical({self.name!r}, {self._parameter!r}, ({self._grid[0]:g}, {self._grid[-1]:g}))"

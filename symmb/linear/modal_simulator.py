@@ -47,9 +47,9 @@ class ModalSimulator(BlackBox):
 
     def __init__(self, scene: Scene, count: int = 6) -> None:
         count = whole("ModalSimulator", "count", count, 1)
-        self._family = LinearFamily(scene)
-        self.doubts = self._family.doubts
-        self._start = self._family.eigen(self._family.nominal)
+        self.family = LinearFamily(scene)
+        self.doubts = self.family.doubts
+        self._start = self.family.eigen(self.family.nominal)
         self._modes = np.flatnonzero(self._start[0].oscillating)[:count]
         if not len(self._modes):
             raise DeclarationError(f"ModalSimulator: {scene.name} has no oscillation at its nominal parameters.")
@@ -60,7 +60,7 @@ class ModalSimulator(BlackBox):
         noise = [*errors / (2 * np.pi), *np.where(np.abs(found.values[modes].real) <= errors, 0.0, errors / sizes)]
         self._declare(scene.system.parameters, [0.0], names, dict(zip(names, noise, strict=True)))
         self.units = tuple("Hz" if name.startswith("f") else "1" for name in names)
-        self.name, self.scene, self.box = scene.name, self._family.scene, scene.box
+        self.name, self.scene, self.box = scene.name, self.family.scene, scene.box
 
     @property
     def eigenvalues(self) -> Array:
@@ -82,7 +82,7 @@ class ModalSimulator(BlackBox):
         Frequencies that come close and part again, and exchange their shapes, veer: they keep their numbers by size.
         Sentences tell the first corner of each crossing, and where modes exchange shapes too fast to be followed.
         """
-        nominal, told = self._family.nominal, {}
+        nominal, told = self.family.nominal, {}
         names = list(self.parameters)
         numbers = [names.index(name) for name in box.names]
         for corner in corners(box):
@@ -101,8 +101,8 @@ class ModalSimulator(BlackBox):
         return ", ".join(f"{name} = {value:g}" for name, value in zip(box.names, values, strict=True))
 
     def _followed(self, goal: Array) -> Followed:
-        begin = self._family.nominal
-        return followed(lambda share: self._family.eigen(begin + share * (goal - begin)), self._start)
+        begin = self.family.nominal
+        return followed(lambda share: self.family.eigen(begin + share * (goal - begin)), self._start)
 
     def __repr__(self) -> str:
         return f"ModalSimulator({self.name!r}, count={len(self._modes)})"

@@ -380,7 +380,9 @@ def main() -> None:
     count, first, points = (int(a) for a in (*numbers, *("100", "0", "8")[len(numbers) :]))
     _isolated.WORKERS = 1
     begin, all_found, wrong = time.perf_counter(), [], 0
-    for seed, found in _isolated.outcomes(partial(judge, several=several, count=points), range(first, first + count), LIMIT):
+    for seed, found in _isolated.outcomes(
+        partial(judge, several=several, count=points), range(first, first + count), LIMIT
+    ):
         if isinstance(found, str):
             found = Found(random_case(seed, several).kind, fault=f"{found} (limit {LIMIT:g} s)", seconds=LIMIT)
         all_found.append(found)

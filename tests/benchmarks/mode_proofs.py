@@ -1,9 +1,9 @@
-"""Proved frequencies and damping of random mechanisms against eigenvalues of their matrices by NumPy.
+"""Proved frequencies, damping and critical forces of random mechanisms against eigenvalues of their matrices by NumPy.
 
     python tests/benchmarks/mode_proofs.py [number] [first seed]
 
-Chains of masses with springs and dampers, pendulums of several rods, and parallelograms. It prints how many frequencies
-are outside of their bounds, which must be none, and the excess of the widths.
+Chains of masses with springs and dampers, pendulums of several rods, parallelograms, and columns under a force that
+follows. It prints how many values are outside of their bounds, which must be none, and the excess of the widths.
 """
 
 import sys
@@ -14,6 +14,9 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from columns import ziegler
+
 import symmb as mb
 
 POINTS = 400
@@ -93,10 +96,25 @@ def parallelogram(rng):
     return mb.Scene(mb.System(*elements, parameters=p), start=start), exact, 1
 
 
+def judged_column(rng):
+    """The same of a critical force."""
+    column, exact = ziegler(rng, float(rng.uniform(0.1, 1.0)))
+    box = mb.Box.around(column.system.parameters, float(rng.choice([0.01, 0.05])), ["k", "m"])
+    limit, begin = mb.critical(column, "F", (0.1, 60.0)), time.process_time()
+    bounds = mb.propagate(limit, mb.TaylorModel(int(rng.integers(4, 8))), box)
+    seconds = time.process_time() - begin
+    P = box.from_unit(np.vstack([rng.uniform(-1, 1, (30, 2)), rng.choice([-1, 1], (30, 2))]))
+    Y, lower, upper = np.array([exact(*point) for point in P]), bounds.lower.item(), bounds.upper.item()
+    wrong = int(((lower - 1e-10 > Y) | (upper + 1e-10 < Y)).sum())
+    return wrong, (upper - lower) / np.ptp(Y) - 1, seconds, " ".join(bounds.doubts)
+
+
 def judged(seed):
     """(wrong, excess, seconds, doubt) of one mechanism."""
     rng = np.random.default_rng(seed)
-    scene, exact, n = (chain, pendulum, parallelogram)[seed % 3](rng)
+    if seed % 4 == 3:
+        return judged_column(rng)
+    scene, exact, n = (chain, pendulum, parallelogram)[seed % 4](rng)
     parameters = scene.system.parameters
     box = mb.Box.around(parameters, float(rng.choice([0.01, 0.05, 0.1])))
     modal, begin = mb.ModalSimulator(scene, count=n), time.process_time()

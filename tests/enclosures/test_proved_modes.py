@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from columns import ziegler
+from steady_scenes import conical_pendulum
 
 import symmb as mb
 
@@ -82,3 +84,43 @@ def test_about_an_equilibrium_that_moves_with_the_parameters():
     bounds = mb.propagate(modal, mb.TaylorModel(8))
     assert (exact >= bounds.lower[0, 0]).all() and (exact <= bounds.upper[0, 0]).all()
     assert np.ptp(exact) == pytest.approx(float(bounds.upper[0, 0] - bounds.lower[0, 0]), rel=1e-4)
+
+
+def test_a_steady_motion_in_turning_coordinates_is_refused():
+    """The Jacobian of its coordinates has other eigenvalues than the motion."""
+    motion = conical_pendulum(np.random.default_rng(5))
+    p = mb.Parameters(g=9.81)
+    others = [element for element in motion.scene.system.elements if not isinstance(element, mb.Gravity)]
+    system = mb.System(*others, mb.Gravity(0, 0, -p.g), parameters=p)
+    scene = mb.Scene(system, motion.scene.start, guess=motion.scene.guess, box=mb.Box.around(p, 1e-3))
+    with pytest.raises(mb.PropagationError, match="steady only in coordinates that turn"):
+        mb.propagate(mb.ModalSimulator(scene), mb.TaylorModel(3))
+
+
+def test_a_buckling_load():
+    """A rod on a spring that stiffens under a weight: theta = 0 is stable up to load = k - m g."""
+    p = mb.Parameters(k=9.0, m=1.0, load=1.0)
+    rod = mb.Body("rod", mass=p.m, inertia=1.0)
+    pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, 0))
+    spring = mb.Torque("spring", rod, (p.load - p.k + 2 * p.m) * rod.theta - rod.theta**3 - rod.omega)
+    limit = mb.critical(mb.Scene(mb.System(rod, pin, spring, parameters=p)), "load", (0.0, 20.0))
+    bounds = mb.propagate(limit, mb.TaylorModel(3), mb.Box(k=(8.0, 10.0), m=(0.9, 1.1)))
+    assert 5.8 * (1 - 1e-7) < bounds.lower.item() <= 5.8
+    assert 8.2 <= bounds.upper.item() < 8.2 * (1 + 1e-7)
+
+
+@pytest.mark.parametrize("damping", [0.4, 0.0])
+def test_flutter_of_two_rods_under_a_follower_force(damping):
+    """Ziegler's column against the eigenvalues of its small angles; without damping two modes become one there."""
+    column, exact = ziegler(np.random.default_rng(11), damping)
+    box = mb.Box.around(column.system.parameters, 0.02, ["k"])
+    limit = mb.critical(column, "F", (0.1, 60.0))
+    if not damping:
+        with pytest.raises(mb.PropagationError, match="more than one eigenvalue"):
+            mb.propagate(limit, mb.TaylorModel(3), box)
+        return
+    bounds = mb.propagate(limit, mb.TaylorModel(5), box)
+    ends = [exact(value) for value in np.linspace(*box.bounds[0], 41)]
+    assert [bounds.lower.item(), bounds.upper.item()] == pytest.approx([min(ends), max(ends)], rel=1e-7)
+    assert bounds.lower.item() <= min(ends) + 1e-11
+    assert bounds.upper.item() >= max(ends) - 1e-11
