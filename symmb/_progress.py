@@ -12,7 +12,7 @@ from typing import Any
 _PATIENCE, _PERIOD = 1.0, 0.2
 """Time before the bar appears, so that short work shows none, and time between two updates of it [s]."""
 _UNKNOWN = "{desc} [{elapsed}]"
-_KNOWN = "{desc} |{bar:12}| {n_fmt} of {total_fmt} runs [{elapsed}, {remaining} left, {rate_fmt}]"
+_KNOWN = "{{desc}} |{{bar:12}}| {{n_fmt}} of {{total_fmt}} {} [{{elapsed}}, {{remaining}} left, {{rate_fmt}}]"
 """What a bar shows where the number of runs is not known, and where it is."""
 
 _REACHED = ", estimated error "
@@ -26,8 +26,8 @@ class Progress:
     equations are derived and compiled meanwhile.
     """
 
-    def __init__(self, label: str) -> None:
-        self._text, self._done, self._total = label, 0, 0
+    def __init__(self, label: str, unit: str = "runs") -> None:
+        self._text, self._done, self._total, self._unit = label, 0, 0, unit
         self._stream = sys.stderr  # solvers redirect it for a moment
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
@@ -58,8 +58,8 @@ class Progress:
             if bar is None or text.partition(_REACHED)[0] != label or done < bar.n:  # other work has its own rate
                 if bar is not None:
                     bar.close()
-                bar, label = _new_bar(self._stream, done), text.partition(_REACHED)[0]
-            bar.total, bar.bar_format = total or None, _KNOWN if total else _UNKNOWN
+                bar, label = _new_bar(self._stream, done, self._unit), text.partition(_REACHED)[0]
+            bar.total, bar.bar_format = total or None, _KNOWN.format(self._unit) if total else _UNKNOWN
             bar.set_description_str(text, refresh=False)
             bar.n = done
             bar.refresh()
@@ -70,13 +70,13 @@ class Progress:
 
 @contextmanager
 def shown(
-    progress: Callable[[str, int, int], None] | None, label: str
+    progress: Callable[[str, int, int], None] | None, label: str, unit: str = "runs"
 ) -> Iterator[Callable[[str, int, int], None] | None]:
     """Whoever is to be told the progress: the function that a caller gave, or a bar where people may see it."""
     if progress is not None:
         yield progress
         return
-    with Progress(label) as own:
+    with Progress(label, unit) as own:
         yield own if own.is_shown else None
 
 
@@ -95,16 +95,18 @@ class RunProgress:
 
 
 @contextmanager
-def shown_runs(progress: Callable[[int, int], None] | None, label: str) -> Iterator[Callable[[int, int], None] | None]:
-    """The same for a single method, whose runs are told without a label."""
+def shown_runs(
+    progress: Callable[[int, int], None] | None, label: str, unit: str = "runs"
+) -> Iterator[Callable[[int, int], None] | None]:
+    """The same for a single method, whose runs, or other units of work, are told without a label."""
     if progress is not None:
         yield progress
         return
-    with shown(None, label) as bar:
+    with shown(None, label, unit) as bar:
         yield bar and RunProgress(bar, label)
 
 
-def _new_bar(stream: Any, done: int) -> Any:
+def _new_bar(stream: Any, done: int, unit: str) -> Any:
     if _in_notebook():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # without ipywidgets the bar is a line of text
@@ -113,7 +115,7 @@ def _new_bar(stream: Any, done: int) -> Any:
         from tqdm import tqdm
     tqdm.set_lock(threading.RLock())  # that of tqdm is shared with other processes, which draw no bars
     tqdm.monitor_interval = 0
-    return tqdm(file=stream, initial=done, leave=False, dynamic_ncols=True, unit=" runs", disable=False)
+    return tqdm(file=stream, initial=done, leave=False, dynamic_ncols=True, unit=f" {unit}", disable=False)
 
 
 def _in_notebook() -> bool:

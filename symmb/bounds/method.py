@@ -28,6 +28,8 @@ class Method(ABC):
     """A method to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
 
     kind: ClassVar[Kind]
+    unit_of_work: ClassVar[str] = "runs"
+    """What its progress counts."""
     requires: ClassVar[str] = ""
     """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
 

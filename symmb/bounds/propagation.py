@@ -61,7 +61,7 @@ def propagate(
     array([1.   , 0.607])
     """
     require_method("propagate", method)
-    with kept_interrupts(), shown_runs(progress, repr(method)) as progress:
+    with kept_interrupts(), shown_runs(progress, repr(method), method.unit_of_work) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
         try:
             bounds = method.bounds(simulator, box, executor=executor, progress=progress)
