@@ -85,7 +85,7 @@ class TaylorModel(Method):
     boxes: int = 1
 
     kind: ClassVar[Kind] = "enclosure"
-    unit_of_work: ClassVar[str] = "per mille of the time"
+    unit_of_work: ClassVar[str] = "parts of the time"
 
     def __post_init__(self) -> None:
         require_whole(self, "order", 1, _HIGHEST)
