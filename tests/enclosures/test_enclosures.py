@@ -149,7 +149,9 @@ def test_a_choice_that_was_good_for_earlier_steps_is_not_the_end():
     assert course.is_done and check(problem, course).outside <= INSIDE
 
 
-@pytest.mark.parametrize(("make", "end", "order"), [(pendulum, 10.0, 16), (van_der_pol, 20.0, 8)])
+@pytest.mark.parametrize(
+    ("make", "end", "order"), [pytest.param(pendulum, 10.0, 16, marks=pytest.mark.long), (van_der_pol, 20.0, 8)]
+)
 def test_long_motions_are_proved_with_their_reactions(make, end, order):
     """The oscillator contracts, and its frame comes close to singular; the rod's reaction is a quotient."""
     scene = make(spread=0.05, end=end)

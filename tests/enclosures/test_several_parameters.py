@@ -108,7 +108,7 @@ def test_coefficients_of_chebyshev_polynomials():
     np.testing.assert_allclose(waves @ (basis.to_chebyshev @ c), powers @ c, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("seed", [500, 503, 506, 511])
+@pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.long) for seed in (500, 503, 506)), 511])
 def test_random_mechanisms_against_closed_forms(seed):
     """Three to five uncertain parameters."""
     found = loop_proofs.check(loop_proofs.random_case(seed, several=True), order=3, count=4)
