@@ -119,8 +119,6 @@ class TaylorModel(Method):
 
 def _remedy(problem: Problem, found: Enclosure) -> str:
     """What may lead further, for the end of a sentence; empty if nothing does."""
-    if found.is_switch:
-        return ""
     few = not problem.n or NO_START in found.why or SINGULAR in found.why
     return "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
 

@@ -7,14 +7,14 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
 from symmb.enclosures.independent_velocities import Equations, equations_of, start_states
 from symmb.enclosures.modes import with_modes
+from symmb.enclosures.phases import Phase, label
 from symmb.enclosures.problem import Change, Problem, StartEquations
 from symmb.enclosures.sampling import sampled
-from symmb.enclosures.schedule import Phase, Schedule, corners
 from symmb.enclosures.tape import Tape
 from symmb.events import kinks
 from symmb.formulations import Formulation
@@ -30,8 +30,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
 
     Raises
     ------
-    PropagationError         if the scene has impacts, kinks or jumps that depend on the state, or operations without a
-                             remainder in its equations or in all outputs
+    PropagationError         if the scene has impacts, or operations without a remainder in its equations or in all
+                             outputs
     """
     if isinstance(simulator, ModalSimulator):
         return _modal_problem(method, simulator, box)
@@ -54,35 +54,37 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     outputs, refused = _with_remainders(method, outputs)
     start = StartEquations(rates, rates, lambda P: np.zeros((len(P), 0)))
     problem = Problem(rates, _later(outputs, times[0]), *_intervals(simulator, box), times - times[0], np.zeros(0),
-                      start, phase=Phase(rates), refused=refused)  # fmt: skip
+                      start, refused=refused)  # fmt: skip
     _require_tapes(method, problem)
     return problem
 
 
 def _of_equations(
-    method: object, simulator: DAESimulator, box: Box, form: Formulation, equations: Equations, begin: float = 0.0
+    method: object, simulator: DAESimulator, box: Box, form: Formulation, equations: Equations
 ) -> Problem:
-    """The problem with the states of equations from a time on, from the first one on [s]."""
-    times, intervals = np.asarray(simulator.times, dtype=float), _intervals(simulator, box)
-    phase = _phase(method, form.dae, _later(equations.rates, times[0]), times, intervals, begin)
+    """The problem with the states of equations."""
+    times = np.asarray(simulator.times, dtype=float)
     outputs, refused = _with_remainders(method, _outputs(simulator, form, equations))
-    regular, change = equations.regular, None
+    rates, outputs, regular, change = equations.rates, _later(outputs, times[0]), equations.regular, None
+    rates = _later(rates, times[0])
     if equations.following is not None:
         other = equations.following()
         x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
         states = common("states", [x, p, t], [equations.whole(x, p, t)[other.kept.tolist()]])
-        later = cache(lambda time: _of_equations(method, simulator, box, form, other, time))
+        later = cache(lambda: _of_equations(method, simulator, box, form, other))
 
         def following(time: float, problem: Problem) -> Problem:
-            found = later(time if phase.valid else 0.0)
-            return found.with_fields(middle=problem.middle, radius=problem.radius, errors=problem.errors)
+            return later().with_fields(middle=problem.middle, radius=problem.radius, errors=problem.errors)
 
         change = Change(equations.until - times[0], _later(states, times[0]), following)
     if form.dae.sampling is not None:
         change = sampled(form.dae, equations, times)
-    problem = Problem(phase.rates, _later(outputs, times[0]), *intervals, times - times[0],
-                      form.dae.state_sizes[equations.kept], _start(form, equations), phase=phase,
+    problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0],
+                      form.dae.state_sizes[equations.kept], _start(form, equations),
+                      phase=_phase(form.dae, rates, outputs, times, equations.kept),
                       regular=regular and _later(regular, times[0]), refused=refused, change=change)  # fmt: skip
+    if problem.phase is not None:  # sides are those of the states, as soon as these are known
+        problem = problem.on_sides(problem.phase.sides, np.zeros(problem.n), problem.middle, 0.0)
     _require_tapes(method, problem)
     return problem
 
@@ -225,31 +227,36 @@ def _require_smooth(method: object, form: Formulation) -> None:
         )
 
 
-def _phase(
-    method: object,
-    dae: DAE,
-    rates: ca.Function,
-    times: Array,
-    intervals: tuple[Array, Array, tuple[int, ...]],
-    begin: float,
-) -> Phase:
-    """The phase from a time on of equations whose rates are Functions of the time from the first one on."""
+def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kept: Indices) -> Phase | None:
+    """Rates and outputs, functions of the time from the first one on, on sides of the switches that rates have."""
     found = kinks(dae, times)
     if found is None:
-        return Phase(rates)
-    if found.on_state.any():
-        raise PropagationError(
-            f"{method!r}: the equations have {found} that depend on the state. Its proofs are of motions that are "
-            "smooth for some time at least. Use PolynomialChaos()."
-        )
+        return None
     x, p, t, none = (*(ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt")), ca.SX.sym("none"))
-    f = ca.Function("rates", [x, p, t, none], [rates(x, p, t)])
+    f = common("both", [x, p, t, none], [rates(x, p, t), outputs(x, p, t)])
     branch = branches(f, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
-    arguments = [x, p, t, branch.sides]
-    smooth = ca.Function("smooth", arguments, [ca.densify(ca.vertcat(*branch.outputs))])
-    switches = ca.Function("switches", arguments, [ca.densify(branch.switches)])
-    end, samples = float(times[-1] - times[0]), corners(*intervals[:2])
-    return Schedule(smooth, switches, end, samples, float(times[0]), str(found)).phase(begin)
+    own, needed = np.empty(0, dtype=np.intp), branch.outputs[0]
+    while len(other := np.flatnonzero(ca.which_depends(needed, branch.sides, 1, False) or [])) > len(own):
+        own, needed = other, ca.vertcat(branch.outputs[0], branch.switches[other.tolist()])
+    if not len(own):
+        return None
+    sides, switches = (ca.densify(every[own.tolist()]) for every in (branch.sides, branch.switches))
+    left = branch.sides[np.setdiff1d(np.arange(branch.sides.numel()), own).tolist()]
+    y = [
+        whole if ca.depends_on(smooth, left) else smooth  # others have switches of their own
+        for smooth, whole in zip(ca.vertsplit(branch.outputs[1]), ca.vertsplit(outputs(x, p, t)), strict=True)
+    ]
+    arguments, named = [x, p, t, sides], (*dae.q_names, *dae.v_names, *dae.s_names)
+    texts = ca.Function("switches", arguments, [switches])(
+        ca.vertcat(*(ca.SX.sym(named[k]) for k in kept)), ca.vertcat(*map(ca.SX.sym, dae.p_names)), time_symbol - times[0],
+        sides,
+    )  # fmt: skip
+    return Phase(
+        ca.Function("rates", arguments, [ca.densify(branch.outputs[0])]),
+        ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*y))]),
+        ca.Function("switches", arguments, [switches]),
+        np.ones(len(own)), tuple(map(label, ca.vertsplit(texts))), str(found), float(times[0]),
+    )  # fmt: skip
 
 
 def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:
