@@ -14,6 +14,7 @@ from symmb.enclosures.flow import frame, motion
 from symmb.enclosures.front import Front, entering, leaving, well_conditioned
 from symmb.enclosures.outputs import output_bounds
 from symmb.enclosures.problem import Change, Problem
+from symmb.enclosures.pass_outputs import Part, bounds_about_pass
 from symmb.enclosures.passes import Crossing, Scaled, crossing, off, window
 from symmb.enclosures.rounding import above, grain_of
 from symmb.enclosures.start import first_front
@@ -64,6 +65,7 @@ class Course:
     end : the last place; None before the start
     checkpoint : the last place where the remainder was small, or the first one
     stored : output times up to there
+    steps : proved steps with bounds (n,) of |w|; None if they are not kept
     """
 
     lower: Array
@@ -75,6 +77,7 @@ class Course:
     end: Place | None = None
     checkpoint: Place | None = None
     stored: int = 0
+    steps: list[tuple[TimeStep, Array]] | None = None
 
     @classmethod
     def empty(cls, problem: Problem) -> "Course":
@@ -158,13 +161,15 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         except ProofError as error:
             if ahead.first < _NEAREST * grain:
                 assert problem.phase is not None
-                reason = f"is not shown to be passed by all of the box, once and alone: {error}"
-                raise ProofError(problem.phase.sentence(ahead.which[0], front.t + max(ahead.first, 0.0), reason)) from None
+                time = front.t + max(ahead.first, 0.0)
+                raise ProofError(problem.phase.sentence(ahead.which[0], time, str(error))) from None
             control.h = (1.0 - _NEARER) * ahead.first
             step, proof = _step(replace(problem, phase=None), front, grain, control)
             control.h = usual
         else:
             return _changed(found, grain, course.is_done), found.front.t - front.t
+    if course.steps is not None:
+        course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
     late = _late(problem, front.t)
     until = front.t if late is None else front.t - _AT * late  # at an instant, outputs have the new values
@@ -191,15 +196,13 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     ProofError         if it is not proved
     """
     problem, front, control = place.problem, place.front, place.control
+    if ahead.why or not ahead.first > 0:
+        raise ProofError(ahead.why or "may be passed at this time itself")
     begin, about = front.t, window(problem, ahead)
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
-        raise ProofError("values are sampled at the same time")
-    if not ahead.first > 0:
-        raise ProofError("it may be passed at this time itself")
-    behind = int(np.searchsorted(problem.times, end, side="right"))
-    times = np.append(problem.times[course.stored : behind], end)
-    old = _followed(replace(about.old, times=times), front, control)
+        raise ProofError("is passed about when values are sampled")
+    old = _followed(replace(about.old, times=np.array([end])), front, control)
 
     scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
     to = scaled.problem(about.old, about.surface)
@@ -208,29 +211,24 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     g = np.maximum(np.abs(there.lower), np.abs(there.upper))[-1]
     late, lost = off(to, scaled, at_pass, about, ahead.first, g)
     if not above(late) < ahead.first:
-        raise ProofError("it may be passed at this time itself")
+        raise ProofError("may be passed at this time itself")
     back = scaled.problem(about.new, about.surface, is_back=True)
     new_begin = replace(at_pass, t=0.0, x_error=above(at_pass.x_error + lost))
     front = replace(_front_of(_followed(back, new_begin, replace(control, h=h))), t=begin)
-    new = _followed(replace(about.new, times=times), front, control)
+    new = _followed(replace(about.new, times=np.array([end])), front, control)
 
-    assert new.end is not None
-    room = late + grain  # covers rounding
-    is_old, is_new = times < begin + ahead.first - room, times > begin + ahead.last + room
-    bounds = (
-        np.where(is_old[:, None], a, np.where(is_new[:, None], b, joined(a, b)))[:-1]
-        for a, b, joined in (
-            (old.lower, new.lower, np.minimum), (old.upper, new.upper, np.maximum),
-            (old.remainder, new.remainder, np.maximum),
-        )
-    )  # fmt: skip
-    course.store(behind, *bounds, np.maximum(old.terms, new.terms))
-    after = replace(new.end.problem, times=problem.times, phase=replace(problem.phase, sides=about.sides), change=problem.change)
+    assert new.end is not None and old.steps is not None and new.steps is not None
+    behind = int(np.searchsorted(problem.times, end, side="right"))
+    if behind > course.stored:
+        part = Part(old.steps, new.steps, _later(ahead.tau, begin), late + grain)  # the last term covers rounding
+        course.store(behind, *bounds_about_pass(part, problem.times[course.stored : behind], control))
+    phase = replace(problem.phase, sides=about.sides)
+    after = replace(new.end.problem, times=problem.times, phase=phase, change=problem.change)
     return Place(new.end.front, replace(new.end.control, h=control.h), _settled(after, new.end.front))
 
 
 def _followed(problem: Problem, front: Front, control: Control) -> Course:
-    """The course of a problem from a front up to its last time, at which a step ends.
+    """The course of a problem from a front up to its last time, at which a step ends, with its steps.
 
     Raises
     ------
@@ -238,12 +236,19 @@ def _followed(problem: Problem, front: Front, control: Control) -> Course:
     """
     end = float(problem.times[-1])
     stop = Change(end, problem.rates, lambda time, problem: problem, late=0.0)
-    course = Course.empty(problem)
+    course = replace(Course.empty(problem), steps=[])
     course.end = Place(front, replace(control), replace(problem, change=stop))
     march(problem, 0, course, np.inf, np.inf, lambda time: None)
     if course.why:
         raise ProofError(course.why)
     return course
+
+
+def _later(tau: Array, begin: float) -> Array:
+    """A polynomial plus a number."""
+    found = tau.copy()
+    found[(0,) * tau.ndim] += begin
+    return found
 
 
 def _front_of(course: Course) -> Front:
@@ -354,6 +359,8 @@ def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, g
     ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _NEAR * grain)
     if ahead is None:
         return np.inf
+    if ahead.why and ahead.first > _NEAREST * grain:
+        return float(np.floor((1.0 - _NEARER) * ahead.first / grain)) * grain
     begin = _BESIDE * usual + _OF_SPREAD * (ahead.last - ahead.first)
     if ahead.first <= 2.0 * begin:
         raise _AheadError(ahead)

@@ -59,13 +59,15 @@ class Crossing:
     tau : (N + 1, ...) coefficients of the times from the front to the pass
     first, last : bounds of them [s]
     place : the state (n,), the parameters (n_p,) and the time of one pass
+    why : it cannot be proved, for the end of a sentence; empty if it may be
     """
 
     which: tuple[int, ...]
     tau: Array
     first: float
     last: float
-    place: tuple[Array, Array, float]
+    place: tuple[Array, Array, float] | None = None
+    why: str = ""
 
 
 def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: float) -> Crossing | None:
@@ -75,10 +77,6 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     ----------
     terms : of motions over further steps
     same : time between passes that are one [s]
-
-    Raises
-    ------
-    ProofError         if the parameters do not pass the same switches
     """
     assert problem.valid is not None and problem.phase is not None
     lengths = x.shape[2:]
@@ -97,14 +95,14 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
             break
         begin, x = begin + h, motion(problem, x.sum(axis=1), begin + h, h, terms).c
     else:
-        raise ProofError(_sentence(problem, found, t0, "is not passed by all of the box in a short time"))
+        return _refused(found - t0, "is not seen to be passed by all of the box in a short time")
     earliest = found.min(axis=0)
     which = np.flatnonzero((found - earliest <= same).all(axis=1))
     if not 0 < len(which) <= _TOGETHER:
-        raise ProofError(_sentence(problem, found, t0, "is passed together with others"))
+        return _refused(found - t0, "is passed about when others are")
     tau = ch.graded(fit((found[which[0]] - t0).reshape(counts), lengths), problem.d)
     place = states[:, 0], np.array([a[0] for a in p]), float(earliest[0])
-    middle, reach = float(tau.flat[0]), _reach(problem, tau)
+    middle, reach = float(tau.flat[0]), reach_of(problem, tau)
     return Crossing(tuple(which.tolist()), tau, middle - reach, middle + reach, place)
 
 
@@ -143,12 +141,12 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         found[k, own] = time
 
 
-def _sentence(problem: Problem, found: Array, t0: float, reason: str) -> str:
-    assert problem.phase is not None
-    return problem.phase.sentence(int(found.min(axis=1).argmin()), max(float(found.min()), t0), reason)
+def _refused(times: Array, why: str) -> Crossing:
+    first = float(times.min())
+    return Crossing((int(times.min(axis=1).argmin()),), np.array(first), first, first, None, why)
 
 
-def _reach(problem: Problem, tau: Array) -> float:
+def reach_of(problem: Problem, tau: Array) -> float:
     """A bound of how far a polynomial is from its constant term, where parameters are rounded."""
     errors = np.broadcast_to(problem.errors, problem.middle.shape)
     rho = []
@@ -198,7 +196,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
     ProofError         if one of these switches depends on the others
     """
     phase, which = problem.phase, list(ahead.which)
-    assert phase is not None and problem.valid is not None
+    assert phase is not None and problem.valid is not None and ahead.place is not None
     x, p, t = arguments = phase.symbols
     surface = common("surface", [*arguments], [problem.valid(x, p, t)[which]])
     others = np.setdiff1d(np.arange(len(phase.sides)), which).tolist()
