@@ -13,9 +13,9 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import frame, motion
 from symmb.enclosures.front import Front, entering, leaving, well_conditioned
 from symmb.enclosures.outputs import output_bounds
-from symmb.enclosures.problem import Change, Problem
 from symmb.enclosures.pass_outputs import Part, bounds_about_pass
 from symmb.enclosures.passes import Crossing, Scaled, crossing, off, window
+from symmb.enclosures.problem import Change, Problem
 from symmb.enclosures.rounding import above, grain_of
 from symmb.enclosures.start import first_front
 from symmb.enclosures.step import SINGULAR, Proof, is_regular, prove, unshown
@@ -154,20 +154,14 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     control.h = min(usual, left)
     try:
         step, proof = _step(problem, front, grain, control)
-    except _AheadError as error:
-        control.h, ahead = usual, error.ahead
+    except _AheadError as found:
+        control.h = usual
         try:
-            found = _passed(course, replace(place, control=control), ahead, grain)
+            other = _passed(course, replace(place, control=control), found.ahead, grain)
         except ProofError as error:
-            if ahead.first < _NEAREST * grain:
-                assert problem.phase is not None
-                time = front.t + max(ahead.first, 0.0)
-                raise ProofError(problem.phase.sentence(ahead.which[0], time, str(error))) from None
-            control.h = (1.0 - _NEARER) * ahead.first
-            step, proof = _step(replace(problem, phase=None), front, grain, control)
-            control.h = usual
+            step, proof = _nearer(replace(place, control=control), found.ahead, grain, str(error))
         else:
-            return _changed(found, grain, course.is_done), found.front.t - front.t
+            return _changed(other, grain, course.is_done), other.front.t - front.t
     if course.steps is not None:
         course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
@@ -186,6 +180,25 @@ class _AheadError(Exception):
 
     def __init__(self, ahead: Crossing) -> None:
         self.ahead = ahead
+
+
+def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[TimeStep, Proof]:
+    """A step and its proof that ends nearer to a pass that cannot be proved from a place.
+
+    Raises
+    ------
+    ProofError         with the reason of that, if there is none
+    """
+    problem, phase = place.problem, place.problem.phase
+    if ahead.first > _NEAREST * grain:
+        try:
+            return _step(
+                replace(problem, phase=None), place.front, grain, replace(control, h=(1.0 - _NEARER) * ahead.first)
+            )
+        except ProofError:
+            pass
+    assert phase is not None
+    raise ProofError(phase.sentence(ahead.which[0], place.front.t + max(ahead.first, 0.0), why))
 
 
 def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Place:

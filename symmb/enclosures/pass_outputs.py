@@ -15,7 +15,7 @@ from symmb.enclosures.outputs import output_bounds
 from symmb.enclosures.passes import reach_of
 from symmb.enclosures.rounding import above
 
-_MOST, _LEAST = 40, 1e-3
+_MOST, _LEAST = 40, 2e-3
 """Most parts of the box, and the least time within which the parameters of a part pass, over that of the whole box."""
 
 Steps = Sequence[tuple[TimeStep, Array]]
@@ -81,8 +81,8 @@ def bounds_about_pass(whole: Part, times: Array, control: Control) -> Found:
         return found
     parts, between = [whole], times[is_between]
     while len(parts) < _MOST:
-        largest = max(parts, key=lambda part: part.length * part.has(between).any())
-        if not largest.has(between).any() or largest.length < _LEAST * whole.length:
+        largest = max(parts, key=lambda part: part.length if part.has(between).any() else 0.0)
+        if largest.length <= max(_LEAST * whole.length, 4.0 * largest.error):
             break
         parts.remove(largest)
         parts += largest.halves()

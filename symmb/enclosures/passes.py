@@ -8,7 +8,6 @@ between tau and the true pass, which is |g| / |dg/dt| at most, times the differe
 Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import product
@@ -19,7 +18,6 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
-from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import reaches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import fit, motion, parameters_at
@@ -287,12 +285,8 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     for _ in range(_TRIALS):
         late, room = 2.0 * late + _LITTLE, 2.0 * room + _LITTLE
         share = 2.0 * late / first + 1e-14
-        around = still(problem, 1.0 - share, front.x, 2.0 * share)
-
-        def run(tape: Tape, step: TimeStep = around, e: Array = above(reach + room)) -> list[discs.Disc]:
-            return on_motion(step, tape, e, (1, count))
-
-        of_rates, shown = [run(tape) for tape in rates], [run(tape) for tape in conditions]
+        around, e = still(problem, 1.0 - share, front.x, 2.0 * share), above(reach + room)
+        of_rates, shown = ([on_motion(around, tape, e, (1, count)) for tape in tapes] for tapes in (rates, conditions))
         slowest = np.array([[_least(a) for a in part[len(part) - own :]] for part in shown]).min(axis=0)
         fastest = np.max([reaches(part[len(part) - own :]) for part in shown], axis=0)
         new_late = above(float((g / slowest).max()))

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
-from symmb.enclosures.rounding import U, above
 from symmb.enclosures.phases import Phase
+from symmb.enclosures.rounding import U, above
 from symmb.enclosures.tape import Tape
 from symmb.symbolic import common
 

@@ -233,8 +233,8 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
     if found is None:
         return None
     x, p, t, none = (*(ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt")), ca.SX.sym("none"))
-    f = common("both", [x, p, t, none], [rates(x, p, t), outputs(x, p, t)])
-    branch = branches(f, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
+    both = common("both", [x, p, t, none], [rates(x, p, t), outputs(x, p, t)])
+    branch = branches(both, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
     own, needed = np.empty(0, dtype=np.intp), branch.outputs[0]
     while len(other := np.flatnonzero(ca.which_depends(needed, branch.sides, 1, False) or [])) > len(own):
         own, needed = other, ca.vertcat(branch.outputs[0], branch.switches[other.tolist()])
@@ -247,15 +247,13 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
         for smooth, whole in zip(ca.vertsplit(branch.outputs[1]), ca.vertsplit(outputs(x, p, t)), strict=True)
     ]
     arguments, named = [x, p, t, sides], (*dae.q_names, *dae.v_names, *dae.s_names)
-    texts = ca.Function("switches", arguments, [switches])(
-        ca.vertcat(*(ca.SX.sym(named[k]) for k in kept)), ca.vertcat(*map(ca.SX.sym, dae.p_names)), time_symbol - times[0],
-        sides,
-    )  # fmt: skip
+    names = (ca.vertcat(*map(ca.SX.sym, own)) for own in ([named[k] for k in kept], dae.p_names))
+    f = ca.Function("switches", arguments, [switches])
+    texts = f(*names, time_symbol - times[0], sides)
     return Phase(
         ca.Function("rates", arguments, [ca.densify(branch.outputs[0])]),
         ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*y))]),
-        ca.Function("switches", arguments, [switches]),
-        np.ones(len(own)), tuple(map(label, ca.vertsplit(texts))), str(found), float(times[0]),
+        f, np.ones(len(own)), tuple(map(label, ca.vertsplit(texts))), str(found), float(times[0]),
     )  # fmt: skip
 
 

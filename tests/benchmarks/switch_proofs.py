@@ -10,6 +10,7 @@ many values are outside of their bounds, which must be none, until when motions 
 import sys
 import time
 import warnings
+from itertools import product
 from pathlib import Path
 
 import casadi as ca
@@ -116,8 +117,8 @@ def run(force, switch, acceleration, start, times, p):
 
         event.terminal, event.direction = True, -side
         found = solve_ivp(of(side), (t, times[-1]), z, "DOP853", times[own], events=event, rtol=1e-13, atol=1e-14)
-        for k, (time, state) in enumerate(zip(found.t, found.y.T, strict=True)):
-            Y[own[k]] = *state, force(time, *state, p, side)
+        for k, (when, state) in enumerate(zip(found.t, found.y.T, strict=True)):
+            Y[own[k]] = *state, force(when, *state, p, side)
         if found.status != 1:
             return Y
         t, z, side = found.t_events[0][0], found.y_events[0][0], -side
@@ -140,15 +141,16 @@ def judged(seed, samples, order=None):
         box = mb.Box(**{name: (box.lower[names.index(name)], box.upper[names.index(name)])})
     order, begin = order or int(rng.integers(2, 7)), time.process_time()
     bounds = mb.propagate(scene, mb.TaylorModel(order=order), box)
-    seconds, corners = time.process_time() - begin, samples // 3
-    d, nominal = len(box), 0.5 * (mb.Box.around(scene.system.parameters, 0.1).lower
-                                  + mb.Box.around(scene.system.parameters, 0.1).upper)  # fmt: skip
+    seconds = time.process_time() - begin
+    d, nominal = len(box), mb.Box.around(scene.system.parameters, 0.1).center
     P = np.tile(nominal, (samples, 1))
-    xi = np.vstack([rng.choice([-1.0, 1.0], (corners, d)), rng.uniform(-1, 1, (samples - corners, d))])
+    corners = np.array([*product((-1.0, 1.0), repeat=d)])
+    xi = np.vstack([corners, rng.uniform(-1, 1, (samples - len(corners), d))])
     P[:, [names.index(name) for name in box.names]] = box.from_unit(xi)
     Y = np.array([run(*laws, times, p) for p in P])
     size, finite = np.nanmax(np.abs(Y), axis=(0, 1)), np.isfinite(bounds.upper)
-    wrong = int((finite & (np.isnan(Y) | (bounds.lower - INSIDE * size > Y) | (bounds.upper + INSIDE * size < Y))).sum())
+    outside = (bounds.lower - INSIDE * size > Y) | (bounds.upper + INSIDE * size < Y)
+    wrong = int((finite & (np.isnan(Y) | outside)).sum())
     reached = np.ptp(Y, axis=0)
     with np.errstate(all="ignore"):
         excess = np.where(finite & (reached > 1e-6 * size), (bounds.upper - bounds.lower) / reached - 1, 0.0)
@@ -165,7 +167,8 @@ def main() -> None:
         wrong, share, excess, seconds, text = judged(seed, samples)
         total, whole = total + wrong, whole + (share == 1)
         kind, of = KINDS[seed % len(KINDS)].__name__, ", ".join(f"{value:.0e}" for value in excess)
-        print(f"seed {seed} ({kind}): {wrong} outside, {share:.0%} proved, excess {of}, {seconds:.1f} s. {text}", flush=True)
+        print(f"seed {seed} ({kind}): {wrong} outside, {share:.0%} proved, excess {of}, {seconds:.1f} s. {text}",
+              flush=True)  # fmt: skip
     print(f"{total} outside of their bounds; {whole} of {number} proved to the end")
 
 
