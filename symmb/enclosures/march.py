@@ -192,9 +192,8 @@ def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[Time
     problem, phase = place.problem, place.problem.phase
     if ahead.first > _NEAREST * grain:
         try:
-            return _step(
-                replace(problem, phase=None), place.front, grain, replace(control, h=(1.0 - _NEARER) * ahead.first)
-            )
+            control = replace(place.control, h=(1.0 - _NEARER) * ahead.first)
+            return _step(replace(problem, phase=None), place.front, grain, control)
         except ProofError:
             pass
     assert phase is not None

@@ -49,6 +49,18 @@ def test_a_force_that_begins_at_a_place():
     require_sharp(bounds, runs, 2e-3)
 
 
+def test_a_place_that_is_no_polynomial_of_the_parameter():
+    """The time of the pass, exp(2 a) / 1.5, errs by more than all else: v = 1.5 - 4 (t - exp(2 a) / 1.5)."""
+    law = lambda p, x, v, t: ca.if_else(x > ca.exp(2 * p.a), -4.0, 0)  # noqa: E731
+    bounds, text = proved(law, (0.0, 1.5), {"a": -0.2}, {"a": (-0.3, -0.1)}, order=2, times=np.array([0.0, 0.9, 1.0]))
+    assert not text
+    a = np.linspace(-0.3, -0.1, 101)[:, None]
+    late = bounds.t[1:] - np.exp(2 * a) / 1.5
+    for k, runs in enumerate((1.5 * bounds.t[1:] - 2 * late**2, 1.5 - 4 * late)):
+        assert (bounds.lower[1:, k] <= runs.min(axis=0)).all() and (runs.max(axis=0) <= bounds.upper[1:, k]).all()
+        assert (bounds.upper[1:, k] - bounds.lower[1:, k] - np.ptp(runs, axis=0) < 2e-2).all()
+
+
 def test_friction_that_reverses():
     """v = v0 - (3 + mu) t, and -(3 - mu) (t - t0) behind the reversal at t0."""
     bounds, text = proved(lambda p, x, v, t: -3.0 - p.mu * ca.sign(v), (0.0, 2.0), {"mu": 1.0}, {"mu": (0.95, 1.05)})
