@@ -41,6 +41,8 @@ _TOGETHER = 4
 """Most switches that are passed at once: each doubles the equations between the first and the last of them."""
 _TRIALS = 12
 """Candidates for the time between a pass and the polynomial."""
+_BEYOND = 1e-3
+"""Time after a pass at which parts of tables are read, over that from the begin of the window to the pass."""
 _SOME = 64
 """About the patches of parameters on which a pass is proved."""
 _LITTLE = 1e-280
@@ -204,8 +206,14 @@ def window(problem: Problem, ahead: Crossing) -> Window:
         sides[which] *= signs
         if min(signs) < 0:
             sides = phase.settled(*ahead.place, sides, ahead.which)
-        rates, conditions = phase.on(phase.rates, sides), phase.conditions(sides, *ahead.place)
-        toward = -with_slopes(problem, surface, rates)(x, p, t)[1]
+        rates, place = phase.on(phase.rates, sides, *ahead.place), ahead.place
+        if max(signs) < 0:  # beyond: where a table has a narrow part there, its next knot counts
+            place = _moved(rates, place, _BEYOND * ahead.first)
+        conditions = phase.conditions(sides, *place)
+        toward = ca.vertcat(
+            with_slopes(problem, conditions, rates)(x, p, t)[1][which] if max(signs) < 0 else ca.SX(0, 1),
+            -with_slopes(problem, surface, rates)(x, p, t)[1],
+        )
         values = ca.vertsplit(conditions(x, p, t))
         valid = ca.vertcat(*(values[k] for k in others), toward)
         found.append((sides, rates, common("valid", [*arguments], [ca.densify(valid)])))
@@ -223,6 +231,12 @@ def window(problem: Problem, ahead: Crossing) -> Window:
         surface,
         new,
     )
+
+
+def _moved(rates: ca.Function, place: tuple[Array, Array, float], h: float) -> tuple[Array, Array, float]:
+    """About the place after a short time."""
+    x, p, t = place
+    return x + h * rates(*place).full().ravel(), p, t + h
 
 
 class Scaled:

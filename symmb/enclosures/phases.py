@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.symbolic import Entry, applied, called, common, interpret
+from symmb.symbolic import Entry, Pieces, applied, called, common, interpret
 
 _LONGEST = 60
 """Letters of a switch in a sentence."""
@@ -39,10 +39,15 @@ class Phase:
     names: str
     begin: float
 
-    def on(self, f: ca.Function, sides: Array) -> ca.Function:
-        """A Function of these on other sides: (x, p, t) -> ."""
+    def on(self, f: ca.Function, sides: Array, *place: Array | float) -> ca.Function:
+        """A Function of these on other sides: (x, p, t) -> ., which holds about one place x, p, t.
+
+        Numbers of parts of tables are those at the place: all is then smooth beyond their knots. The switches, above 0
+        on their sides, tell that they are the true ones.
+        """
         arguments = self.symbols
-        return common(f.name(), [*arguments], [ca.densify(f(*arguments, sides))])
+        found = common(f.name(), [*arguments], [ca.densify(f(*arguments, sides))])
+        return _frozen(found, *place) if called(found) else found
 
     @property
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -50,15 +55,11 @@ class Phase:
         x, p, t = (ca.SX.sym(name, self.rates.numel_in(i)) for i, name in enumerate("xpt"))
         return x, p, t
 
-    def conditions(self, sides: Array, x: Array, p: Array, t: float) -> ca.Function:
-        """(x, p, t) -> (m,), all above 0 as long as the equations on some sides are those of the scene.
-
-        What is read from tables is that at one place: their switches are then smooth beyond their knots.
-        """
+    def conditions(self, sides: Array, *place: Array | float) -> ca.Function:
+        """(x, p, t) -> (m,), all above 0 as long as the equations on some sides are those of the scene."""
         arguments = self.symbols
-        values = ca.densify(sides * self.switches(*arguments, sides))
-        f = common("conditions", [*arguments], [values])
-        return _frozen(f, x, p, t) if called(f) else f
+        values = sides * self.on(self.switches, sides, *place)(*arguments)
+        return common("conditions", [*arguments], [ca.densify(values)])
 
     def settled(self, x: Array, p: Array, t: float, sides: Array, fixed: tuple[int, ...] = ()) -> Array:
         """Sides (m,) at one place, of which some are given. A switch may depend on the sides of those before it."""
@@ -82,7 +83,7 @@ def label(switch: ca.SX) -> str:
 
 
 def _frozen(f: ca.Function, *place: Array | float) -> ca.Function:
-    """A Function in which entries of tables are the numbers that they are at one place."""
+    """A Function in which numbers of parts of tables are those at one place."""
     symbols = f.sx_in()
     inputs = [
         list(zip(ca.vertsplit(own), map(ca.SX, np.atleast_1d(values).tolist()), strict=True))
@@ -90,7 +91,7 @@ def _frozen(f: ca.Function, *place: Array | float) -> ca.Function:
     ]
 
     def operation(code: object, arguments: tuple[tuple[ca.SX, ca.SX], ...]) -> tuple[ca.SX, ca.SX]:
-        if isinstance(code, Entry):
+        if isinstance(code, Entry) and type(code.pieces) is not Pieces:  # these have switches
             number = ca.SX(code.between(*(float(number) for _, number in arguments))[0])
             return number, number
         of, numbers = zip(*arguments, strict=True)

@@ -100,16 +100,16 @@ class Problem:
         """(x, p, t) -> what must be above 0."""
         return None if self.valid is None else Tape(self.valid)
 
-    def on_sides(self, sides: Array, x: Array, p: Array, t: float) -> "Problem":
-        """The problem on some sides (m,) of its switches, which holds about one place."""
+    def on_sides(self, sides: Array, *place: Array | float) -> "Problem":
+        """The problem on some sides (m,) of its switches, which holds about one place x, p, t."""
         phase = self.phase
         assert phase is not None
         return replace(
             self,
             phase=replace(phase, sides=sides),
-            rates=phase.on(phase.rates, sides),
-            outputs=phase.on(phase.outputs, sides),
-            valid=phase.conditions(sides, x, p, t),
+            rates=phase.on(phase.rates, sides, *place),
+            outputs=phase.on(phase.outputs, sides, *place),
+            valid=phase.conditions(sides, *place),
         )
 
     def after_change(self, time: float) -> "Problem":
