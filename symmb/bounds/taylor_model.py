@@ -48,11 +48,11 @@ class TaylorModel(Method):
     Where a nominal run finds other velocities better, the states change to these.
     Frequencies and damping of a `ModalSimulator` are proved as long as no two may cross in the box.
     Reactions and accelerations are outputs as others are; multipliers of redundant rows are those of least norm.
-    Steps end at the instants of sampled values. Impacts, rows that depend on others for some parameters only, and kinks
-    or jumps that depend on the state are refused. Where nothing can be proved any more, as from the first jump of a law
-    of time on, or close to a singular position of a loop, bounds are infinite, and ``caution`` tells until when they
-    are proved. Outputs that are not smooth, or have operations without a remainder, have infinite bounds. The executor
-    is not used, and each box counts as a run.
+    Steps end at the instants of sampled values. Kinks and jumps of forces are passed where all of the box passes them
+    once, transversally and alone. Impacts, and rows that depend on others for some parameters only, are refused. Where
+    nothing can be proved any more, as from a kink that a part of the box meets, or close to a singular position of a
+    loop, bounds are infinite, and ``caution`` tells until when they are proved. Outputs that are not smooth, or have
+    operations without a remainder, have infinite bounds. The executor is not used, and each box counts as a run.
 
     Parameters
     ----------
@@ -76,7 +76,8 @@ class TaylorModel(Method):
     (1988), frames. Lin and Stadtherr, Applied Numerical Mathematics 57 (2007), parameters. Nedialkov, Jackson and
     Corliss, Applied Mathematics and Computation 105 (1999), a-priori enclosures. Neumaier, Reliable Computing 9 (2003),
     Taylor forms. Trefethen, Approximation Theory and Approximation Practice (2013), theorems 8.1 and 15.2,
-    interpolation of analytic functions.
+    interpolation of analytic functions. Filippov, Differential Equations with Discontinuous Righthand Sides (1988),
+    section 10, transversal passes.
     """
 
     order: int = 8
