@@ -209,11 +209,11 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     """
     problem, front, control = place.problem, place.front, place.control
     if ahead.why or not ahead.first > 0:
-        raise ProofError(ahead.why or "may be passed at this time itself")
+        raise ProofError(ahead.why or "it may be passed at this time itself")
     begin, about = front.t, window(problem, ahead)
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
-        raise ProofError("is passed about when values are sampled")
+        raise ProofError("values are sampled about then")
     old = _followed(replace(about.old, times=np.array([end])), front, control)
 
     scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
@@ -223,7 +223,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     g = np.maximum(np.abs(there.lower), np.abs(there.upper))[-1]
     late, lost = off(to, scaled, at_pass, about, ahead.first, g)
     if not above(late) < ahead.first:
-        raise ProofError("may be passed at this time itself")
+        raise ProofError("it may be passed at this time itself")
     back = scaled.problem(about.new, about.surface, is_back=True)
     new_begin = replace(at_pass, t=0.0, x_error=above(at_pass.x_error + lost))
     front = replace(_front_of(_followed(back, new_begin, replace(control, h=h))), t=begin)
@@ -385,9 +385,9 @@ def _require_valid(step: TimeStep, e: Array) -> None:
     if which is not None:
         phase = step.problem.phase
         raise ProofError(
-            "another switch may be passed, or it is not passed in one direction"
+            "another one may be passed meanwhile, or it is not passed in one direction"
             if phase is None
-            else phase.sentence(which, step.t0, "may be touched, or be passed by a part of the box")
+            else phase.sentence(which, step.t0, "it may be touched, or be passed by a part of the box")
         )
 
 

@@ -59,7 +59,7 @@ class Crossing:
     tau : (N + 1, ...) coefficients of the times from the front to the pass
     first, last : bounds of them [s]
     place : the state (n,), the parameters (n_p,) and the time of one pass
-    why : it cannot be proved, for the end of a sentence; empty if it may be
+    why : a sentence that tells why it cannot be proved; empty if it may be
     """
 
     which: tuple[int, ...]
@@ -95,11 +95,11 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
             break
         begin, x = begin + h, motion(problem, x.sum(axis=1), begin + h, h, terms).c
     else:
-        return _refused(found - t0, "is not seen to be passed by all of the box in a short time")
+        return _refused(found - t0, "a part of the box does not pass it soon")
     earliest = found.min(axis=0)
     which = np.flatnonzero((found - earliest <= same).all(axis=1))
     if not 0 < len(which) <= _TOGETHER:
-        return _refused(found - t0, "is passed about when others are")
+        return _refused(found - t0, "others are passed about then")
     tau = ch.graded(fit((found[which[0]] - t0).reshape(counts), lengths), problem.d)
     place = states[:, 0], np.array([a[0] for a in p]), float(earliest[0])
     middle, reach = float(tau.flat[0]), reach_of(problem, tau)
@@ -319,7 +319,7 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
             ]
             return late, above((1.0 if own == 1 else 2.0) * late * np.max(difference, axis=0))
         late, room = new_late, new_room
-    raise ProofError("it is not shown to be passed transversally")
+    raise ProofError("it may be passed tangentially")
 
 
 def _least(a: discs.Disc) -> float:

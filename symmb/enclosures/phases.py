@@ -71,9 +71,10 @@ class Phase:
         return sides
 
     def sentence(self, which: int, time: float, reason: str) -> str:
-        """Why a proof ends before a switch at a time from the first one on [s]."""
+        """Why a proof ends before a switch at a time from the first one on [s], with a reason that is a sentence."""
         at = self.begin + time + 0.0  # not -0
-        return f"the equations have {self.names} at t = {at:.6g} s, where '{self.labels[which]}' {reason}"
+        own = f"'{self.labels[which]}' is not shown to be passed once by all of the box: {reason}"
+        return f"the equations have {self.names} at t = {at:.6g} s, where {own}"
 
 
 def label(switch: ca.SX) -> str:
