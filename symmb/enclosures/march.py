@@ -19,7 +19,7 @@ from symmb.enclosures.problem import Change, Problem
 from symmb.enclosures.rounding import above, grain_of
 from symmb.enclosures.start import first_front
 from symmb.enclosures.step import SINGULAR, Proof, is_regular, prove, unshown
-from symmb.enclosures.transitions import drifted, mapped
+from symmb.enclosures.transitions import drifted, mapped, require_known
 
 TIME_TERMS, FRAME_TERMS = 20, 11
 """Terms of the motion and of the frame in time."""
@@ -274,7 +274,10 @@ def _settled(problem: Problem, front: Front) -> Problem:
     if phase is None:
         return problem
     place = front.x[(slice(None), *(0,) * d)], problem.middle, front.t
-    return problem.on_sides(phase.settled(*place, phase.sides), *place)
+    problem = problem.on_sides(phase.settled(*place, phase.sides), *place)
+    assert problem.valid is not None
+    require_known("the equations", problem.rates, problem.valid)
+    return problem
 
 
 def _left(problem: Problem, t: float, grain: float) -> float:

@@ -8,9 +8,11 @@ between tau and the true pass, which is |g| / |dg/dt| at most, times the differe
 Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from itertools import product
+from itertools import combinations, product
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -18,6 +20,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
+from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import reaches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import fit, motion, parameters_at
@@ -29,6 +32,7 @@ from symmb.enclosures.rounding import U, above
 from symmb.enclosures.start import still
 from symmb.enclosures.step import on_motion
 from symmb.enclosures.tape import Tape
+from symmb.enclosures.transitions import require_known
 from symmb.symbolic import common
 
 _LOOKS = 33
@@ -217,6 +221,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
         values = ca.vertsplit(conditions(x, p, t))
         valid = ca.vertcat(*(values[k] for k in others), toward)
         found.append((sides, rates, common("valid", [*arguments], [ca.densify(valid)])))
+        require_known("the equations", *found[-1][1:])
         changed |= sides != phase.sides
     sides = ca.SX.sym("sides", len(changed))
     own = phase.switches(x, p, t, sides)[which]
@@ -292,34 +297,56 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     ------
     ProofError         if the switches are not passed transversally by the rates of all sides
     """
-    rates, conditions = zip(*((Tape(scaled.of(f)), Tape(scaled.of(valid))) for f, valid in about.between), strict=True)
+    tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
     reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
-    count = next(m for m in (32, 8, 4, 2, 1) if m ** max(problem.d, 1) <= _SOME or m == 1)
-    late, room, own = 0.0, np.zeros(problem.n), len(g)
+    late, room = 0.0, np.zeros(problem.n)
     for _ in range(_TRIALS):
         late, room = 2.0 * late + _LITTLE, 2.0 * room + _LITTLE
         share = 2.0 * late / first + 1e-14
-        around, e = still(problem, 1.0 - share, front.x, 2.0 * share), above(reach + room)
-        of_rates, shown = ([on_motion(around, tape, e, (1, count)) for tape in tapes] for tapes in (rates, conditions))
-        slowest = np.array([[_least(a) for a in part[len(part) - own :]] for part in shown]).min(axis=0)
-        fastest = np.max([reaches(part[len(part) - own :]) for part in shown], axis=0)
-        new_late = above(float((g / slowest).max()))
-        if own > 1:  # the first may be passed so much earlier, and the others then be approached more slowly
-            new_late = above(new_late * (2.0 + float((fastest / slowest).max())))
-        new_room = above(4.0 * new_late * np.max([reaches(part) for part in of_rates], axis=0))
-        if not (np.isfinite(new_room).all() and (slowest > 0).all()):
+        found = _found(still(problem, 1.0 - share, front.x, 2.0 * share), above(reach + room), tapes, len(g))
+        new_late = above(float((g / found.slowest).max()))
+        if len(g) > 1:  # the first may be passed so much earlier, and the others then be approached more slowly
+            new_late = above(new_late * (2.0 + float((found.fastest / found.slowest).max())))
+        new_room = above(4.0 * new_late * found.speed)
+        if not (np.isfinite(new_room).all() and found.is_shown):
             break
         if new_late < late and (new_room < room).all():
-            if not all(discs.is_positive(a) for part in shown for a in part):
-                break
-            difference = [
-                reaches([discs.OPERATIONS[ca.OP_SUB](a, b) for a, b in zip(of_rates[i], of_rates[j], strict=True)])
-                for i in range(len(of_rates))
-                for j in range(i)
-            ]
-            return late, above((1.0 if own == 1 else 2.0) * late * np.max(difference, axis=0))
+            return late, above((1.0 if len(g) == 1 else 2.0) * late * found.apart)
         late, room = new_late, new_room
     raise ProofError("it may be passed tangentially")
+
+
+class _Found(NamedTuple):
+    """What holds about a pass on all sides.
+
+    Attributes
+    ----------
+    slowest, fastest : (m,) rates at which switches are approached
+    speed, apart : (n,) largest rates of the states, and differences between sides
+    is_shown : whether all conditions are
+    """
+
+    slowest: Array
+    fastest: Array
+    speed: Array
+    apart: Array
+    is_shown: bool
+
+
+def _found(step: TimeStep, e: Array, tapes: Sequence[tuple[Tape, ...]], own: int) -> _Found:
+    d = max(step.problem.d, 1)
+    count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _SOME or m == 1)
+    each = [[on_motion(step, tape, e, (1, count)) for tape in pair] for pair in tapes]
+    toward = [conditions[len(conditions) - own :] for _, conditions in each]
+    subtract = discs.OPERATIONS[ca.OP_SUB]
+    apart = [reaches([*map(subtract, a, b)]) for (a, _), (b, _) in combinations(each, 2)]
+    return _Found(
+        np.min([[_least(a) for a in part] for part in toward], axis=0),
+        np.max([reaches(part) for part in toward], axis=0),
+        np.max([reaches(rates) for rates, _ in each], axis=0),
+        np.max(apart, axis=0),
+        all(discs.is_positive(a) for _, conditions in each for a in conditions),
+    )
 
 
 def _least(a: discs.Disc) -> float:
