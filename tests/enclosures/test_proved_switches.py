@@ -7,6 +7,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
 
@@ -82,6 +83,17 @@ def test_a_law_of_time_that_parameters_move():
         late = np.maximum(TIMES - s, 0.0)
         runs.append(np.stack([late**2 / 2, late, 1.0 * (late > 0)], 1))
     require_sharp(bounds, runs, 1e-3)
+
+
+def test_knots_of_a_table():
+    """A force that a monotone cubic through points gives, at t = 0.2 s and 0.6 s from one piece to the next."""
+    places, forces = [-1.0, 0.3, 0.9, 2.0], [0.0, 0.0, 1.2, 0.1]
+    table, curve = mb.Table(places, forces), PchipInterpolator(places, forces).antiderivative()
+    bounds, text = proved(lambda p, x, v, t: p.k * table(1.5 * t), (0.0, 1.5), {"k": 1.0}, {"k": (0.9, 1.1)})
+    assert not text
+    v = (curve(1.5 * TIMES) - curve(0.0)) / 1.5  # k times it
+    for k, found in ((0.9, bounds.lower[:, 1]), (1.1, bounds.upper[:, 1])):
+        np.testing.assert_allclose(found, 1.5 + k * v, atol=1e-9)
 
 
 def test_switches_that_are_passed_together():
