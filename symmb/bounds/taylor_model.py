@@ -50,11 +50,11 @@ class TaylorModel(Method):
     `critical` are proved as values at which one eigenvalue is imaginary, or 0. Both need an equilibrium, or a steady
     motion in coordinates that do not turn.
     Reactions and accelerations are outputs as others are; multipliers of redundant rows are those of least norm.
-    Steps end at the instants of sampled values. Impacts, rows that depend on others for some parameters only, and kinks
-    or jumps that depend on the state are refused. Where nothing can be proved any more, as from the first jump of a law
-    of time on, or close to a singular position of a loop, bounds are infinite, and ``caution`` tells until when they
-    are proved. Outputs that are not smooth, or have operations without a remainder, have infinite bounds. The executor
-    is not used, and each box counts as a run.
+    Steps end at the instants of sampled values. Kinks and jumps of forces are passed where all of the box passes them
+    once, transversally and alone. Impacts, and rows that depend on others for some parameters only, are refused. Where
+    nothing can be proved any more, as from a kink that a part of the box meets, or close to a singular position of a
+    loop, bounds are infinite, and ``caution`` tells until when they are proved. Outputs that are not smooth, or have
+    operations without a remainder, have infinite bounds. The executor is not used, and each box counts as a run.
 
     Parameters
     ----------
@@ -78,7 +78,8 @@ class TaylorModel(Method):
     (1988), frames. Lin and Stadtherr, Applied Numerical Mathematics 57 (2007), parameters. Nedialkov, Jackson and
     Corliss, Applied Mathematics and Computation 105 (1999), a-priori enclosures. Neumaier, Reliable Computing 9 (2003),
     Taylor forms. Trefethen, Approximation Theory and Approximation Practice (2013), theorems 8.1 and 15.2,
-    interpolation of analytic functions.
+    interpolation of analytic functions. Filippov, Differential Equations with Discontinuous Righthand Sides (1988),
+    section 10, transversal passes.
     """
 
     order: int = 8
@@ -122,8 +123,6 @@ class TaylorModel(Method):
 
 def _remedy(problem: Problem, found: Enclosure) -> str:
     """What may lead further, for the end of a sentence; empty if nothing does."""
-    if found.is_switch:
-        return ""
     few = not problem.n or NO_START in found.why or SINGULAR in found.why
     return "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
 

@@ -52,7 +52,7 @@ class _Part:
     @property
     def can_be_halved(self) -> bool:
         """Whether its motion is not proved to the end, and halves may be."""
-        return not self.course.is_done and not self.course.is_switched and self.problem.d > 0
+        return not self.course.is_done and self.problem.d > 0
 
     def halves(self, order: int) -> "list[_Part]":
         """Both halves, in the variable whose coefficients decay the least at the end.
@@ -93,7 +93,6 @@ class Enclosure:
     until : time up to which the motion is proved, from the first one [s]
     why : what ended the proof; empty if it reached the end
     boxes : parts in which the box ended
-    is_switch : whether that was a law of time that switches
     """
 
     lower: Array
@@ -103,7 +102,6 @@ class Enclosure:
     until: float
     why: str
     boxes: int
-    is_switch: bool = False
 
     @property
     def is_loose(self) -> Mask:
@@ -179,5 +177,4 @@ def _joined(courses: Sequence[Course]) -> Enclosure:
         min(course.until for course in courses),
         last.why,
         len(courses),
-        last.is_switched,
     )

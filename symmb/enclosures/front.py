@@ -125,12 +125,12 @@ def _in_frame(front: Front, B: Array, C: Array) -> Front:
 
 def half(front: Front, variable: int, side: int) -> Front:
     """The front over the half of the box where a variable is negative (side -1) or positive (1)."""
-    x, x_lost = _restricted(front.x, 1, variable, side)
-    B, B_lost = _restricted(front.B, 2, variable, side)
+    x, x_lost = restricted(front.x, 1, variable, side)
+    B, B_lost = restricted(front.B, 2, variable, side)
     return replace(front, x=x, B=B, x_error=above(front.x_error + x_lost), B_error=above(front.B_error + B_lost))
 
 
-def _restricted(c: Array, leading: int, variable: int, side: int) -> tuple[Array, Array]:
+def restricted(c: Array, leading: int, variable: int, side: int) -> tuple[Array, Array]:
     """Coefficients in half of the range of a variable, and bounds of the errors of the polynomials.
 
     The coefficients of T_k((z + side) / 2) are interpolated. Its values err by k^2 times the rounding of the argument.

@@ -13,13 +13,13 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import frame, motion
 from symmb.enclosures.front import Front, entering, leaving, well_conditioned
 from symmb.enclosures.outputs import output_bounds
-from symmb.enclosures.problem import Problem
-from symmb.enclosures.rounding import above
-from symmb.enclosures.schedule import Phase, grain_of
+from symmb.enclosures.pass_outputs import Part, bounds_about_pass
+from symmb.enclosures.passes import Crossing, Scaled, crossing, off, window
+from symmb.enclosures.problem import Change, Problem
+from symmb.enclosures.rounding import above, grain_of
 from symmb.enclosures.start import first_front
-from symmb.enclosures.step import SINGULAR, Proof, is_regular, prove
-from symmb.enclosures.switching import holds, off_while_switching
-from symmb.enclosures.transitions import drifted, mapped
+from symmb.enclosures.step import SINGULAR, Proof, is_regular, prove, unshown
+from symmb.enclosures.transitions import drifted, mapped, require_known
 
 TIME_TERMS, FRAME_TERMS = 20, 11
 """Terms of the motion and of the frame in time."""
@@ -37,8 +37,10 @@ _NEAR = 8
 """Shortest step that ends at a change of states, over the unit of times."""
 _AT = 4
 """Distance of output times from an instant that are at it, over the error of the instant."""
-_RESOLVING = 2.0**-10
-"""Parts of a step, over the step, down to which it is shown that no law of time switches in them."""
+_BESIDE, _OF_SPREAD = 2.0**-6, 0.25
+"""Shares of a usual step, and of the spread of passes over the box, from which on the pass of a switch begins."""
+_NEARER, _NEAREST = 2.0**-6, 2.0**6
+"""How much nearer a pass may begin if it is not proved, and the least distance, in units of times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,7 @@ class Course:
     end : the last place; None before the start
     checkpoint : the last place where the remainder was small, or the first one
     stored : output times up to there
+    steps : proved steps with bounds (n,) of |w|; None if they are not kept
     """
 
     lower: Array
@@ -74,6 +77,7 @@ class Course:
     end: Place | None = None
     checkpoint: Place | None = None
     stored: int = 0
+    steps: list[tuple[TimeStep, Array]] | None = None
 
     @classmethod
     def empty(cls, problem: Problem) -> "Course":
@@ -86,10 +90,11 @@ class Course:
         """Whether all output times have bounds, as far as outputs are smooth."""
         return self.stored == len(self.lower)
 
-    @property
-    def is_switched(self) -> bool:
-        """Whether a law of time that switches ended the proof."""
-        return bool(self.why) and self.end is not None and self.why == self.end.problem.why_switch
+    def store(self, behind: int, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
+        """Store bounds of the outputs up to the number of an output time."""
+        part = slice(self.stored, behind)
+        self.lower[part], self.upper[part], self.remainder[part] = lower, upper, remainder
+        self.terms, self.stored = np.maximum(self.terms, terms), behind
 
     def back_to(self, place: Place, times: Array) -> "Course":
         """The course up to the time of a place, from which it goes on there; times (n_t,) are those of the outputs."""
@@ -118,6 +123,7 @@ def march(
     if course.end is None:
         try:
             front = first_front(problem, order)
+            problem = _settled(problem, front)
         except ProofError as error:
             course.why = f"the start cannot be proved, because {error}"
             return
@@ -142,51 +148,144 @@ def march(
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
-    """The place behind a proved step, and how long the step is. The course stores bounds of the outputs."""
+    """The place behind a proved step or pass, and how long it is. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, replace(place.control)
-    phase = problem.phase or Phase(problem.rates)
-    is_in_window = front.t >= phase.stop
-    usual, left = control.h, _left(problem, front.t, phase, grain)
+    usual, left = control.h, _left(problem, front.t, grain)
     control.h = min(usual, left)
-    step, proof = _step(problem, front, grain, control)
-    beside = off_while_switching(step, proof, phase.window) if is_in_window else np.zeros(problem.n)
+    try:
+        step, proof = _step(problem, front, grain, control)
+    except _AheadError as found:
+        control.h = usual
+        try:
+            other = _passed(course, replace(place, control=control), found.ahead, grain)
+        except ProofError as error:
+            step, proof = _nearer(replace(place, control=control), found.ahead, grain, str(error))
+        else:
+            return _changed(other, grain, course.is_done), other.front.t - front.t
+    if course.steps is not None:
+        course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
     late = _late(problem, front.t)
     until = front.t if late is None else front.t - _AT * late  # at an instant, outputs have the new values
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
-        part = slice(course.stored, behind)
-        found = output_bounds(step, proof.W, times[part], control, beside=beside)
-        course.lower[part], course.upper[part], course.remainder[part], terms = found
-        course.terms, course.stored = np.maximum(course.terms, terms), behind
+        course.store(behind, *output_bounds(step, proof.W, times[course.stored : behind], control))
     if left < usual:
         control.h = usual
-    if is_in_window:
-        if front.t < phase.resume:
-            raise ProofError(phase.why)
-        front, problem = replace(front, x_error=above(front.x_error + beside)), problem.after_switch()
-    elif front.t < phase.stop and not course.is_done:
-        front, problem = _changed(problem, front, grain)
-    return Place(front, control, problem), step.h
+    return _changed(Place(front, control, problem), grain, course.is_done), step.h
 
 
-def _left(problem: Problem, t: float, phase: Phase, grain: float) -> float:
-    """Time to the next one at which a step must end, which may be infinite [s].
+class _AheadError(Exception):
+    """A pass of a switch begins at the front of a step."""
+
+    def __init__(self, ahead: Crossing) -> None:
+        self.ahead = ahead
+
+
+def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[TimeStep, Proof]:
+    """A step and its proof that ends nearer to a pass that cannot be proved from a place.
 
     Raises
     ------
-    ProofError         if a proof cannot go over the switch that is next, or over an instant while laws switch
+    ProofError         with the reason of that, if there is none
     """
-    is_in_window, change = t >= phase.stop, problem.change
-    if is_in_window and phase.window is None:
-        raise ProofError(phase.why)
-    end = phase.resume if is_in_window else phase.stop
-    if change is None:
-        return end - t
-    if is_in_window and change.late is not None and change.time <= phase.resume:
-        raise ProofError(f"values are sampled while {phase.why}")
-    is_ahead = change.late is not None or change.time > t + _NEAR * grain
-    return (min(end, change.time) if is_ahead else end) - t
+    problem, phase = place.problem, place.problem.phase
+    if ahead.first > _NEAREST * grain:
+        try:
+            control = replace(place.control, h=(1.0 - _NEARER) * ahead.first)
+            return _step(replace(problem, phase=None), place.front, grain, control)
+        except ProofError:
+            pass
+    assert phase is not None
+    raise ProofError(phase.sentence(ahead.which[0], place.front.t + max(ahead.first, 0.0), why))
+
+
+def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Place:
+    """The place behind a pass that begins at a place. The course stores bounds of the outputs.
+
+    Raises
+    ------
+    ProofError         if it is not proved
+    """
+    problem, front, control = place.problem, place.front, place.control
+    if ahead.why or not ahead.first > 0:
+        raise ProofError(ahead.why or "it may be passed at this time itself")
+    begin, about = front.t, window(problem, ahead)
+    end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
+    if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
+        raise ProofError("values are sampled about then")
+    old = _followed(replace(about.old, times=np.array([end])), front, control)
+
+    scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
+    to = scaled.problem(about.old, about.surface)
+    there = _followed(to, replace(front, t=0.0), replace(control, h=h))
+    at_pass = _front_of(there)
+    g = np.maximum(np.abs(there.lower), np.abs(there.upper))[-1]
+    late, lost = off(to, scaled, at_pass, about, ahead.first, g)
+    if not above(late) < ahead.first:
+        raise ProofError("it may be passed at this time itself")
+    back = scaled.problem(about.new, about.surface, is_back=True)
+    new_begin = replace(at_pass, t=0.0, x_error=above(at_pass.x_error + lost))
+    front = replace(_front_of(_followed(back, new_begin, replace(control, h=h))), t=begin)
+    new = _followed(replace(about.new, times=np.array([end])), front, control)
+
+    assert new.end is not None and old.steps is not None and new.steps is not None and problem.phase is not None
+    behind = int(np.searchsorted(problem.times, end, side="right"))
+    if behind > course.stored:
+        part = Part(old.steps, new.steps, _later(ahead.tau, begin), late + grain)  # the last term covers rounding
+        course.store(behind, *bounds_about_pass(part, problem.times[course.stored : behind], control))
+    phase = replace(problem.phase, sides=about.sides)
+    after = replace(new.end.problem, times=problem.times, phase=phase, change=problem.change)
+    return Place(new.end.front, replace(new.end.control, h=control.h), _settled(after, new.end.front))
+
+
+def _followed(problem: Problem, front: Front, control: Control) -> Course:
+    """The course of a problem from a front up to its last time, at which a step ends, with its steps.
+
+    Raises
+    ------
+    ProofError         if it ends before
+    """
+    end = float(problem.times[-1])
+    stop = Change(end, problem.rates, lambda time, problem: problem, late=0.0)
+    course = replace(Course.empty(problem), steps=[])
+    course.end = Place(front, replace(control), replace(problem, change=stop))
+    march(problem, 0, course, np.inf, np.inf, lambda time: None)
+    if course.why:
+        raise ProofError(course.why)
+    return course
+
+
+def _later(tau: Array, begin: float) -> Array:
+    """A polynomial plus a number."""
+    found = tau.copy()
+    found[(0,) * tau.ndim] += begin
+    return found
+
+
+def _front_of(course: Course) -> Front:
+    assert course.end is not None
+    return course.end.front
+
+
+def _settled(problem: Problem, front: Front) -> Problem:
+    """The problem on the sides of its switches at a front."""
+    phase, d = problem.phase, problem.d
+    if phase is None:
+        return problem
+    place = front.x[(slice(None), *(0,) * d)], problem.middle, front.t
+    problem = problem.on_sides(phase.settled(*place, phase.sides), *place)
+    assert problem.valid is not None
+    require_known("the equations", problem.rates, problem.valid)
+    return problem
+
+
+def _left(problem: Problem, t: float, grain: float) -> float:
+    """Time to the next one at which a step must end, which may be infinite [s]."""
+    change = problem.change
+    if change is None or (change.late is None and change.time <= t + _NEAR * grain):
+        return np.inf
+    return change.time - t
 
 
 def _late(problem: Problem, t: float) -> float | None:
@@ -195,15 +294,18 @@ def _late(problem: Problem, t: float) -> float | None:
     return None if change is None or t != change.time else change.late
 
 
-def _changed(problem: Problem, front: Front, grain: float) -> tuple[Front, Problem]:
-    """The front and the problem behind a change of states, if it is due."""
+def _changed(place: Place, grain: float, is_done: bool) -> Place:
+    """The place behind a change of states, if it is due."""
+    problem, front = place.problem, place.front
     change, late = problem.change, _late(problem, front.t)
-    if change is None or (late is None and (change.late is not None or change.time > front.t + _NEAR * grain)):
-        return front, problem
+    is_ahead = change is None or (late is None and (change.late is not None or change.time > front.t + _NEAR * grain))
+    if is_done or change is None or is_ahead:
+        return place
     if late is not None:
         front = drifted(problem, front, late)
     front, problem = mapped(problem, front, change.states), problem.after_change(front.t)
-    return (front if late is None else drifted(problem, front, late)), problem
+    problem = _settled(problem, front)
+    return replace(place, front=front if late is None else drifted(problem, front, late), problem=problem)
 
 
 def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
@@ -226,8 +328,8 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
 
 def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
     """The same, as long as it can be proved with what is adapted so far."""
-    h = aim = control.h
-    reason, change = "", problem.change
+    h = aim = usual = control.h
+    reason, change, is_cut = "", problem.change, False
     while h >= _SHORTEST * aim and h > 4 * grain:
         if change is None or change.late is None or h != change.time - front.t:
             h = float(np.floor(h / grain)) * grain
@@ -242,13 +344,18 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         if tail > _UNRESOLVED:
             aim = h = h_resolved
             continue
-        step = None
+        step, before = None, _before_pass(problem, x.c, front.t, h, usual, grain)
+        if before < h:
+            aim = h = before
+            is_cut = True
+            continue
         try:
             B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
             step = TimeStep(problem, front.t, h, x, B, C)
-            _require_valid(step)
+            _require_valid(step, np.zeros(problem.n))
             proof = prove(step, entering(front, step), control)
-            control.h = h_resolved
+            _require_valid(step, above(step.B_largest @ proof.W))
+            control.h = max(h_resolved, usual) if is_cut else h_resolved
             return step, proof
         except ProofError as error:
             reason, h = str(error), 0.5 * h
@@ -257,14 +364,34 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
     raise ProofError(reason or "the motion changes too fast for the shortest step")
 
 
-def _require_valid(step: TimeStep) -> None:
-    """ProofError unless no law of time switches in a step, for all parameters, before the window of a switch."""
-    phase, tape = step.problem.phase, step.problem.valid_tape
-    if phase is None or tape is None:
-        return
-    end = min(step.t0 + step.h, phase.stop)
-    if end > step.t0 and not holds(tape, step.problem, step.t0, end, _RESOLVING * step.h):
-        raise ProofError(phase.why)
+def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:
+    """How long a step over h may be before a pass of a switch begins, if the motion x of the step is seen to have one.
+
+    Raises
+    ------
+    _AheadError         if it begins at once
+    """
+    ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _NEAR * grain)
+    if ahead is None:
+        return np.inf
+    if ahead.why and ahead.first > _NEAREST * grain:
+        return float(np.floor((1.0 - _NEARER) * ahead.first / grain)) * grain
+    begin = _BESIDE * usual + _OF_SPREAD * (ahead.last - ahead.first)
+    if ahead.first <= 2.0 * begin:
+        raise _AheadError(ahead)
+    return float(np.floor((ahead.first - begin) / grain)) * grain
+
+
+def _require_valid(step: TimeStep, e: Array) -> None:
+    """ProofError unless the equations are shown to be those of the scene within e (n,) of the motion of a step."""
+    which = unshown(step, e)
+    if which is not None:
+        phase = step.problem.phase
+        raise ProofError(
+            "another one may be passed meanwhile, or it is not passed in one direction"
+            if phase is None
+            else phase.sentence(which, step.t0, "it may be touched, or be passed by a part of the box")
+        )
 
 
 def _tail(problem: Problem, x: Array) -> float:

@@ -199,8 +199,8 @@ def _rows_of_mode(J: ca.SX, shape: Array, real: ca.SX, imag: ca.SX, a: ca.SX, b:
     return [
         J @ real - a * real + b * imag,
         J @ imag - a * imag - b * real,
-        ca.dot(shape.real, real) + ca.dot(shape.imag, imag) - 1,
-        ca.dot(shape.real, imag) - ca.dot(shape.imag, real),
+        ca.dot(np.real(shape), real) + ca.dot(np.imag(shape), imag) - 1,
+        ca.dot(np.real(shape), imag) - ca.dot(np.imag(shape), real),
     ]
 
 

@@ -40,7 +40,7 @@ SHARP = 1e-6
 
 
 def output_bounds(
-    step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SHARP, beside: Array | float = 0.0
+    step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SHARP
 ) -> tuple[Array, Array, Array, Array]:
     """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), and the remainder in them.
 
@@ -48,18 +48,17 @@ def output_bounds(
     states times the sensitivities, 0 where they are not known. The outputs y(u(xi, t), p, t) are interpolated in xi.
     Their ranges are bounded, and widened by the aliasing, the rounding and the largest sensitivity dy/dx times the
     largest B w. Outputs that cannot be shown to be smooth have infinite bounds, and the control keeps which these are.
-    States may be off the motion by `beside` (n,) as well.
     """
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
     if problem.n and problem.d > ch.FEW:
-        e = above(step.B_largest @ w + beside)
+        e = above(step.B_largest @ w)
         with np.errstate(all="ignore"):
             lower, upper, remainder, slopes = model_output_bounds(step, e, times, sharp)
         terms = slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
         return lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
     with np.errstate(all="ignore"):
-        e, smooth = above(step.B_largest @ w + beside), np.zeros(n_y, dtype=bool)
+        e, smooth = above(step.B_largest @ w), np.zeros(n_y, dtype=bool)
         for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= TOO_MANY):
             rho, most, nodes = _ellipses(step, control.choice, patches)
             real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))

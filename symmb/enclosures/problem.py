@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
+from symmb.enclosures.phases import Phase
 from symmb.enclosures.rounding import U, above
-from symmb.enclosures.schedule import Phase
 from symmb.enclosures.tape import Tape
 from symmb.symbolic import common
 
@@ -29,7 +29,8 @@ class Problem:
     times : (n_t,) output times [s]
     scales : (n_x,) sizes of the states
     errors : (n_p,) of the middles of a part of the box, which are rounded
-    phase : the equations between switches of laws of time, whose rates these are; None: always the same
+    phase : the equations on all sides of their switches; None: they have none
+    valid : (x, p, t) -> (m,), all above 0 as long as the rates are those of the scene; None: always
     regular : (x, p, t) -> (m,), none of which is 0 where the rates are those of the scene; None: everywhere
     refused : for each output the operations that have no remainder; its expression is then not a number
     change : to other states; None: these serve to the end
@@ -45,6 +46,7 @@ class Problem:
     start: "StartEquations"
     errors: Array | float = 0.0
     phase: Phase | None = None
+    valid: ca.Function | None = None
     regular: ca.Function | None = None
     refused: tuple[str, ...] = ()
     change: "Change | None" = None
@@ -95,19 +97,20 @@ class Problem:
 
     @cached_property
     def valid_tape(self) -> Tape | None:
-        """(x, p, t) -> what must be above 0 as long as no law of time switches."""
-        return None if self.phase is None or self.phase.valid is None else Tape(self.phase.valid)
+        """(x, p, t) -> what must be above 0."""
+        return None if self.valid is None else Tape(self.valid)
 
-    @property
-    def why_switch(self) -> str:
-        """The sentence that tells of the next switch."""
-        return "" if self.phase is None else self.phase.why
-
-    def after_switch(self) -> "Problem":
-        """The problem of the next phase, if there is one."""
-        assert self.phase is not None and self.phase.window is not None
-        phase = self.phase.window.following()
-        return replace(self, phase=phase, rates=phase.rates)
+    def on_sides(self, sides: Array, *place: Array | float) -> "Problem":
+        """The problem on some sides (m,) of its switches, which holds about one place x, p, t."""
+        phase = self.phase
+        assert phase is not None
+        return replace(
+            self,
+            phase=replace(phase, sides=sides),
+            rates=phase.on(phase.rates, sides, *place),
+            outputs=phase.on(phase.outputs, sides, *place),
+            valid=phase.conditions(sides, *place),
+        )
 
     def after_change(self, time: float) -> "Problem":
         """The problem of the other states from a time on, over the same box."""

@@ -33,3 +33,17 @@ def of_sum(terms: int) -> float:
     Source: Higham (2002), Accuracy and Stability of Numerical Algorithms, eq. (3.5).
     """
     return above(terms * U / (1.0 - terms * U))
+
+
+def grain_of(end: float) -> float:
+    """The unit of times of steps over a horizon [s], a power of 2: times of steps are then sums without rounding."""
+    return 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS
+
+
+def fine_grain_of(end: float) -> float:
+    """The unit of times that are given: sums of so many are exact as well, with two bits to spare."""
+    return grain_of(end) * _GRAINS / _FINE
+
+
+_GRAINS, _FINE = 2.0**30, 2.0**50
+"""Units of both kinds in the least power of 2 that is not below a horizon."""

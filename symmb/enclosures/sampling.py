@@ -6,8 +6,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures.independent_velocities import Equations
 from symmb.enclosures.problem import Change
-from symmb.enclosures.rounding import U
-from symmb.enclosures.schedule import fine_grain_of
+from symmb.enclosures.rounding import U, fine_grain_of
 from symmb.model import DAE
 from symmb.symbolic import common
 

@@ -7,14 +7,14 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
 from symmb.enclosures.independent_velocities import Equations, equations_of, start_states
 from symmb.enclosures.modes import LinearStart, with_limits, with_modes
+from symmb.enclosures.phases import Phase, label
 from symmb.enclosures.problem import Change, Problem, StartEquations
 from symmb.enclosures.sampling import sampled
-from symmb.enclosures.schedule import Phase, Schedule, corners
 from symmb.enclosures.tape import Tape
 from symmb.events import kinks
 from symmb.formulations import Formulation
@@ -30,8 +30,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
 
     Raises
     ------
-    PropagationError         if the scene has impacts, kinks or jumps that depend on the state, or operations without a
-                             remainder in its equations or in all outputs
+    PropagationError         if the scene has impacts, or operations without a remainder in its equations or in all
+                             outputs
     """
     if isinstance(simulator, ModalSimulator):
         return _modal_problem(method, simulator, box)
@@ -56,35 +56,37 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     outputs, refused = _with_remainders(method, outputs)
     start = StartEquations(rates, rates, lambda P: np.zeros((len(P), 0)))
     problem = Problem(rates, _later(outputs, times[0]), *_intervals(simulator, box), times - times[0], np.zeros(0),
-                      start, phase=Phase(rates), refused=refused)  # fmt: skip
+                      start, refused=refused)  # fmt: skip
     _require_tapes(method, problem)
     return problem
 
 
 def _of_equations(
-    method: object, simulator: DAESimulator, box: Box, form: Formulation, equations: Equations, begin: float = 0.0
+    method: object, simulator: DAESimulator, box: Box, form: Formulation, equations: Equations
 ) -> Problem:
-    """The problem with the states of equations from a time on, from the first one on [s]."""
-    times, intervals = np.asarray(simulator.times, dtype=float), _intervals(simulator, box)
-    phase = _phase(method, form.dae, _later(equations.rates, times[0]), times, intervals, begin)
+    """The problem with the states of equations."""
+    times = np.asarray(simulator.times, dtype=float)
     outputs, refused = _with_remainders(method, _outputs(simulator, form, equations))
-    regular, change = equations.regular, None
+    rates, outputs, regular, change = equations.rates, _later(outputs, times[0]), equations.regular, None
+    rates = _later(rates, times[0])
     if equations.following is not None:
         other = equations.following()
         x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
         states = common("states", [x, p, t], [equations.whole(x, p, t)[other.kept.tolist()]])
-        later = cache(lambda time: _of_equations(method, simulator, box, form, other, time))
+        later = cache(lambda: _of_equations(method, simulator, box, form, other))
 
         def following(time: float, problem: Problem) -> Problem:
-            found = later(time if phase.valid else 0.0)
-            return found.with_fields(middle=problem.middle, radius=problem.radius, errors=problem.errors)
+            return later().with_fields(middle=problem.middle, radius=problem.radius, errors=problem.errors)
 
         change = Change(equations.until - times[0], _later(states, times[0]), following)
     if form.dae.sampling is not None:
         change = sampled(form.dae, equations, times)
-    problem = Problem(phase.rates, _later(outputs, times[0]), *intervals, times - times[0],
-                      form.dae.state_sizes[equations.kept], _start(form, equations), phase=phase,
+    problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0],
+                      form.dae.state_sizes[equations.kept], _start(form, equations),
+                      phase=_phase(form.dae, rates, outputs, times, equations.kept),
                       regular=regular and _later(regular, times[0]), refused=refused, change=change)  # fmt: skip
+    if problem.phase is not None:  # sides are those of the states, as soon as these are known
+        problem = problem.on_sides(problem.phase.sides, np.zeros(problem.n), problem.middle, 0.0)
     _require_tapes(method, problem)
     return problem
 
@@ -101,7 +103,7 @@ def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Probl
     """Frequencies and damping: the starting equations have the modes, and nothing moves."""
     linear, modes = _linear_start(method, simulator, box), simulator.eigenvalues
     intervals = _intervals(simulator, box)
-    _require_fixed(method, linear, simulator, corners(*intervals[:2]))
+    _require_fixed(method, linear, simulator, _points_of(*intervals[:2]))
     start = with_modes(linear, modes, np.array([*simulator.parameters.values()]))
     x = ca.SX.sym("x", 2 * len(modes))
     a, b = x[::2] - 1, x[1::2]
@@ -122,7 +124,7 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
             f"{method!r}: at a critical {simulator.outputs[0]} more than one eigenvalue is imaginary or 0, which is "
             "not proved. Use PolynomialChaos()."
         ) from None
-    samples = corners(*intervals[:2])
+    samples = _points_of(*intervals[:2])
     shares = batch(start.states, start.solve(samples), samples)[0]
     for k, value in enumerate(values.tolist()):
         whole = np.insert(samples, simulator.number, value + (high - low) * shares[:, k], axis=1)
@@ -218,8 +220,7 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
         )
     _require_smooth(method, form)
     middle, radius, _ = _intervals(simulator, box)
-    places = np.random.default_rng(0).uniform(-1, 1, (_POINTS, len(middle)))
-    if contradiction := _contradiction(form, middle + radius * places):
+    if contradiction := _contradiction(form, _points_of(middle, radius)):
         raise PropagationError(f"{method!r}: {contradiction}. Give a start that all parameters of the box allow.")
     return form
 
@@ -241,13 +242,18 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     middle, radius, _ = _intervals(simulator, box)
     turned = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in rng.normal(size=(_POINTS, dae.n_v))]
     X = np.hstack([turned, rng.normal(size=(_POINTS, dae.n_v + dae.n_s))])
-    P = middle + radius * rng.uniform(-1, 1, (_POINTS, len(middle)))
+    P = _points_of(middle, radius)
     instants = rng.uniform(float(simulator.times[0]), float(simulator.times[-1]), (_POINTS, 1))
     residuals = np.abs(batch(f, X, P, instants)[0])
     binds = residuals.max(axis=0) > _VANISHES * max(1.0, residuals.max())
     names = system.collected.row_names
     left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
     return ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in left))
+
+
+def _points_of(middle: Array, radius: Array) -> Array:
+    """Random points (N, n_p) of a box."""
+    return middle + radius * np.random.default_rng(0).uniform(-1, 1, (_POINTS, len(middle)))
 
 
 _POINTS, _VANISHES = 20, 1e-13
@@ -275,31 +281,34 @@ def _require_smooth(method: object, form: Formulation) -> None:
         )
 
 
-def _phase(
-    method: object,
-    dae: DAE,
-    rates: ca.Function,
-    times: Array,
-    intervals: tuple[Array, Array, tuple[int, ...]],
-    begin: float,
-) -> Phase:
-    """The phase from a time on of equations whose rates are Functions of the time from the first one on."""
+def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kept: Indices) -> Phase | None:
+    """Rates and outputs, functions of the time from the first one on, on sides of the switches that rates have."""
     found = kinks(dae, times)
     if found is None:
-        return Phase(rates)
-    if found.on_state.any():
-        raise PropagationError(
-            f"{method!r}: the equations have {found} that depend on the state. Its proofs are of motions that are "
-            "smooth for some time at least. Use PolynomialChaos()."
-        )
+        return None
     x, p, t, none = (*(ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt")), ca.SX.sym("none"))
-    f = ca.Function("rates", [x, p, t, none], [rates(x, p, t)])
-    branch = branches(f, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
-    arguments = [x, p, t, branch.sides]
-    smooth = ca.Function("smooth", arguments, [ca.densify(ca.vertcat(*branch.outputs))])
-    switches = ca.Function("switches", arguments, [ca.densify(branch.switches)])
-    end, samples = float(times[-1] - times[0]), corners(*intervals[:2])
-    return Schedule(smooth, switches, end, samples, float(times[0]), str(found)).phase(begin)
+    both = common("both", [x, p, t, none], [rates(x, p, t), outputs(x, p, t)])
+    branch = branches(both, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
+    own, needed = np.empty(0, dtype=np.intp), branch.outputs[0]
+    while len(other := np.flatnonzero(ca.which_depends(needed, branch.sides, 1, False) or [])) > len(own):
+        own, needed = other, ca.vertcat(branch.outputs[0], branch.switches[other.tolist()])
+    if not len(own):
+        return None
+    sides, switches = (ca.densify(every[own.tolist()]) for every in (branch.sides, branch.switches))
+    left = branch.sides[np.setdiff1d(np.arange(branch.sides.numel()), own).tolist()]
+    y = [
+        whole if ca.depends_on(smooth, left) else smooth  # others have switches of their own
+        for smooth, whole in zip(ca.vertsplit(branch.outputs[1]), ca.vertsplit(outputs(x, p, t)), strict=True)
+    ]
+    arguments, named = [x, p, t, sides], (*dae.q_names, *dae.v_names, *dae.s_names)
+    names = (ca.vertcat(*map(ca.SX.sym, own)) for own in ([named[k] for k in kept], dae.p_names))
+    f = ca.Function("switches", arguments, [switches])
+    texts = f(*names, time_symbol - times[0], sides)
+    return Phase(
+        ca.Function("rates", arguments, [ca.densify(branch.outputs[0])]),
+        ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*y))]),
+        f, np.ones(len(own)), tuple(map(label, ca.vertsplit(texts))), str(found), float(times[0]),
+    )  # fmt: skip
 
 
 def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:

@@ -21,15 +21,16 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
-from symmb.enclosures import discs, taylor_models
+from symmb.enclosures import discs
 from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.defects import defect_of_frame, defect_of_motion, exact_defects
-from symmb.enclosures.ellipses import Control, adapted, patches_on
+from symmb.enclosures.ellipses import TOO_MANY, Control, adapted, patches_on
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.model_defects import defects_of_models
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import U, above
 from symmb.enclosures.several_parameters import on_step
+from symmb.enclosures.tape import Tape
 
 _TRIALS = 12
 """Candidates for the box of w."""
@@ -93,12 +94,34 @@ SINGULAR = "a loop may be in a singular position, such as a dead centre"
 def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:
     """Whether rows of loops determine velocities in all states of a step within e (n,) of the motion."""
     tape = step.problem.regular_tape
+    return tape is None or all(map(discs.is_regular, on_motion(step, tape, e, patches)))
+
+
+def unshown(step: TimeStep, e: Array) -> int | None:
+    """The first condition of the equations that is not shown in all states of a step within e (n,) of the motion."""
+    tape, first = step.problem.valid_tape, None
     if tape is None:
-        return True
+        return None
+    for patches in _PATCHES:
+        if patches[0] * patches[1] ** step.problem.d > TOO_MANY:
+            break
+        shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
+        if all(shown):
+            return None
+        first = shown.index(False)
+    return first
+
+
+_PATCHES = (8, 1), (40, 1), (40, 8)
+"""Patches of time and of each parameter on which conditions are tried."""
+
+
+def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
+    """Discs of the first outputs of a tape, for all parameters and states within e (n,) of the motion of a step."""
     if step.problem.d > ch.FEW:
-        return all(map(taylor_models.is_regular, on_step(step, tape, e)[0]))
+        return [a.disc for a in on_step(step, tape, e)[0]]
     real = step.on_patches(patches_on(step, [1.0] * len(step.degrees), patches), e)
-    return all(map(discs.is_regular, tape.run(discs.OPERATIONS, discs.disc, real)[0]))
+    return tape.run(discs.OPERATIONS, discs.disc, real)[0]
 
 
 def stays(end: Array, W: Array) -> bool:

@@ -49,7 +49,7 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     states[(slice(n), *map(slice, lengths))] = front.x
     states[(slice(n, None), *map(slice, of_frame))] = front.B.reshape(n * n, *of_frame)
     scales = np.concatenate([problem.scales, np.maximum(ch.sums(states[n:], d), 1e-300)])
-    _require_known(both)
+    require_known("the law of a sampled value", both)
     step = still(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
     try:
         x_new, x_lost = polynomials(step, np.arange(m), lengths, _SHARP)
@@ -60,7 +60,7 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     y = ca.vertcat(x, e, off)
     of_errors = ca.jtimes(new, x, off), ca.jtimes(ca.jtimes(new, x, e), x, e)
     errors = common("errors", [y, p, t], [ca.densify(part) for part in of_errors])
-    _require_known(errors)
+    require_known("the law of a sampled value", errors)
     beside = above(front.x_error + front.B_error @ front.w)
     reach = above(ch.sums(front.B, d) @ front.w + beside)
     centres = np.zeros((3 * n, *lengths))
@@ -79,9 +79,10 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     )
 
 
-def _require_known(f: ca.Function) -> None:
-    if unknown := ", ".join(Tape(f).unknown(discs.OPERATIONS)):
-        raise ProofError(f"there is no remainder of {unknown}, which is in the law of a sampled value")
+def require_known(where: str, *functions: ca.Function) -> None:
+    """ProofError where functions have operations without a remainder."""
+    if unknown := ", ".join(name for f in functions for name in Tape(f).unknown(discs.OPERATIONS)):
+        raise ProofError(f"there is no remainder of {unknown}, which is in {where}")
 
 
 def drifted(problem: Problem, front: Front, late: float) -> Front:

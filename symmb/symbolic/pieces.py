@@ -111,9 +111,13 @@ class Sides(Pieces):
         return cls(np.zeros(len(begins)), begins, np.column_stack([begins, slope, bend]))
 
     def wave(self, at: ca.SX) -> ca.SX:
-        """What changes sign at the knots."""
-        begin, slope, bend, _ = self(ca.SX(0), at)
-        return (at - begin) * (slope + bend * (at - begin))
+        """What changes sign at the knots; the same as the last time for the same place."""
+        if self._wave is None or self._wave[0] != at.element_hash():
+            begin, slope, bend, _ = self(ca.SX(0), at)
+            self._wave = at.element_hash(), (at - begin) * (slope + bend * (at - begin))  # keeps the place alive
+        return self._wave[1]
+
+    _wave: tuple[int, ca.SX] | None = None
 
     @cached_property
     def _nearest(self) -> "_Nearest":

@@ -1,0 +1,143 @@
+"""Motions that pass switches of the state, against closed forms and SciPy's integrators that restart at each pass."""
+
+import sys
+import warnings
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.interpolate import PchipInterpolator
+
+import symmb as mb
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import switch_proofs
+
+TIMES = np.linspace(0.0, 1.0, 21)
+
+
+def proved(law, start, nominal, box, order=6, times=TIMES):
+    """Bounds of a mass of 1 kg, and the text of its doubts."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        scene = switch_proofs.mass(times, law, start, nominal)
+        bounds = mb.propagate(scene, mb.TaylorModel(order=order), mb.Box(**box))
+    return bounds, " ".join(bounds.doubts)
+
+
+def require_sharp(bounds, runs, excess):
+    """Bounds hold runs (N, n_t, n_y), and are wider by a share at most."""
+    runs = np.array(runs)
+    size = np.abs(runs).max(axis=(0, 1))
+    assert (np.maximum(bounds.lower - runs, runs - bounds.upper) / size).max() <= 1e-12
+    assert ((bounds.upper - bounds.lower - np.ptp(runs, axis=0)) / size).max() < excess
+
+
+def test_a_force_that_begins_at_a_place():
+    """x = v t up to a / v, and a constant force F from then on."""
+
+    def law(p, x, v, t):
+        return ca.if_else(x > p.a, -p.F, 0)
+
+    bounds, text = proved(law, (0.0, 1.5), {"a": 0.5, "F": 2.0}, {"a": (0.48, 0.52), "F": (1.9, 2.1)})
+    assert not text
+    runs = []
+    for a in np.linspace(0.48, 0.52, 33):
+        for F in (1.9, 2.0, 2.1):
+            late = np.maximum(TIMES - a / 1.5, 0.0)
+            runs.append(np.stack([1.5 * TIMES - F * late**2 / 2, 1.5 - F * late, -F * (late > 0)], 1))
+    require_sharp(bounds, runs, 2e-3)
+
+
+def test_a_place_that_is_no_polynomial_of_the_parameter():
+    """The time of the pass, exp(2 a) / 1.5, errs by more than all else: v = 1.5 - 4 (t - exp(2 a) / 1.5)."""
+    law = lambda p, x, v, t: ca.if_else(x > ca.exp(2 * p.a), -4.0, 0)  # noqa: E731
+    bounds, text = proved(law, (0.0, 1.5), {"a": -0.2}, {"a": (-0.3, -0.1)}, order=2, times=np.array([0.0, 0.9, 1.0]))
+    assert not text
+    a = np.linspace(-0.3, -0.1, 101)[:, None]
+    late = bounds.t[1:] - np.exp(2 * a) / 1.5
+    for k, runs in enumerate((1.5 * bounds.t[1:] - 2 * late**2, 1.5 - 4 * late)):
+        assert (bounds.lower[1:, k] <= runs.min(axis=0)).all() and (runs.max(axis=0) <= bounds.upper[1:, k]).all()
+        assert (bounds.upper[1:, k] - bounds.lower[1:, k] - np.ptp(runs, axis=0) < 2e-2).all()
+
+
+def test_friction_that_reverses():
+    """v = v0 - (3 + mu) t, and -(3 - mu) (t - t0) behind the reversal at t0."""
+    bounds, text = proved(lambda p, x, v, t: -3.0 - p.mu * ca.sign(v), (0.0, 2.0), {"mu": 1.0}, {"mu": (0.95, 1.05)})
+    assert not text
+    runs = []
+    for mu in np.linspace(0.95, 1.05, 201):
+        t0 = 2.0 / (3.0 + mu)
+        before, late = np.minimum(TIMES, t0), np.maximum(TIMES - t0, 0.0)
+        place = 2.0 * before - (3 + mu) * before**2 / 2 - (3 - mu) * late**2 / 2
+        runs.append(np.stack([place, 2.0 - (3 + mu) * before - (3 - mu) * late, -3.0 - mu * np.sign(t0 - TIMES)], 1))
+    require_sharp(bounds, runs, 2e-3)
+
+
+def test_a_law_of_time_that_parameters_move():
+    bounds, text = proved(lambda p, x, v, t: ca.if_else(t > p.s, 1.0, 0.0), (0.0, 0.0), {"s": 0.4}, {"s": (0.37, 0.42)})
+    assert not text
+    runs = []
+    for s in np.linspace(0.37, 0.42, 101):
+        late = np.maximum(TIMES - s, 0.0)
+        runs.append(np.stack([late**2 / 2, late, 1.0 * (late > 0)], 1))
+    require_sharp(bounds, runs, 1e-3)
+
+
+def test_knots_of_a_table():
+    """A force that a monotone cubic through points gives, at t = 0.2 s and 0.6 s from one piece to the next."""
+    places, forces = [-1.0, 0.3, 0.9, 2.0], [0.0, 0.0, 1.2, 0.1]
+    table, curve = mb.Table(places, forces), PchipInterpolator(places, forces).antiderivative()
+    bounds, text = proved(lambda p, x, v, t: p.k * table(1.5 * t), (0.0, 1.5), {"k": 1.0}, {"k": (0.9, 1.1)})
+    assert not text
+    v = (curve(1.5 * TIMES) - curve(0.0)) / 1.5  # k times it
+    for k, found in ((0.9, bounds.lower[:, 1]), (1.1, bounds.upper[:, 1])):
+        np.testing.assert_allclose(found, 1.5 + k * v, atol=1e-9)
+
+
+def test_switches_that_are_passed_together():
+    """Two laws of one place, written in different ways, and one of time at the same time."""
+
+    def law(p, x, v, t):
+        return ca.if_else(x > 0.5, p.F, 0) + ca.if_else(3 * x - 1.5 > 0, 1, 0) - ca.if_else(t > 0.5, 2, 0)
+
+    bounds, text = proved(law, (0.0, 1.0), {"F": 2.0}, {"F": (1.9, 2.1)})
+    assert not text
+    late = np.maximum(TIMES - 0.5, 0.0)
+    runs = [
+        np.stack([TIMES + (F - 1) * late**2 / 2, 1 + (F - 1) * late, (F - 1) * (late > 0)], 1) for F in (1.9, 2, 2.1)
+    ]
+    inner = TIMES != 0.5
+    assert (bounds.lower[inner] <= np.min(runs, axis=0)[inner] + 1e-12).all()
+    np.testing.assert_allclose(bounds.lower[inner], np.min(runs, axis=0)[inner], atol=1e-9)
+    np.testing.assert_allclose(bounds.upper[inner], np.max(runs, axis=0)[inner], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("law", "nominal", "box", "until", "message"),
+    [
+        # v = 1 - 2 t up to 0.5 s, when the friction holds the mass
+        (lambda p, x, v, t: -1.0 - p.mu * ca.sign(v), {"mu": 1.5}, {"mu": (1.4, 1.6)}, 1 / 2.6, "m.vx"),
+        # it is highest, x = 1 / (2 F), at the place of the spring for some F
+        (lambda p, x, v, t: -p.F + ca.fmax(x - 0.5, 0), {"F": 1.0}, {"F": (0.98, 1.02)}, 0.9, "m.x"),
+        # two places are one for some parameters
+        (lambda p, x, v, t: (x > p.a) + ca.if_else(x > 0.5, 2, 0), {"a": 0.5}, {"a": (0.49, 0.51)}, 0.49, "(a-m.x)"),
+        # the motion begins on the switch
+        (lambda p, x, v, t: p.F * ca.if_else(x > 0, 1, 2), {"F": 1.0}, {"F": (0.9, 1.1)}, 0.0, "m.x"),
+    ],
+    ids=["sticks", "grazes", "together", "begins"],
+)  # fmt: skip
+def test_what_is_not_passed_by_all_of_the_box_ends_the_proof(law, nominal, box, until, message):
+    bounds, text = proved(law, (0.0, 1.0), nominal, box)
+    finite = np.isfinite(bounds.upper).all(axis=1)
+    np.testing.assert_array_equal(finite, (until - 0.1 < TIMES) & finite | (TIMES <= until - 0.1))
+    assert finite[TIMES <= until - 0.1].all() and not finite[TIMES >= until + 0.15].any()
+    assert "the equations have kinks or jumps" in text and message in text
+
+
+@pytest.mark.parametrize("seed", [0, 1002, 8, 4])
+def test_random_scenes_against_runs_that_restart(seed):
+    """A draw of tests/benchmarks."""
+    wrong, share, excess, _, text = switch_proofs.judged(seed, 20, order=5)
+    assert not wrong and share == 1 and (excess < 0.05).all(), text
