@@ -15,7 +15,8 @@ from symmb.formulations import Formulation
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.ensembles import LOCK, CompiledEnsemble
-from symmb.simulation.panels import Panels, first_passage, highest, values_at
+from symmb.simulation.figure_values import TOUCHED, Curves, Rule
+from symmb.simulation.panels import Panels
 from symmb.symbolic import common
 
 S = TypeVar("S")
@@ -28,24 +29,11 @@ _FEW = 0.1
 """Share of panels of the nominal run that are not exact up to which there are enough."""
 _PARTS, _LEVELS = 8, 9
 """Parts of a panel that is not exact, and how often it is divided at most."""
-_SHORTEST, _BESIDE, _NEAR = 3e-10, 1e-10, 1e-3
+_SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
 """Width over the horizon below which panels are not divided; distance from an event over the horizon, and from a bend
 over the width of the panel, at which they end."""
 _SAME = 1e-13
 """Distance over the horizon of times that are the same."""
-_TOUCHED = 1e-9
-"""Margin over its largest value in a run up to which a condition is touched."""
-
-
-class _Rule(NamedTuple):
-    """How a figure follows from curves: `expression` and `margin` are numbers of curves, -1 without."""
-
-    name: str
-    kind: str
-    expression: int
-    margin: int
-    is_strict: bool
-    window: tuple[float, float]
 
 
 class FigureSimulator:
@@ -69,11 +57,11 @@ class FigureSimulator:
         self.solver, self.reason, self.threads = curves.solver, curves.reason, curves.threads
         self._span = float(np.ptp(curves.times))
         self._columns = [self.outputs.index(name) for name in scene.curve_names]
-        self._rules, n = list[_Rule](), len(scene.curve_names)
+        self._rules, n = list[Rule](), len(scene.curve_names)
         for name, f in scene.figures.items():
             expression = -1 if f.expression is None else n
             n += f.expression is not None
-            self._rules.append(_Rule(name, f.kind, expression, -1 if f.margin is None else n, f.is_strict, f.window))
+            self._rules.append(Rule(name, f.kind, expression, -1 if f.margin is None else n, f.is_strict, f.window))
             n += f.margin is not None
         self._with_rates = _with_rates(curves)
         self._count = 0
@@ -151,23 +139,18 @@ class FigureSimulator:
         Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
         at = np.searchsorted(times, self.curves.times - _SAME * self._span)
         if self._columns:
-            Y[:, :, self._columns] = traces.Y[:, :, : len(self._columns), 0][:, at]
-        good = np.flatnonzero(ok)
-        panels = _panels(traces, np.repeat(good, len(grid) - 1), np.tile(grid[:-1], len(good)), np.tile(grid[1:], len(good)))
-        sizes = np.abs(traces.Y[..., 0]).max(axis=1)
+            Y[:, :, self._columns] = np.moveaxis(traces.Y[0, : len(self._columns)], 0, 2)[:, at]
+        good, count = np.flatnonzero(ok), len(grid) - 1
+        panels = _panels(traces, np.repeat(good, count), np.tile(grid[:-1], len(good)), np.tile(grid[1:], len(good)))
+        sizes = np.abs(traces.Y[0]).max(axis=2).T
         panels = self._refined(panels, sizes, P, traces.stops)
-        numbers = np.searchsorted(panels.sample, np.arange(len(P) + 1))
-        exact = panels.is_exact(sizes[panels.sample])
+        curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
         for rule in self._rules:
-            column = self.outputs.index(rule.name)
-            for i in good[ok[good]]:
-                own = np.arange(numbers[i], numbers[i + 1])
-                value = _value(rule, panels.of(own), exact[own], sizes[i], _BESIDE * self._span)
-                if value is None:
-                    ok[i], t_failed[i] = False, rule.window[1]
-                    texts[i] = f"the condition of output {rule.name!r} does not hold in the run"
-                else:
-                    Y[i, :, column] = value
+            figures = curves.figure(rule)
+            Y[:, :, self.outputs.index(rule.name)] = figures[:, None]
+            for i in np.flatnonzero(np.isnan(figures) & ok):
+                ok[i], t_failed[i] = False, rule.window[1]
+                texts[i] = f"the condition of output {rule.name!r} does not hold in the run"
         Y[~ok] = np.nan
         messages = [texts[i] if not traces.ok[i] else self._text(P[i], t_failed[i], texts[i]) for i in np.flatnonzero(~ok)]
         return Ensemble(Y, ok, t_failed, tuple(messages))
@@ -187,10 +170,9 @@ class FigureSimulator:
                 break
             zeros = np.zeros(len(grid) - 1, dtype=np.intp)
             panels = _panels(traces, zeros, grid[:-1], grid[1:])
-            sizes = np.abs(traces.Y[..., 0]).max(axis=1)
-            off = ~panels.is_exact(sizes[panels.sample])[:, len(self._columns) :].all(axis=1)
-            stops = np.searchsorted(np.sort(traces.stops[0]), [panels.begin, panels.end])
-            off &= stops[0] == stops[1]
+            sizes = np.abs(traces.Y[0]).max(axis=2).T
+            off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
+            off &= ~_with_stop(panels, traces.stops)
             if off.mean() <= _FEW or count >= _MOST:
                 self._count = count
             count = min(2 * count, _MOST)
@@ -205,8 +187,7 @@ class FigureSimulator:
     def _traces(self, times: Array, P: Array) -> "_Traces":
         """The curves and their rates at times (n_t,) that begin and end with the scene."""
         ensemble = self._with_rates.at_times(times).run(P)
-        Y, n = ensemble.Y, self.curves.y.numel_out(0)
-        Y = np.stack([Y[..., :n], Y[..., n:]], axis=-1)
+        Y = np.ascontiguousarray(np.moveaxis(ensemble.Y, -1, 0)).reshape(2, -1, len(P), len(times))
         stops: list[Array] = [np.empty(0)] * len(P)
         if isinstance(ensemble, CompiledEnsemble):
             failed = ensemble.failed_samples
@@ -218,76 +199,81 @@ class FigureSimulator:
 
     def _refined(self, panels: Panels, sizes: Array, P: Array, stops: Sequence[Array]) -> Panels:
         """Panels that are divided, in further runs, until they are exact or so short that it does not matter."""
-        nothing, has_stops = panels.of(slice(0, 0)), any(own.size for own in stops)
+        done, has_stops = list[Panels](), any(own.size for own in stops)
+        best = np.full((len(self._rules), len(P)), -np.inf)
         for level in range(_LEVELS):
-            off = ~panels.is_exact(sizes[panels.sample]) & (panels.width > _SHORTEST * self._span)[:, None]
-            divided = self._relevant(panels, off, sizes)
+            off = ~panels.is_exact(sizes) & (panels.width > _SHORTEST * self._span)
+            divided = self._divided(panels, off, sizes, best)
             if level == 0 and has_stops:
                 divided |= _with_stop(panels, stops)
             if not divided.any():
                 break
-            coarse = panels.of(divided)
+            coarse, coarse_off, fine = panels.of(divided), off[:, divided], list[Panels]()
             together = 8 if self._with_rates.compiled else len(P)
-            used, fine = np.unique(coarse.sample), nothing
+            used = np.unique(coarse.sample)
             for group in np.array_split(used, -(-len(used) // together)):
-                some = coarse.of(np.isin(coarse.sample, group))
-                sample, begin, end = self._parts(some, off[divided][np.isin(coarse.sample, group)], stops)
+                mine = np.isin(coarse.sample, group)
+                sample, begin, end = self._parts(coarse.of(mine), coarse_off[:, mine], stops)
                 ends = self.curves.times[[0, -1]]
                 times = _distinct(np.concatenate([ends, *_nodes(begin, end)]), _SAME * self._span)
                 traces = self._traces(times, P[group])
                 if not traces.ok.all():  # only the run at first counts
+                    divided &= ~np.isin(panels.sample, group)
                     continue
                 new = _panels(traces, np.searchsorted(group, sample), begin, end)
-                fine = fine.sorted_with(Panels(sample, begin, end, new.nodes))
-                divided_here = np.isin(panels.sample, group) & divided
-                panels = panels.of(~divided_here)
-                divided = divided[~divided_here]
-            panels = panels.sorted_with(fine)
-        return panels
+                fine.append(Panels(sample, begin, end, new.nodes))
+            done.append(panels.of(~divided))
+            panels = Panels.joined(fine) if fine else panels.of(slice(0, 0))
+        return Panels.joined([*done, panels])
 
     def _parts(self, panels: Panels, off: Mask, stops: Sequence[Array]) -> tuple[Indices, Array, Array]:
-        """Samples, begins and ends of the parts into which panels are divided: at stops, about bends, and evenly."""
-        sample, begin, end = [], [], []
-        bends, shortest = panels.bends(), _BESIDE * self._span
-        for k in range(len(panels)):
-            a, b, i = panels.begin[k], panels.end[k], int(panels.sample[k])
-            near = bends[k][off[k] & np.isfinite(bends[k])]
-            own = stops[i][(stops[i] > a) & (stops[i] < b)]
-            inner = [np.linspace(a, b, _PARTS + 1)[1:-1]]
-            inner += [own - shortest, own + shortest, near - _NEAR * (b - a), near + _NEAR * (b - a)]
-            kept = _distinct(np.concatenate([[a, b], *inner]), shortest / 2, [a, b, *own - shortest, *own + shortest])
-            kept = kept[(kept >= a) & (kept <= b)]
-            sample.append(np.full(len(kept) - 1, i))
-            begin.append(kept[:-1])
-            end.append(kept[1:])
-        return np.concatenate(sample), np.concatenate(begin), np.concatenate(end)
+        """Samples, begins and ends of the parts into which panels are divided: evenly, at stops and about bends.
 
-    def _relevant(self, panels: Panels, off: Mask, sizes: Array) -> Mask:
-        """(n,) whether curves of panels are off in a way that may count for a figure."""
-        some = np.zeros(len(panels), dtype=bool)
-        slack, values = 4 * panels.misfit, panels.nodes[..., 0]
-        for rule in self._rules:
-            inside = _inside(panels, rule.window)
-            e, g = rule.expression, rule.margin
+        Those of the first division have no bends: most of them are only too long.
+        """
+        own_stops = _with_stop(panels, stops)
+        even = ~own_stops & (panels.width > 0.5 * self._span / self._count)
+        width = panels.width[even, None] / _PARTS
+        begin = panels.begin[even, None] + width * np.arange(_PARTS)
+        parts = [(np.repeat(panels.sample[even], _PARTS), begin.ravel(), (begin + width).ravel())]
+        bends, beside = panels.bends(), _BESIDE * self._span
+        for k in np.flatnonzero(~even):
+            a, b, i = panels.begin[k], panels.end[k], int(panels.sample[k])
+            near = bends[off[:, k] & np.isfinite(bends[:, k]), k]
+            own = stops[i][(stops[i] > a) & (stops[i] < b)]
+            kept = [a, b, *own - beside, *own + beside]
+            inner = np.concatenate([kept, np.linspace(a, b, _PARTS + 1), near - _NEAR * (b - a), near + _NEAR * (b - a)])
+            ends = _distinct(inner[(inner >= a) & (inner <= b)], beside / 2, kept)
+            parts.append((np.full(len(ends) - 1, i), ends[:-1], ends[1:]))
+        sample, begin, end = (np.concatenate(some) for some in zip(*parts, strict=True))
+        return sample, begin, end
+
+    def _divided(self, panels: Panels, off: Mask, sizes: Array, best: Array) -> Mask:
+        """(n,) whether curves of panels that are off may count for a figure.
+
+        `best` (n_f, N) are the largest values of each figure and sample so far, which it brings up to date.
+        """
+        divided, slack = np.zeros(off.shape[1], dtype=bool), 4 * panels.misfit
+        for number, rule in enumerate(self._rules):
+            e, g, inside = rule.expression, rule.margin, rule.inside(panels)
             if rule.kind == "mean":
-                some |= inside & off[:, e]
+                divided |= inside & off[e]
             elif rule.kind in ("maximum", "minimum"):
-                sign = 1.0 if rule.kind == "maximum" else -1.0
-                B = sign * panels.bernstein(e, np.ones(len(panels), dtype=bool))
-                best = np.full(len(sizes), -np.inf)
-                np.maximum.at(best, panels.sample[inside], sign * values[inside, :, e].reshape(-1, 3)[:, 0])
-                np.maximum.at(best, panels.sample[inside], sign * values[inside, :, e].reshape(-1, 3)[:, 2])
-                some |= inside & off[:, e] & (B.max(axis=1) + slack[:, e] >= best[panels.sample])
+                values = (rule.sign * panels.nodes[e, 0, ::2]).max(axis=0)
+                np.maximum.at(best[number], panels.sample[inside], values[inside])
+                some = np.flatnonzero(inside & off[e])
+                high = (rule.sign * panels.of(some).bernstein(e)).max(axis=1) + slack[e, some]
+                divided[some] |= high >= best[number, panels.sample[some]]
             elif rule.kind != "final":
-                B = panels.bernstein(g, np.ones(len(panels), dtype=bool))
-                low = B.min(axis=1) - slack[:, g] <= _TOUCHED * sizes[panels.sample, g]
-                own = off[:, g] | (off[:, e] if e >= 0 else False)
-                some |= inside & own & low & (values[:, :, g].max(axis=1) + slack[:, g] > 0)
-        return some
+                some = np.flatnonzero(inside & (off[g] | (off[e] if e >= 0 else False)))
+                low = panels.of(some).bernstein(g).min(axis=1) - slack[g, some]
+                is_above = panels.nodes[g, 0][:, some].max(axis=0) + slack[g, some] > 0
+                divided[some] |= (low <= TOUCHED * sizes[panels.sample[some], g]) & is_above
+        return divided
 
 
 class _Traces(NamedTuple):
-    """Curves of samples at times (n_t,): Y (N, n_t, n_c, 2) with their rates, and when the steps of samples meet kinks."""
+    """Curves of samples at times (n_t,): Y (2, n_c, N, n_t), with their rates, and when steps of samples meet kinks."""
 
     times: Array
     Y: Array
@@ -314,14 +300,16 @@ def _nodes(begin: Array, end: Array) -> tuple[Array, Array, Array]:
 
 def _distinct(times: Array, distance: float, kept: Sequence[float] = ()) -> Array:
     """Times in order, each more than a distance behind the last one, in favour of those to be kept and of the ends."""
-    times = np.sort(times)
+    times = np.unique(times)
+    if np.diff(times).min() > distance:
+        return times
     priority = np.isin(times, [*kept, times[0], times[-1]])
     chosen = [0]
-    for k in np.flatnonzero(np.diff(times) > 0) + 1:
+    for k in range(1, len(times)):
         if times[k] - times[chosen[-1]] > distance or (priority[k] and priority[chosen[-1]]):
-            chosen.append(int(k))
+            chosen.append(k)
         elif priority[k]:
-            chosen[-1] = int(k)
+            chosen[-1] = k
     return times[chosen]
 
 
@@ -332,61 +320,16 @@ def _panels(traces: _Traces, sample: Indices, begin: Array, end: Array) -> Panel
     for time in _nodes(begin, end):
         k = np.clip(np.searchsorted(traces.times, time), 1, len(traces.times) - 1)
         at.append(np.where(time - traces.times[k - 1] < half[k - 1], k - 1, k))
-    return Panels(sample, begin, end, traces.Y[sample[:, None], np.stack(at, axis=1)])
+    Y = traces.Y.reshape(2, traces.Y.shape[1], -1)
+    return Panels(sample, begin, end, Y.take(sample * len(traces.times) + np.stack(at), axis=2).swapaxes(0, 1))
 
 
 def _with_stop(panels: Panels, stops: Sequence[Array]) -> Mask:
     """(n,) panels within which steps of their samples end."""
-    has = np.zeros(len(panels), dtype=bool)
+    has = np.zeros(len(panels.sample), dtype=bool)
     for i, own in enumerate(stops):
         if own.size:
             mine = panels.sample == i
             counts = np.searchsorted(np.sort(own), [panels.begin[mine], panels.end[mine]])
             has[mine] = counts[0] < counts[1]
     return has
-
-
-def _inside(panels: Panels, window: tuple[float, float]) -> Mask:
-    middle = (panels.begin + panels.end) / 2
-    return np.asarray((middle > window[0]) & (middle < window[1]))
-
-
-def _value(rule: _Rule, panels: Panels, exact: Mask, sizes: Array, beside: float) -> float | None:
-    """A figure of one sample from its panels, in order; None if its condition does not hold."""
-    own = _inside(panels, rule.window)
-    panels, exact = panels.of(own), exact[own]
-    e = rule.expression
-    if rule.kind == "final":
-        return float(panels.nodes[-1, 2, e, 0])
-    if rule.kind == "mean":
-        integrals = panels.width * panels.bernstein(e, exact[:, e]).mean(axis=1)
-        return float(integrals.sum() / panels.width.sum())
-    if rule.kind in ("maximum", "minimum"):
-        sign = 1.0 if rule.kind == "maximum" else -1.0
-        B = sign * panels.bernstein(e, exact[:, e])
-        best = float(B[:, [0, -1]].max())
-        higher = B[B.max(axis=1) > best]
-        return sign * max([best, *highest(higher)[1].tolist()]) if len(higher) else sign * best
-    found = _first(rule, panels, exact, sizes[rule.margin], beside)
-    if found is None:
-        return None
-    k, x = found
-    if rule.kind == "first_time":
-        return float(panels.begin[k] + x * panels.width[k])
-    if not exact[k, e]:
-        return float(panels.nodes[k, 0, e, 0])
-    return float(values_at(panels.bernstein(e, exact[:, e])[k], np.array(x)))
-
-
-def _first(rule: _Rule, panels: Panels, exact: Mask, size: float, beside: float) -> tuple[int, float] | None:
-    """Number of the panel, and the place in it, where a condition first holds; None if it does not."""
-    g = rule.margin
-    B = panels.bernstein(g, exact[:, g])
-    ends = panels.nodes[:, :, g, :]
-    tolerance = np.full(len(panels), _TOUCHED * size)
-    short = panels.width <= 4 * beside
-    tolerance[short] += (np.abs(ends[short, :, 1]).max(axis=1)) * panels.width[short]
-    start, rate = ends[0, 0]
-    if start < -tolerance[0] or (start <= tolerance[0] and (not rule.is_strict or rate < 0)):
-        return 0, 0.0
-    return first_passage(B, start, tolerance)
