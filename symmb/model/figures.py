@@ -64,7 +64,7 @@ def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], 
     window = begin if low is None else float(low), end if high is None else float(high)
     if not begin <= window[0] < window[1] <= end:
         raise DeclarationError(
-            f"{what}: its window from {window[0]:g} to {window[1]:g} s is no part of the run from {begin:g} to {end:g} s."
+            f"{what}: its window, {window[0]:g} to {window[1]:g} s, is no part of the run from {begin:g} to {end:g} s."
         )
     return BoundFigure(figure.kind, expression, margin, is_strict, window)
 

@@ -215,7 +215,7 @@ class Scene:
 
     @cached_property
     def curves(self) -> "Scene":
-        """A copy with outputs over time alone: those of this scene, and the expressions that its figures are made of."""
+        """A copy with outputs over time alone: those of this scene, and the expressions in its figures."""
         named = {f"{name}: {k}": part for name, figure in self.figures.items() for k, part in enumerate(figure.parts)}
         return self.with_outputs(self._bound_outputs | named) if self.figures else self
 
@@ -259,9 +259,7 @@ class Scene:
     def _repr_html_(self) -> str:
         declared = self._bound_outputs | {name: self.outputs[name] for name in self.figures} if self.outputs else {}
         declared = declared or self._bound_outputs
-        outputs = {
-            name: (unit, declared[name]) for name, unit in zip(self.output_names, self.units, strict=True)
-        }
+        outputs = {name: (unit, declared[name]) for name, unit in zip(self.output_names, self.units, strict=True)}
         intervals = {} if self.box is None else dict(zip(self.box.names, self.box.bounds, strict=True))
         # Drawings stand on scenes. Only a notebook that shows a scene asks for one.
         drawing = import_module("symmb.drawing")

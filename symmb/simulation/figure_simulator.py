@@ -1,17 +1,15 @@
-"""Runs of a scene with figures of its motion, from runs at times so close together that curves are exact between them."""
+"""Runs of a scene with figures of its motion, from runs at times between which curves are exact polynomials."""
 
 import copy
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
-from symmb._errors import SimulationError
 from symmb._options import require_instance
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Ensemble, Progress, Reduction, Samples, checked_samples, digest, stream
-from symmb.formulations import Formulation
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.ensembles import LOCK, CompiledEnsemble
@@ -32,6 +30,8 @@ _PARTS, _LEVELS = 8, 9
 _SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
 """Width over the horizon below which panels are not divided; distance from an event over the horizon, and from a bend
 over the width of the panel, at which they end."""
+_NOISE = 1e-9
+"""Error of a figure over the largest value of its expression, or of a time over the horizon."""
 _SAME = 1e-13
 """Distance over the horizon of times that are the same."""
 
@@ -70,7 +70,7 @@ class FigureSimulator:
         self.nominal: Array | None = None
 
     def __repr__(self) -> str:
-        return repr(self.curves)
+        return f"FigureSimulator({self.name!r}, {self.solver!r})"
 
     def __getstate__(self) -> dict[str, Any]:
         self._first_times()
@@ -107,13 +107,20 @@ class FigureSimulator:
         self.curves.second_look()
         self.doubts = self.curves.doubts
         P = np.array([list(self.parameters.values())])
-        first = self.run(P)
+        first, second = self.run(P), self.tighter().run(P)
+        self.noise = np.zeros(len(self.outputs))
         if not first.ok.all():
-            raise SimulationError(f"{self!r}: the nominal run fails: {first.messages[0]}")
+            self.doubts = (*self.doubts, f"The nominal run fails at {first.messages[0]}.")
+            return
         self.nominal = first.Y[0]
-        second = self.tighter().run(P)
-        off = np.abs(second.Y[0] - self.nominal) if second.ok.all() else np.zeros_like(self.nominal)
-        self.noise = off.max(axis=0)
+        if second.ok.all():
+            self.noise = np.abs(second.Y[0] - self.nominal).max(axis=0)
+        if self._columns:
+            self.noise[self._columns] = cast(Array, self.curves.noise)[: len(self._columns)]
+        sizes = np.abs(cast(Array, self.curves.nominal)).max(axis=0)
+        for rule in self._rules:
+            size = self._span if rule.expression < 0 else sizes[rule.expression]
+            self.noise[self.outputs.index(rule.name)] += _NOISE * size
 
     def run(self, P: Array) -> Samples:
         """Run samples P (N, d) as one block. Outputs of a sample are nan after its failure."""
@@ -152,12 +159,10 @@ class FigureSimulator:
                 ok[i], t_failed[i] = False, rule.window[1]
                 texts[i] = f"the condition of output {rule.name!r} does not hold in the run"
         Y[~ok] = np.nan
-        messages = [texts[i] if not traces.ok[i] else self._text(P[i], t_failed[i], texts[i]) for i in np.flatnonzero(~ok)]
-        return Ensemble(Y, ok, t_failed, tuple(messages))
-
-    def _text(self, p: Array, time: float, reason: str) -> str:
-        values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, p, strict=True))
-        return f"t = {time:g} s{values}: {reason}"
+        for i in np.flatnonzero(traces.ok & ~ok):
+            values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
+            texts[i] = f"t = {t_failed[i]:g} s{values}: {texts[i]}"
+        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok)))
 
     def _first_times(self) -> tuple[Array, Array]:
         """Times of runs at first, and the ends of their panels: as many as the nominal run needs."""
@@ -191,7 +196,7 @@ class FigureSimulator:
         stops: list[Array] = [np.empty(0)] * len(P)
         if isinstance(ensemble, CompiledEnsemble):
             failed = ensemble.failed_samples
-            events = [failed.events[failed.events[:, 0] == i, 3] for i in range(len(P))] if len(failed.events) else stops
+            events = [failed.events[failed.events[:, 0] == i, 3] for i in range(len(P))]
             passes = stops if failed.passes is None else [row[np.isfinite(row)] for row in failed.passes]
             stops = [np.concatenate(pair) for pair in zip(events, passes, strict=True)]
         texts = dict(zip(np.flatnonzero(~ensemble.ok).tolist(), ensemble.messages, strict=True))
@@ -242,7 +247,8 @@ class FigureSimulator:
             near = bends[off[:, k] & np.isfinite(bends[:, k]), k]
             own = stops[i][(stops[i] > a) & (stops[i] < b)]
             kept = [a, b, *own - beside, *own + beside]
-            inner = np.concatenate([kept, np.linspace(a, b, _PARTS + 1), near - _NEAR * (b - a), near + _NEAR * (b - a)])
+            close = _NEAR * (b - a)
+            inner = np.concatenate([kept, np.linspace(a, b, _PARTS + 1), near - close, near + close])
             ends = _distinct(inner[(inner >= a) & (inner <= b)], beside / 2, kept)
             parts.append((np.full(len(ends) - 1, i), ends[:-1], ends[1:]))
         sample, begin, end = (np.concatenate(some) for some in zip(*parts, strict=True))
@@ -270,6 +276,16 @@ class FigureSimulator:
                 is_above = panels.nodes[g, 0][:, some].max(axis=0) + slack[g, some] > 0
                 divided[some] |= (low <= TOUCHED * sizes[panels.sample[some], g]) & is_above
         return divided
+
+
+SceneSimulator = DAESimulator | FigureSimulator
+"""What runs a scene in studies."""
+
+
+def motion_of(simulator: object) -> DAESimulator | None:
+    """What runs the motion of a scene; None of other simulators."""
+    simulator = simulator.curves if isinstance(simulator, FigureSimulator) else simulator
+    return simulator if isinstance(simulator, DAESimulator) else None
 
 
 class _Traces(NamedTuple):

@@ -95,7 +95,8 @@ class Panels:
         """(n_c, n) whether the polynomials stand for curves, whose sizes are (N, n_c) for each sample."""
         e0, d0, em, _, e1, d1 = self._ends
         size, cubic = sizes.T[:, self.sample], np.abs(em - (e0 + e1) / 2 - (d0 - d1) / 8)
-        return np.asarray((self.misfit <= _EXACT * size) & (cubic * cubic * cubic <= (_EXACT / _ROUGH) ** 2 * size * size * size))
+        most = (_EXACT / _ROUGH) ** 2 * size * size * size
+        return np.asarray((self.misfit <= _EXACT * size) & (cubic * cubic * cubic <= most))
 
     def bernstein(self, curve: int, exact: Mask | None = None) -> Array:
         """Coefficients (n, 6) of a curve; those that are not exact are straight from the begin to the end."""

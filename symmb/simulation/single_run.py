@@ -21,10 +21,10 @@ from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
 from symmb.simulation.subject import (
+    figure_simulator,
     prepare_equations,
     require_own,
     require_solver,
-    figure_simulator,
     scene_of,
     simulator_for,
     simulator_with,

@@ -153,8 +153,8 @@ class Trajectory(plot.OverTime, Result, files.Saved):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        scene = self._model[0]
-        return scene.output_names if self.figures else scene.curve_names
+        scene, simulator = self._model
+        return scene.output_names if self.figures else simulator.outputs
 
     @cached_property
     def units(self) -> tuple[str, ...]:
