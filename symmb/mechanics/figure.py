@@ -35,6 +35,8 @@ class Figure:
     def __post_init__(self) -> None:
         if isinstance(self.expression, Figure) or isinstance(self.condition, Figure):
             raise DeclarationError(f"{self.kind}: it takes expressions over time, and a figure is one number.")
+        if self.kind in ("first_time", "value_at") and self.condition is None:
+            raise DeclarationError(f"{self.kind}: it needs a condition. {_EXAMPLE}")
         if isinstance(self.condition, bool | np.bool_):
             raise DeclarationError(f"{self.kind}: the condition is {self.condition} at all times. {_EXAMPLE}")
         window = self.window
@@ -183,7 +185,7 @@ def margin_of(condition: ca.SX) -> Margin:
     ------
     DeclarationError       if it is none
     """
-    fault = f"{str(condition)[:60]} is no condition. {_EXAMPLE}"
+    fault = f"the condition is no comparison, or the same at all times. {_EXAMPLE}"
     if condition.numel() != 1 or condition.is_constant() or condition.is_symbolic():
         raise DeclarationError(fault)
     code = condition.op()
@@ -197,5 +199,5 @@ def margin_of(condition: ca.SX) -> Margin:
         both = ca.fmax if code == ca.OP_AND else ca.fmin
         return Margin(both(a.value, b.value), a.is_strict or b.is_strict)
     if code == ca.OP_EQ:
-        raise DeclarationError(f"{str(condition)[:60]} holds at single instants only. Write <= or >=.")
+        raise DeclarationError("an equality holds at single instants only. Write <= or >=.")
     raise DeclarationError(fault)

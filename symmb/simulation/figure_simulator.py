@@ -32,6 +32,8 @@ _SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
 over the width of the panel, at which they end."""
 _NOISE = 1e-9
 """Error of a figure over the largest value of its expression, or of a time over the horizon."""
+_SHIFT = 0.137
+"""Share of a panel by which panels are shifted: curves bend at round numbers, which no middle of a panel should be."""
 _SAME = 1e-13
 """Distance over the horizon of times that are the same."""
 
@@ -166,7 +168,7 @@ class FigureSimulator:
 
     def _first_times(self) -> tuple[Array, Array]:
         """Times of runs at first, and the ends of their panels: as many as the nominal run needs."""
-        P, count = np.array([list(self.parameters.values())]), self._count or _LEAST
+        P, count = np.array([list(self.parameters.values())]), self._least_count() if not self._count else 0
         while not self._count:
             times, grid = self._times_of(count)
             traces = self._traces(times, P)
@@ -183,10 +185,18 @@ class FigureSimulator:
             count = min(2 * count, _MOST)
         return self._times_of(self._count)
 
+    def _least_count(self) -> int:
+        """Panels that are as many as every second step of the nominal run, and shorter than pulses of laws of time."""
+        runs = self._with_rates
+        runs.run(np.array([list(self.parameters.values())])).t_failed.sum()
+        steps = runs.engine().counts.steps if runs.compiled else 0
+        return int(np.clip(max(steps / 2, self._span / self.curves.longest_step), _LEAST, _MOST))
+
     def _times_of(self, count: int) -> tuple[Array, Array]:
         ends = self.curves.times[[0, -1]]
         windows = [end for rule in self._rules for end in rule.window]
-        grid = _distinct(np.concatenate([np.linspace(*ends, count + 1), windows]), 1e-9 * self._span, windows)
+        inner = ends[0] + self._span / count * (np.arange(1, count) + _SHIFT)
+        grid = _distinct(np.concatenate([ends, inner, windows]), 1e-9 * self._span, windows)
         return _distinct(np.concatenate([self.curves.times, *_nodes(grid[:-1], grid[1:])]), _SAME * self._span), grid
 
     def _traces(self, times: Array, P: Array) -> "_Traces":
@@ -248,7 +258,7 @@ class FigureSimulator:
             own = stops[i][(stops[i] > a) & (stops[i] < b)]
             kept = [a, b, *own - beside, *own + beside]
             close = _NEAR * (b - a)
-            inner = np.concatenate([kept, np.linspace(a, b, _PARTS + 1), near - close, near + close])
+            inner = np.concatenate([kept, np.linspace(a, b, _PARTS + 1), near - 0.7 * close, near + 1.3 * close])
             ends = _distinct(inner[(inner >= a) & (inner <= b)], beside / 2, kept)
             parts.append((np.full(len(ends) - 1, i), ends[:-1], ends[1:]))
         sample, begin, end = (np.concatenate(some) for some in zip(*parts, strict=True))

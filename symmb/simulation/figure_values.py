@@ -10,7 +10,7 @@ from symmb.simulation.panels import GRID, ON_GRID, Panels, highest, values_at
 
 TOUCHED = 1e-9
 """Margin over its largest value in a run up to which a condition is touched."""
-_BISECTIONS = 50
+_BISECTIONS, _ROUNDING = 50, 1e-14
 
 
 class Rule(NamedTuple):
@@ -66,7 +66,7 @@ class Curves:
             B = rule.sign * panels.bernstein(e, self.exact)
             best = np.full(len(values), -np.inf)
             np.maximum.at(best, panels.sample, B[:, [0, -1]].max(axis=1))
-            higher = B.max(axis=1) > best[panels.sample]
+            higher = B.max(axis=1) > best[panels.sample] + _ROUNDING * self.sizes[panels.sample, e]
             np.maximum.at(best, panels.sample[higher], highest(B[higher])[1])
             values[samples] = rule.sign * best[samples]
         else:
