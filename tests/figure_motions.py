@@ -210,7 +210,7 @@ def motion(name, random):
     elif name == "bounce":
         start = np.array([0.0, a, 1.0, 0.0])
         force = (-d * vx, -9.81 * p.c - 0.3 * d * vy)
-        extra = [mb.Impact("floor", y, 0.8 * p.k)]
+        extra = [mb.Impact("floor", y, 0.9 * p.k)]
 
         def rates(t, s, k, c):
             return [s[2], s[3], -d * s[2], -9.81 * c - 0.3 * d * s[3]]
@@ -219,7 +219,7 @@ def motion(name, random):
             return s[1]
 
         def bounce(s, k, c):
-            return np.array([s[0], 0.0, s[2], -0.8 * k * s[3]])
+            return np.array([s[0], 0.0, s[2], -0.9 * k * s[3]])
     else:
         start = np.array([0.0, a, 1.0, 0.0])
         stiffness = 400.0
