@@ -37,6 +37,8 @@ class Figure:
             raise DeclarationError(f"{self.kind}: it takes expressions over time, and a figure is one number.")
         if self.kind in ("first_time", "value_at") and self.condition is None:
             raise DeclarationError(f"{self.kind}: it needs a condition. {_EXAMPLE}")
+        if self.kind != "first_time" and self.expression is None:
+            raise DeclarationError(f"{self.kind}: it needs an expression, such as ball.y.")
         if isinstance(self.condition, bool | np.bool_):
             raise DeclarationError(f"{self.kind}: the condition is {self.condition} at all times. {_EXAMPLE}")
         window = self.window

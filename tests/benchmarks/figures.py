@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 import symmb as mb
 
-GRID, STEPS, SHARE = 9, 30, 0.01
+GRID, STEPS, SHARE = 7, 12, 0.01
 
 
 def value(own, drawn, kc):

@@ -159,6 +159,7 @@ def test_a_condition_that_never_holds_fails_the_run():
         (lambda ball: {"f": mb.first_time(ball.y == 0)}, "an equality holds at single instants only"),
         (lambda ball: {"f": mb.first_time(True)}, "first_time: the condition is True at all times"),
         (lambda ball: {"f": mb.first_time(None)}, "first_time: it needs a condition"),
+        (lambda ball: {"f": mb.maximum(None)}, "maximum: it needs an expression"),
         (lambda ball: {"f": mb.maximum(mb.mean(ball.y))}, "a figure is one number"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(0.0, 5.0))}, "0 to 5 s, is no part of the run from 0 to 1 s"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(1.0, 0.0))}, "ends before it begins"),
