@@ -64,7 +64,7 @@ class DAESimulator:
     times : (n_t,) array
         [s]
     outputs : tuple of str
-        names of the n_y outputs
+        names of the n_y outputs over time
     units : tuple of str
         of the outputs, '' where they do not follow from the expression
     solver : Solver

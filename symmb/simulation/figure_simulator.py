@@ -267,7 +267,8 @@ class FigureSimulator:
     def _divided(self, panels: Panels, off: Mask, sizes: Array, best: Array) -> Mask:
         """(n,) whether curves of panels that are off may count for a figure.
 
-        `best` (n_f, N) are the largest values of each figure and sample so far, which it brings up to date.
+        `best` (n_f, N) are the largest values of each figure and sample so far, and times with a minus before which its
+        condition holds. It brings them up to date.
         """
         divided, slack = np.zeros(off.shape[1], dtype=bool), 4 * panels.misfit
         for number, rule in enumerate(self._rules):
@@ -281,6 +282,9 @@ class FigureSimulator:
                 high = (rule.sign * panels.of(some).bernstein(e)).max(axis=1) + slack[e, some]
                 divided[some] |= high >= best[number, panels.sample[some]]
             elif rule.kind != "final":
+                holds = inside & (panels.nodes[g, 0].min(axis=0) < -TOUCHED * sizes[panels.sample, g])
+                np.maximum.at(best[number], panels.sample[holds], -panels.end[holds])  # what is later does not count
+                inside &= -panels.begin > best[number, panels.sample]
                 some = np.flatnonzero(inside & (off[g] | (off[e] if e >= 0 else False)))
                 low = panels.of(some).bernstein(g).min(axis=1) - slack[g, some]
                 is_above = panels.nodes[g, 0][:, some].max(axis=0) + slack[g, some] > 0

@@ -94,8 +94,11 @@ class Curves:
         comes_from_above = np.append(False, B[:-1, -1] > tolerance[:-1])
         comes_from_above[first] = False
         found |= comes_from_above & (B[:, 0] <= tolerance)
+        known = -1
         for k in np.flatnonzero((B.min(axis=1) <= tolerance) & (B.max(axis=1) > tolerance) & ~found):
-            found[k], low[k], high[k] = _passage(B[k], tolerance[k])
+            if panels.sample[k] != known:  # later passages do not count
+                found[k], low[k], high[k] = _passage(B[k], tolerance[k])
+                known = panels.sample[k] if found[k] else known
         value, rate = ends[:, 0, first]
         holds = value < -tolerance[first]
         holds |= (value <= tolerance[first]) & ((rate < 0) if rule.is_strict else True)
