@@ -47,7 +47,8 @@ class Figure:
         ends = tuple(window) if isinstance(window, tuple | list) else ()
         if len(ends) != 2 or not all(end is None or is_finite_number(end) for end in ends):
             raise DeclarationError(f"{self.kind}: window must be two times as (0.5, 2.0) [s], got {shown(window)}.")
-        if None not in ends and not ends[0] < ends[1]:
+        begin, end = ends
+        if begin is not None and end is not None and not begin < end:
             raise DeclarationError(f"{self.kind}: the window {shown(window)} ends before it begins.")
 
     def __repr__(self) -> str:

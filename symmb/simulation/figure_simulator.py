@@ -110,19 +110,19 @@ class FigureSimulator:
         self.doubts = self.curves.doubts
         P = np.array([list(self.parameters.values())])
         first, second = self.run(P), self.tighter().run(P)
-        self.noise = np.zeros(len(self.outputs))
+        self.noise = noise = np.zeros(len(self.outputs))
         if not first.ok.all():
             self.doubts = (*self.doubts, f"The nominal run fails at {first.messages[0]}.")
             return
         self.nominal = first.Y[0]
         if second.ok.all():
-            self.noise = np.abs(second.Y[0] - self.nominal).max(axis=0)
+            noise += np.abs(second.Y[0] - first.Y[0]).max(axis=0)
         if self._columns:
-            self.noise[self._columns] = cast(Array, self.curves.noise)[: len(self._columns)]
+            noise[self._columns] = cast(Array, self.curves.noise)[: len(self._columns)]
         sizes = np.abs(cast(Array, self.curves.nominal)).max(axis=0)
         for rule in self._rules:
             size = self._span if rule.expression < 0 else sizes[rule.expression]
-            self.noise[self.outputs.index(rule.name)] += _NOISE * size
+            noise[self.outputs.index(rule.name)] += _NOISE * size
 
     def run(self, P: Array) -> Samples:
         """Run samples P (N, d) as one block. Outputs of a sample are nan after its failure."""
@@ -157,14 +157,14 @@ class FigureSimulator:
         for rule in self._rules:
             figures = curves.figure(rule)
             Y[:, :, self.outputs.index(rule.name)] = figures[:, None]
-            for i in np.flatnonzero(np.isnan(figures) & ok):
+            for i in np.flatnonzero(np.isnan(figures) & ok).tolist():
                 ok[i], t_failed[i] = False, rule.window[1]
                 texts[i] = f"the condition of output {rule.name!r} does not hold in the run"
         Y[~ok] = np.nan
-        for i in np.flatnonzero(traces.ok & ~ok):
+        for i in np.flatnonzero(traces.ok & ~ok).tolist():
             values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
             texts[i] = f"t = {t_failed[i]:g} s{values}: {texts[i]}"
-        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok)))
+        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
 
     def _first_times(self) -> tuple[Array, Array]:
         """Times of runs at first, and the ends of their panels: as many as the nominal run needs."""

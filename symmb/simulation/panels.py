@@ -105,7 +105,7 @@ class Panels:
             rough = ~exact[curve]
             low, high = self.nodes[curve, 0, 0, rough], self.nodes[curve, 0, 2, rough]
             B[rough] = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _DEGREE + 1)
-        return B
+        return np.asarray(B, dtype=float)
 
     def bends(self) -> Array:
         """(n_c, n) where lines from both ends meet [s]: a kink stands close to it. nan where they do not."""
