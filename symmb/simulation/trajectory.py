@@ -41,7 +41,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
     """One run of a scene.
 
     `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
-    the scene, each (n_t,). `save` and `load` keep it in a file.
+    the scene, each (n_t,); a figure of the motion is a number. `save` and `load` keep it in a file.
 
     Attributes
     ----------
