@@ -17,6 +17,8 @@ Forces
 Contact, friction, impacts
     BushContact, Contact, ToothContact, TorsionContact, Flores, HuntCrossley, KelvinVoigt, LankaraniNikravesh,
     Tabulated, Bristle, Coulomb, Friction, Impact
+Figures of a motion
+    maximum, minimum, final, mean, first_time, value_at
 Runs
     simulate, prepare, view, sweep, Sweep, sensitivities, Sensitivities, DAESimulator
 Solvers

@@ -62,6 +62,12 @@ from .mechanics.contact_law import HuntCrossley as HuntCrossley
 from .mechanics.contact_law import KelvinVoigt as KelvinVoigt
 from .mechanics.contact_law import LankaraniNikravesh as LankaraniNikravesh
 from .mechanics.contact_law import Tabulated as Tabulated
+from .mechanics.figure import final as final
+from .mechanics.figure import first_time as first_time
+from .mechanics.figure import maximum as maximum
+from .mechanics.figure import mean as mean
+from .mechanics.figure import minimum as minimum
+from .mechanics.figure import value_at as value_at
 from .mechanics.flexible_body import FlexibleBody as FlexibleBody
 from .mechanics.force import Bushing as Bushing
 from .mechanics.force import Damper as Damper

@@ -85,6 +85,10 @@ class StoredSimulator:
     def __init__(self, simulator: Simulator, path: str | Path, version: str = "") -> None:
         if isinstance(simulator, type) or not isinstance(getattr(simulator, "parameters", None), Mapping):
             raise DeclarationError(f"StoredSimulator: expected a simulator, got {shown(simulator)}.")
+        if figures := getattr(getattr(simulator, "scene", None), "figures", None):
+            raise DeclarationError(
+                f"StoredSimulator: {', '.join(figures)} are one number a run, which it cannot store."
+            )
         if isinstance(simulator, StoredSimulator):
             raise DeclarationError("StoredSimulator: the simulator is a StoredSimulator already. Give the one inside.")
         if (identity := getattr(simulator, "identity", None)) is None:

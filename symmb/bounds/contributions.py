@@ -99,7 +99,8 @@ class Contributions(Result, files.Saved):
         """Those to output number k at time number i, or where it is widest, the largest first."""
         i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
-        title = f"{self.names[k]}{at_time(self.t, i)}"
+        is_same = len(self.t) > 1 and np.ptp(self.width[:, k]) == 0  # as of a figure of the motion
+        title = self.names[k] if is_same else f"{self.names[k]}{at_time(self.t, i)}"
         rows = [[title, "alone", "saved", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
             share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"

@@ -15,7 +15,7 @@ from symmb.bounds.result import Bounds
 from symmb.bounds.time_windows import ROUNDING
 from symmb.model import Box, unused_parameters
 from symmb.nodes import grid
-from symmb.simulation import DAESimulator
+from symmb.simulation import DAESimulator, SceneSimulator, motion_of
 
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
@@ -41,7 +41,7 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
 
 def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     """Parameters with intervals on which nothing of a scene depends: mostly their nominal values were taken."""
-    if not isinstance(simulator, DAESimulator) or simulator.scene is None:  # as in a copy from a pickle
+    if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # as in a copy from a pickle
         return ()
     varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
     return tuple(
@@ -65,24 +65,25 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
     """
     if isinstance(simulator, SecondLook):
         simulator.second_look()
-    own = tuple(getattr(simulator, "doubts", ()))
-    if not isinstance(simulator, DAESimulator):
+    own, motion = tuple(getattr(simulator, "doubts", ())), motion_of(simulator)
+    beside = motion is simulator  # widths of figures are not those of their curves
+    if motion is None:
         return own, []
-    first = simulator.two_ways(simulator.dae.p_nominal)
+    first = motion.two_ways(motion.dae.p_nominal)
     remarks = [first.unchecked] if first.unchecked else []
     if first.doubts:
         return own, remarks
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)
     widths = (upper - lower).max(axis=0)
-    if beside_widths := _doubts_of_widths(simulator, simulator.dae.p_nominal, widths):
+    if beside and (beside_widths := _doubts_of_widths(motion, motion.dae.p_nominal, widths)):
         return (*own, *beside_widths), remarks
     if first.seconds > bounds.seconds + _PATIENCE:
         left_out = f"No run at a corner was checked in another way, because one takes {first.seconds:.0f} s."
         return own, [*remarks, left_out]
     signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends: equal ones may keep a symmetry
     p = parameter_samples(simulator, box, signs[None])[0]
-    corner = simulator.two_ways(p)
-    doubts = corner.doubts or _doubts_of_widths(simulator, p, widths)
+    corner = motion.two_ways(p)
+    doubts = corner.doubts or (_doubts_of_widths(motion, p, widths) if beside else ())
     return (*own, *doubts), [*remarks, *filter(None, [corner.unchecked])]
 
 
@@ -98,7 +99,8 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
 
     No further run begins when they have taken as long as the study and a second.
     """
-    if not isinstance(simulator, DAESimulator) or simulator.theory.scene is None or _nominal_doubts(simulator):
+    motion = motion_of(simulator)
+    if motion is None or motion.theory.scene is None or _nominal_doubts(motion):
         return ()
     end = time.perf_counter() + seconds + _PATIENCE
     d = len(box)
@@ -107,7 +109,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
         if time.perf_counter() > end:
             break
-        if doubts := simulator.theory.doubts(p):
+        if doubts := motion.theory.doubts(p):
             return tuple(f"At {where}: {doubt}" for doubt in doubts)
     return ()
 
@@ -119,14 +121,15 @@ def _nominal_doubts(simulator: DAESimulator) -> tuple[str, ...]:
 
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     """Whether laws of time have pulses at corners of the box that are shorter than those which steps follow."""
-    if not isinstance(simulator, DAESimulator):
+    motion = motion_of(simulator)
+    if motion is None:
         return ()
     d = len(box)
     unit = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, d)) if 2**d > _CORNERS else grid(_ENDS, d)
-    P = np.vstack([simulator.dae.p_nominal, parameter_samples(simulator, box, unit)])
-    usual, *others = simulator.formulation.pulses(simulator.times)(P).tolist()
+    P = np.vstack([motion.dae.p_nominal, parameter_samples(simulator, box, unit)])
+    usual, *others = motion.formulation.pulses(motion.times)(P).tolist()
     k = int(np.argmin(others))
-    if others[k] > min(usual / 2, _LONG * float(np.ptp(simulator.times))):
+    if others[k] > min(usual / 2, _LONG * float(np.ptp(motion.times))):
         return ()
     where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
     return (
@@ -137,7 +140,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
 
 def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
     """Outputs that vary by less than their noise, but by more than rounding. The noise of scenes is a rough guess."""
-    if isinstance(simulator, DAESimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
+    if isinstance(simulator, SceneSimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)
     varies = (upper - lower > ROUNDING * np.maximum(np.abs(lower), np.abs(upper))).any(axis=0)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,7 @@ class Envelope:
     nominal_parameters: Mapping[str, float] = field(default_factory=dict)
     attaining: AttainingRuns | None = None
     worst_cases: tuple[WorstCase, ...] = ()
+    figures: tuple[str, ...] = ()
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -140,9 +142,11 @@ class Envelope:
         floor = ROUNDING * scale if self.noise is None else self.noise
         return np.ldexp(estimate, -power), upper - lower, np.ldexp(floor, -power)
 
-    def __getitem__(self, name: str) -> tuple[Array, Array]:
-        """(lower, upper) of one output, each (n_t,)."""
+    def __getitem__(self, name: str) -> tuple[Any, Any]:
+        """(lower, upper) of one output, each (n_t,), or a number of a figure of the motion."""
         k = self._column(name)
+        if name in self.figures:
+            return float(self.lower[0, k]), float(self.upper[0, k])
         return self.lower[:, k], self.upper[:, k]
 
     def _column(self, name: str) -> int:

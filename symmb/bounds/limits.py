@@ -173,7 +173,8 @@ def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, t
 
 def kept_limit(bounds: Envelope, output: str, low: float, high: float, is_doubtful: bool) -> KeptLimit:
     """Whether an output keeps a limit; its estimated error may be a large share of the width."""
-    k, (lower, upper) = bounds.names.index(output), bounds[output]
+    k = bounds.names.index(output)
+    lower, upper = bounds.lower[:, k], bounds.upper[:, k]
     margin = np.minimum(lower - low, high - upper)
     unit = bounds.units[k] if bounds.units else ""
     return KeptLimit(output, unit, low, high, *_decision(bounds, k, margin, low, high, is_doubtful), margin)

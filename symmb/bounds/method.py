@@ -82,6 +82,7 @@ class Method(ABC):
         seconds = time.perf_counter() - start
         attaining = AttainingRuns.of(simulator, attained)
         details = {"seconds": seconds, "units": units_of(simulator), "box": box, "attaining": attaining}
+        details["figures"] = figures_of(simulator)
         if result.nominal is None:
             details["nominal"] = attained.nominal
         return replace(result, lower=lower, upper=upper, **details)
@@ -100,7 +101,8 @@ class Method(ABC):
             return None
         inner, text = (attained.lower, attained.upper), f"{self!r}, interrupted"
         bounds = Bounds(simulator.times, simulator.outputs, *inner, "sampled", text, attained.runs, inner=inner)
-        return replace(bounds, seconds=seconds, units=units_of(simulator), box=box)
+        about = {"units": units_of(simulator), "figures": figures_of(simulator)}
+        return replace(bounds, seconds=seconds, box=box, **about)
 
     @abstractmethod
     def _bounds(
@@ -121,6 +123,11 @@ def require_method(owner: str, method: object) -> None:
 def units_of(simulator: Simulator) -> tuple[str, ...]:
     """Units of the outputs, where the simulator knows them."""
     return tuple(getattr(simulator, "units", ()))
+
+
+def figures_of(simulator: Simulator) -> tuple[str, ...]:
+    """Names of the outputs that are one number a run."""
+    return tuple(getattr(simulator, "figures", ()))
 
 
 def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:

@@ -14,7 +14,7 @@ from symmb.bounds.result import Bounds
 from symmb.bounds.study import Study
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator, prepare_equations, simulator_of
+from symmb.simulation import SceneSimulator, prepare_equations, simulator_of
 
 
 def propagate(
@@ -66,7 +66,7 @@ def propagate(
         try:
             bounds = method.bounds(simulator, box, executor=executor, progress=progress)
         except PropagationError as error:
-            if not isinstance(simulator, DAESimulator) or simulator.scene is None:  # as in a copy from a pickle
+            if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # as in a copy from a pickle
                 raise
             doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may tell why runs fail
             raise PropagationError("\n".join((str(error), *doubts))) from error
@@ -84,7 +84,7 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     if nominal is None:  # a black box: the study may have made a run there
         nominal = bounds.nominal
     known: dict[str, Any] = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}
-    of_scene = isinstance(simulator, DAESimulator)
+    of_scene = isinstance(simulator, SceneSimulator)
     known["subject"] = simulator.name if of_scene else repr(simulator)
     known["solver"] = repr(simulator.solver) if of_scene else ""
     if bounds.noise is None and bounds.kind == "sampled" and isinstance(simulator, Noisy):

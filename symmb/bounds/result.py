@@ -64,6 +64,7 @@ class Bounds(Answers, Result, files.Saved):
     nominal_parameters : nominal values of all parameters; empty if they are not known
     attaining : the runs that attain the bounds; None if they were read or pickled, or no runs are made
     worst_cases : those over all times, of bounds that were read from a file
+    figures : names of the outputs that are one number a run: their bounds are the same at all times
     range_of : whose range an adaptive method took, in words: interpolants, runs at corners; empty of other methods
 
     Examples
@@ -103,12 +104,11 @@ class Bounds(Answers, Result, files.Saved):
         Limits are the same at all times, so that it is the worst case over all times, which files hold.
         """
         limit = min(limits, key=lambda limit: float(limit.margin.min()))
-        i, (lower, upper) = int(limit.margin.argmin()), self[limit.output]
-        side = "lower" if lower[i] - limit.low < limit.high - upper[i] else "upper"
+        i, k = int(limit.margin.argmin()), self._column(limit.output)
+        side = "lower" if self.lower[i, k] - limit.low < limit.high - self.upper[i, k] else "upper"
         if self.attaining is None:
             return next((case for case in self.worst_cases if (case.output, case.side) == (limit.output, side)), None)
-        place = side, i, self._column(limit.output)
-        return self._cases(self.attaining, [place])[0]
+        return self._cases(self.attaining, [(side, i, k)])[0]
 
     @classmethod
     def _of_record(cls, record: files.Record) -> "Bounds":
@@ -252,12 +252,14 @@ class Bounds(Answers, Result, files.Saved):
             least = _ZERO * sizes.max(initial=0.0, where=np.isfinite(sizes))
             places = int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())
             cells = [name]
+            is_figure = self.names[k] in self.figures
             for values, i in zip((self.lower, self.upper), places, strict=True):
-                cells += [_number_text(values[i, k], least), f"{self.t[i]:.6g}"]
+                cells += [_number_text(values[i, k], least), "" if is_figure else f"{self.t[i]:.6g}"]
                 cells += [] if self.nominal is None else [_number_text(self.nominal[i, k], least)]
             widest = int(width[:, k].argmax())
+            when = "" if is_figure else f"{self.t[widest]:.6g}"
             error = "–" if self.estimate is None else f"≤ {self.estimate[:, k].max():.1e}"
-            rows.append([*cells, _number_text(width[widest, k], least), f"{self.t[widest]:.6g}", error])
+            rows.append([*cells, _number_text(width[widest, k], least), when, error])
         return over_times(rows, self.t)
 
     def __str__(self) -> str:

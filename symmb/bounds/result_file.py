@@ -19,7 +19,7 @@ from symmb.polynomials.ranges import Piecewise
 Kind = Literal["enclosure", "estimate", "sampled"]
 PLAIN = (
     *("t", "names", "units", "lower", "upper", "kind", "method", "evaluations", "estimate", "noise", "nominal"),
-    *("failed_region", "seconds", "caution", "remarks", "doubts", "range_of", "subject", "solver"),
+    *("failed_region", "figures", "seconds", "caution", "remarks", "doubts", "range_of", "subject", "solver"),
 )
 """Attributes of Bounds that files hold under the same names."""
 _TEXTS = "failed_region", "caution", "range_of", "subject", "solver"
@@ -44,6 +44,7 @@ def attributes_of(record: Record) -> dict[str, Any]:
         "kind": kind_of(record),
         "method": record.text("method"),
         "evaluations": record.whole("evaluations"),
+        "figures": record.texts("figures", default=()),
         "estimate": record.size("estimate", *shape) if "estimate" in record else None,
         "noise": record.size("noise", len(names)) if "noise" in record else None,
         "inner": record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,

@@ -16,7 +16,7 @@ from symmb.bounds.result import Bounds
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.nodes import Sobol
-from symmb.simulation import DAESimulator
+from symmb.simulation import DAESimulator, SceneSimulator, simulator_with
 
 _VERIFYING = 16
 """Runs that verify polynomials where their values count, and not only their range: more find narrower kinks."""
@@ -47,8 +47,10 @@ class Study:
     @property
     def prepared(self) -> DAESimulator:
         """The scene, prepared for runs."""
-        if isinstance(self.simulator, DAESimulator) and self.simulator.scene is not None:
-            return self.simulator
+        simulator = self.simulator
+        if isinstance(simulator, SceneSimulator) and simulator.scene is not None:
+            is_whole = isinstance(simulator, DAESimulator)
+            return simulator if is_whole else simulator_with(simulator.scene, simulator.solver)
         raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")
 
     @cached_property

@@ -15,7 +15,7 @@ from symmb._types import Array, Indices
 from symmb.black_boxes import Attained, Simulator
 from symmb.files import Record
 from symmb.model import Scene
-from symmb.simulation import DAESimulator, Trajectory, simulate
+from symmb.simulation import SceneSimulator, Trajectory, simulate
 
 _TOGETHER = 64
 """Samples of a block that is repeated: a multiple of those that share their steps."""
@@ -167,7 +167,7 @@ class WorstCase:
         """
         if self.simulator is None:
             raise DeclarationError("This worst case holds no simulator: its bounds were read from a file.")
-        if isinstance(self.simulator, DAESimulator):
+        if isinstance(self.simulator, SceneSimulator):
             return simulate(self.scene, self.simulator.solver)
         return np.array(self.simulator.run(np.array([[*self.parameters.values()]])).Y[0])
 

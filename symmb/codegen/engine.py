@@ -193,6 +193,13 @@ class Engine:
         self.__dict__.update(state)
         self._open()
 
+    def at(self, times: Array) -> "Engine":
+        """The same engine with other output times (n_t,), which begin and end as its own."""
+        copy = object.__new__(type(self))
+        vars(copy).update(vars(self))
+        copy.times = copy._times = np.ascontiguousarray(times, dtype=float)
+        return copy
+
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
         """Outputs of N samples, x0 (N, n_x), p (N, n_p); x0 is (N, 0) if the engine computes the start.
 

@@ -54,6 +54,13 @@ class ArrayEngine:
         """Values of parameters alone as a function of x, p and t, and each output of f as one of x, these and t."""
         return programs(graph_of(f))
 
+    def at(self, times: Array) -> "ArrayEngine":
+        """The same engine with other output times (n_t,), which begin and end as its own."""
+        copy = object.__new__(type(self))
+        vars(copy).update(vars(self))
+        copy.times = np.ascontiguousarray(times, dtype=float)
+        return copy
+
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
         """Outputs of N samples, x0 (N, n_x), p (N, n_p).
 

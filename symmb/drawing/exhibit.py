@@ -1,7 +1,7 @@
 """What is shown together: a run, the runs that attain bounds, and where a point is over the box."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import casadi as ca
@@ -92,6 +92,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     width = bounds.upper[:, column] - bounds.lower[:, column]
     row = int(width.argmax()) if time is None else row_of("view", bounds.t, time)
     name, t = bounds.names[column], float(bounds.t[row])
+    value_of = name if name in bounds.figures else f"{name}({t:g} s)"
     if bounds.attaining is None:
         raise DeclarationError(
             f"{bounds.method} keeps no runs that attain its bounds, which view would draw. "
@@ -108,7 +109,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     acting = bounds._acting(study.box, [column])
     ghosts = [
         Ghost(
-            f"{side} {name}({t:g} s) = {run[name][row]:.6g} (bound {bound:.6g}){_place(run, acting)}",
+            f"{side} {value_of} = {run.values[row, column]:.6g} (bound {bound:.6g}){_place(run, acting)}",
             tint,
             draw(run, also=also),
         )
@@ -117,7 +118,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
             ("largest", UPPER, largest, bounds.upper[row, column]),
         )
     ]
-    rows = np.searchsorted(bounds.t, drawing.t)
+    rows = np.minimum(np.searchsorted(bounds.t, drawing.t), len(bounds.t) - 1)  # figures have one time
     return Exhibit(
         drawing,
         tuple(ghosts),
@@ -142,10 +143,24 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
     for sample in samples:
         x = simulator.run(sample.P).Y[sample.index][:, : len(states)]
         values = dict(zip(study.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
-        work = np.full(len(x), np.nan)
-        runs.append(
-            Trajectory(scene, study.prepared, values, repr(solver), "", simulator.times, x, work, {}, np.nan, np.nan)
+        known = Trajectory(
+            scene,
+            study.prepared,
+            values,
+            repr(solver),
+            "",
+            simulator.times,
+            x,
+            np.full(len(x), np.nan),
+            {},
+            np.nan,
+            np.nan,
         )
+        if scene.figures:
+            columns = [study.simulator.outputs.index(name) for name in scene.figures]
+            y = study.simulator.run(sample.P).Y[sample.index][0, columns]
+            known = replace(known, figures=dict(zip(scene.figures, y.tolist(), strict=True)))
+        runs.append(known)
     return runs
 
 

@@ -105,7 +105,7 @@ def view(
 def start_picture(subject: Scene | DAESimulator) -> bytes:
     """A scene at its start as a PNG. Nothing is compiled or integrated."""
     simulator = prepare_equations(subject) if isinstance(subject, Scene) else subject
-    at_start, parameters = simulator.scene.with_times(simulator.times[:1]), simulator.parameters
+    at_start, parameters = simulator.scene.curves.with_times(simulator.times[:1]), simulator.parameters
     x, (fault,) = simulator.start.states(np.array([[*parameters.values()]]))
     if fault:
         simulate(at_start)  # which tells why

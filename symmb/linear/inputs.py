@@ -7,7 +7,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._options import require_names
-from symmb.mechanics import Actuator
+from symmb.mechanics import Actuator, Figure
 from symmb.model import Scene
 
 
@@ -49,7 +49,8 @@ def with_uniform(scene: Scene) -> tuple[Scene, tuple[int, ...], tuple[str, ...]]
     tuple of str           names of these places and velocities
     """
     system = scene.system
-    bound = [system.bind(y, "output", also=system.solved_hashes) for y in (scene.outputs or {}).values()]
+    curves = [y for y in (scene.outputs or {}).values() if not isinstance(y, Figure)]
+    bound = [system.bind(y, "output", also=system.solved_hashes) for y in curves]
     y = ca.vertcat(*bound) if bound else ca.SX(0, 1)
     touched = [(x, v) for x, sx, v, sv in system.collected.decoupled if ca.depends_on(y, ca.vertcat(sx, sv))]
     names = tuple(name for pair in touched for name in pair)

@@ -66,7 +66,7 @@ def linearize(
     1.0
     """
     scene, values, t, of_bodies = point_of(subject, time, parameters)
-    chosen = _numbers(scene.output_names if outputs is None else outputs, scene.output_names)
+    chosen = _numbers(scene.curve_names if outputs is None else outputs, scene.curve_names)
     extended, input_numbers = with_inputs(scene, inputs)
     extended, starts, uniform = with_uniform(extended)
     formulation, loads = formulation_of(extended), attached_loads(extended)
@@ -77,7 +77,7 @@ def linearize(
     require_smooth(formulation, point, equations)
     blocks = equations.blocks(point.x[None], p[None], t)
     _require_free_inputs(inputs, blocks)
-    _require_slopes_of_outputs([scene.output_names[k] for k in chosen], blocks.C[0][chosen], blocks.D[0][chosen])
+    _require_slopes_of_outputs([scene.curve_names[k] for k in chosen], blocks.C[0][chosen], blocks.D[0][chosen])
     free = free_states(equations, blocks, len(uniform))
     motion = SteadyMotion(equations, point, blocks, free)
     doubts = doubts_of(extended, motion, blocks, loads)
@@ -97,7 +97,7 @@ def linearize(
         D=blocks.D[0][chosen, :n_u],
         states=(*(state_names(formulation.dae)[k] for k in free), *uniform),
         inputs=tuple(inputs),
-        outputs=tuple(scene.output_names[k] for k in chosen),
+        outputs=tuple(scene.curve_names[k] for k in chosen),
         time=t,
         parameters=values,
         doubts=doubts,

@@ -50,7 +50,7 @@ class Origin:
         X = batch(self._displaced(), self.point.x, Z, p)[0]
         if not np.isfinite(X).all():
             raise SimulationError(f"{label} has no visible motion: joints do not close beside the state.")
-        scene = self.scene.with_name(label).with_times(self.point.t + phase / rate)
+        scene = self.scene.curves.with_name(label).with_times(self.point.t + phase / rate)
         run = Trajectory(
             scene=scene,
             simulator=prepare_equations(scene),

@@ -9,6 +9,7 @@ from symmb.mechanics.body import AbstractBody, Body, Ground, Inertial, Point, as
 from symmb.mechanics.constraint import Constraint, Motion
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
 from symmb.mechanics.element import Element
+from symmb.mechanics.figure import Figure, Window, final, first_time, margin_of, maximum, mean, minimum, value_at
 from symmb.mechanics.flexible_body import FlexibleBody
 from symmb.mechanics.force import (
     Action,

@@ -13,7 +13,9 @@ from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean, name_fault, name_faults
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._types import Array, Expr
+from symmb.mechanics import Figure
 from symmb.model.box import Box
+from symmb.model.figures import BoundFigure, bound_figure, figure_unit
 from symmb.model.restart import EndedRun, Restart, restart_of
 from symmb.model.start_values import Prescribed, listed_values, with_modes
 from symmb.model.system import System
@@ -39,8 +41,8 @@ class Scene:
     times : (n_t,) array
         or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
     outputs : mapping
-        name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all coordinates and
-        velocities
+        name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a figure of the motion such
+        as `maximum(expression)`; default: all coordinates and velocities
     box : Box
         intervals of the uncertain parameters
     guess : mapping
@@ -78,7 +80,7 @@ class Scene:
     system: System
     start: Mapping[str, Expr] = field(default_factory=dict)
     times: Array = field(default_factory=lambda: np.zeros(1))
-    outputs: Mapping[str, Expr] | None = None
+    outputs: Mapping[str, Expr | Figure] | None = None
     box: Box | None = None
     guess: Mapping[str, Expr] = field(default_factory=dict)
     name: str = "scene"
@@ -96,7 +98,8 @@ class Scene:
             raise DeclarationError("\n".join(faults))
         object.__setattr__(self, "times", np.array(self.times, dtype=float))
         known = {s.sx.element_hash() for s in self.system.collected.states}
-        extra = [s for s in self.system.bind.states(self.y) if s.sx.element_hash() not in known]
+        along = ca.vertcat(self.y, *(part for figure in self.figures.values() for part in figure.parts))
+        extra = [s for s in self.system.bind.states(along) if s.sx.element_hash() not in known]
         if extra:
             object.__setattr__(self, "system", self.system.with_states(extra))
 
@@ -112,7 +115,7 @@ class Scene:
             faults.append("equilibrium: the scene goes on from the end of a run. Leave equilibrium out.")
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
         # Coordinates that move uniformly need the start time.
-        for attribute in ("prescribed", "guesses", *(() if untimely else ("_bound_outputs",))):
+        for attribute in ("prescribed", "guesses", *(() if untimely else ("_bound_outputs", "figures"))):
             try:
                 getattr(self, attribute)
             except DeclarationError as error:
@@ -179,10 +182,13 @@ class Scene:
             return dict(pairs) if c.q_names else {}
         if not isinstance(outputs, Mapping):
             raise DeclarationError('outputs: expected a mapping from names to expressions, such as {"x": rod.x}.')
-        bound, faults = {}, [f"output {fault}" for fault in name_faults([*outputs])]
+        bound: dict[str, ca.SX] = {}
+        faults = [f"output {fault}" for fault in name_faults([*outputs])]
         if not outputs:
             raise DeclarationError("outputs: give at least one, or leave them out for all coordinates and velocities.")
         for name, expression in outputs.items():
+            if isinstance(expression, Figure):
+                continue
             try:
                 bound[name] = self.expression(expression, f"output {name!r}")
                 if bound[name].numel() != 1:
@@ -193,14 +199,46 @@ class Scene:
             raise DeclarationError("\n".join(faults))
         return bound
 
+    @cached_property
+    def figures(self) -> dict[str, BoundFigure]:
+        """The outputs that are one number a run, by name."""
+        bound, faults = {}, list[str]()
+        for name, output in self.outputs.items() if isinstance(self.outputs, Mapping) else ():
+            if isinstance(output, Figure):
+                try:
+                    bound[name] = bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
+                except DeclarationError as error:
+                    faults.append(str(error))
+        if faults:
+            raise DeclarationError("\n".join(faults))
+        return bound
+
+    @cached_property
+    def curves(self) -> "Scene":
+        """A copy with outputs over time alone: those of this scene, and the expressions in its figures."""
+        named = {f"{name}: {k}": part for name, figure in self.figures.items() for k, part in enumerate(figure.parts)}
+        return self.with_outputs(self._bound_outputs | named) if self.figures else self
+
+    @property
+    def curve_names(self) -> tuple[str, ...]:
+        """Names of the outputs over time, in order."""
+        return tuple(self._bound_outputs)
+
     @property
     def output_names(self) -> tuple[str, ...]:
         """Names of the outputs, in order."""
-        return tuple(self._bound_outputs)
+        return self.curve_names if self.outputs is None else tuple(self.outputs)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units of the outputs, '' where they do not follow from the expression."""
+        known = dict(zip(self.curve_names, units_of(self.system, self.y), strict=True))
+        known |= {name: figure_unit(self.system, figure) for name, figure in self.figures.items()}
+        return tuple(known[name] for name in self.output_names)
 
     @cached_property
     def y(self) -> ca.SX:
-        """The outputs as expressions of q, v, v', s, lam, p and t, (n_y,)."""
+        """The outputs over time as expressions of q, v, v', s, lam, p and t, (n_y,)."""
         return ca.vertcat(*self._bound_outputs.values()) if self._bound_outputs else ca.SX(0, 1)
 
     def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
@@ -219,11 +257,9 @@ class Scene:
         return f"Scene({self.name!r}, {len(self.output_names)} outputs at {len(self.times)} times, {span})"
 
     def _repr_html_(self) -> str:
-        units = units_of(self.system, self.y)
-        outputs = {
-            name: (unit, expression)
-            for (name, expression), unit in zip(self._bound_outputs.items(), units, strict=True)
-        }
+        declared = self._bound_outputs | {name: self.outputs[name] for name in self.figures} if self.outputs else {}
+        declared = declared or self._bound_outputs
+        outputs = {name: (unit, declared[name]) for name, unit in zip(self.output_names, self.units, strict=True)}
         intervals = {} if self.box is None else dict(zip(self.box.names, self.box.bounds, strict=True))
         # Drawings stand on scenes. Only a notebook that shows a scene asks for one.
         drawing = import_module("symmb.drawing")
@@ -241,7 +277,7 @@ class Scene:
         """A copy with other times."""
         return replace(self, times=times)
 
-    def with_outputs(self, outputs: Mapping[str, Expr]) -> "Scene":
+    def with_outputs(self, outputs: Mapping[str, Expr | Figure]) -> "Scene":
         """A copy with other outputs."""
         return replace(self, outputs=outputs)
 

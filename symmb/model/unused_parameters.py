@@ -15,7 +15,7 @@ def unused_parameters(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
 
 def _used(scene: Scene) -> frozenset[str]:
     c, prescribed, guessed = scene.system.collected, scene.prescribed, scene.guessed
-    expressions = [ca.vec(c.M), c.Q, c.potential, c.Phi, c.Psi, c.qdot, c.assembly_cosines, scene.y]
+    expressions = [ca.vec(c.M), c.Q, c.potential, c.Phi, c.Psi, c.qdot, c.assembly_cosines, scene.curves.y]
     expressions += [value for _, value in c.positive]
     expressions += [part for state in c.states for part in (state.rate, state.value)]
     expressions += [law for _, law in c.sampled]

@@ -17,7 +17,7 @@ from symmb.model import Scene, equations_text
 from symmb.report import document
 from symmb.report.assumptions import again, assumed, called, seed
 from symmb.report.document import section
-from symmb.simulation import DAESimulator, simulate
+from symmb.simulation import DAESimulator, SceneSimulator, simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -129,7 +129,7 @@ def _title(bounds: Bounds) -> str:
 def _prepared(bounds: Bounds) -> DAESimulator | None:
     """The prepared scene of bounds that hold one."""
     simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
-    return simulator if isinstance(simulator, DAESimulator) else None
+    return bounds.study.prepared if isinstance(simulator, SceneSimulator) else None
 
 
 def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
@@ -150,7 +150,7 @@ def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
 
 def _settings(bounds: Bounds) -> list[tuple[str, str]]:
     simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
-    of_scene = isinstance(simulator, DAESimulator)
+    of_scene = isinstance(simulator, SceneSimulator)
     return [
         ("method", bounds.method),
         ("seed", seed(bounds.method)),

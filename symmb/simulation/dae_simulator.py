@@ -64,7 +64,7 @@ class DAESimulator:
     times : (n_t,) array
         [s]
     outputs : tuple of str
-        names of the n_y outputs
+        names of the n_y outputs over time
     units : tuple of str
         of the outputs, '' where they do not follow from the expression
     solver : Solver
@@ -106,7 +106,7 @@ class DAESimulator:
         self.scene, self.name, self.box = scene, scene.name, scene.box
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
-        self.outputs, self.units = scene.output_names, units_of(scene.system, scene.y)
+        self.outputs, self.units = scene.curve_names, units_of(scene.system, scene.y)
         self.bodies, self._joints, self._spare = formulations(scene)
         self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
@@ -208,6 +208,20 @@ class DAESimulator:
             return self.engine(order) if self.compiled else None
         except NoCompilerError:
             return self.engine(order) if self.compiled else None
+
+    def with_outputs(self, y: ca.Function) -> "DAESimulator":
+        """The same simulator with outputs y (x, p, t), in the coordinates in which the samples run."""
+        form = replace(self.formulation, y=y)
+        copy = self._with(_joints=form) if form.bodies else self._with(bodies=form, _joints=None, _spare=None, y=y)
+        copy._use(self.solver)
+        return copy
+
+    def at_times(self, times: Array) -> "DAESimulator":
+        """The same simulator at other times, which begin and end as its own. Nothing is compiled again."""
+        if self.compiled:
+            self._lanes()
+        engines = {order: engine.at(times) for order, engine in self._engines.items()}
+        return self._with(times=times, _engines=engines, _integrations={}, _single=[], _outputs={}, _ways={})
 
     def tighter(self) -> "DAESimulator":
         """The same simulator with a solver ten times more accurate, or more if its steps would be the same."""

@@ -16,6 +16,7 @@ from symmb._types import Array, Expr
 from symmb.black_boxes import Jets, Simulator
 from symmb.integrate import Solver
 from symmb.model import Scene
+from symmb.simulation.figure_simulator import FigureSimulator
 from symmb.simulation.subject import chosen_parameters, simulator_for
 
 if TYPE_CHECKING:
@@ -168,6 +169,11 @@ def sensitivities(
     [0.0, 2.0]
     """
     simulator = simulator_for("sensitivities", scene, solver, times, outputs)
+    if isinstance(simulator, FigureSimulator):
+        raise SimulationError(
+            f"sensitivities: no derivatives are derived of {', '.join(simulator.figures)}, which are one number a run. "
+            "Leave them out of outputs, or ask bounds for contributions."
+        )
     if not isinstance(simulator, Jets):
         raise SimulationError(f"sensitivities: {shown(scene)} gives no derivatives. Give a Scene.")
     nominal = dict(simulator.parameters)

@@ -18,12 +18,15 @@ from symmb.events import Kinks
 from symmb.integrate import Run, Solver, SwitchPasses, stiffness
 from symmb.model import Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.figure_simulator import FigureSimulator
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
 from symmb.simulation.subject import (
+    figure_simulator,
     prepare_equations,
     require_own,
     require_solver,
     scene_of,
+    simulator_for,
     simulator_with,
     with_options,
 )
@@ -144,9 +147,9 @@ def simulate(
     if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
         if check:
             raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
-        simulator = scene if isinstance(scene, DAESimulator) else simulator_with(own, solver)
-        return swept(simulator, parameters, "simulate")
+        return swept(simulator_for("simulate", scene, solver, times, outputs), parameters, "simulate")
     values = parameter_values(own, {} if parameters is None else parameters)
+    chosen = scene.solver if isinstance(scene, DAESimulator) else solver
     with kept_interrupts():
         if isinstance(scene, DAESimulator):
             prepared: DAESimulator | None = scene
@@ -154,6 +157,8 @@ def simulate(
             has_solver = solver is not None or bool(own.system.collected.impacts)
             prepared = simulator_with(own, solver) if has_solver else None
         solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check)
+        if own.figures:
+            trajectory = with_figures_of(trajectory, figure_simulator(own, chosen), check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
     return trajectory
 
@@ -193,6 +198,27 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
         doubts = (*doubts, *ways.doubts, *filter(None, [ways.unchecked]))
         trajectory = replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
     return solver, trajectory
+
+
+def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: bool) -> Trajectory:
+    """The trajectory with the figures of its scene, and their errors if they are to be checked.
+
+    Raises
+    ------
+    SimulationError        if a condition does not hold, or the run breaks down in the solver of studies
+    """
+    P = np.array([list(trajectory.parameters.values())])
+    runs = [each.run(P) for each in (simulator, *([simulator.tighter()] if check else []))]
+    if messages := [text for run in runs for text in run.messages]:
+        raise SimulationError(f"{trajectory.name}: {messages[0]}.")
+    columns = [simulator.outputs.index(name) for name in simulator.figures]
+    values = dict(zip(simulator.figures, runs[0].Y[0, 0, columns].tolist(), strict=True))
+    error = None
+    if trajectory.error is not None:
+        error = np.abs(runs[-1].Y[0, :1] - runs[0].Y[0, :1]).repeat(len(trajectory.t), axis=0)
+        others = [k for k in range(len(simulator.outputs)) if k not in columns]
+        error[:, others] = trajectory.error
+    return replace(trajectory, figures=values, error=error)
 
 
 def _start_fault(runs: "_PilotRuns") -> str:

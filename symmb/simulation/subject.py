@@ -10,6 +10,7 @@ from symmb.black_boxes import Simulator
 from symmb.integrate import CVODES, Solver
 from symmb.model import Box, Scene
 from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.figure_simulator import FigureSimulator
 
 _SCENE = "Scene(system, times=...) makes one of a System."
 
@@ -37,12 +38,12 @@ def simulator_of(
             f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
         )
     if isinstance(subject, Scene):
-        simulator: Simulator = simulator_with(with_options(subject, times, outputs), solver)
+        simulator = study_simulator(with_options(subject, times, outputs), solver)
     elif not hasattr(subject, "outputs"):
         raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
     else:
         require_own(subject, solver, times, outputs)
-        simulator = subject
+        simulator = with_figures(subject)
     return simulator, box
 
 
@@ -61,11 +62,11 @@ def simulator_for(
     """
     require_solver(solver)
     if isinstance(subject, Scene):
-        return simulator_with(with_options(subject, times, outputs), solver)
+        return study_simulator(with_options(subject, times, outputs), solver)
     if not hasattr(subject, "outputs"):
         raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
     require_own(subject, solver, times, outputs)
-    return subject
+    return with_figures(subject)
 
 
 def chosen_parameters(owner: str, names: Sequence[str] | None, nominal: Mapping[str, float]) -> list[str]:
@@ -145,6 +146,25 @@ def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
 def simulator_with(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     """The simulator that `prepare` gives, before it takes its second look."""
     return scene.remembered(solver, lambda: DAESimulator(scene, solver))
+
+
+def study_simulator(scene: Scene, solver: Solver | None = None) -> Simulator:
+    """The simulator of a study: with the figures of a scene, if it has any."""
+    return figure_simulator(scene, solver) if scene.figures else simulator_with(scene, solver)
+
+
+def figure_simulator(scene: Scene, solver: Solver | None = None) -> FigureSimulator:
+    """The simulator of a study of a scene with figures."""
+    return scene.remembered(
+        (FigureSimulator, solver), lambda: FigureSimulator(scene, simulator_with(scene.curves, solver))
+    )
+
+
+def with_figures(simulator: Simulator) -> Simulator:
+    """What is prepared, with the figures of its scene, if it has any."""
+    if isinstance(simulator, DAESimulator) and simulator.scene is not None:
+        return study_simulator(simulator.scene, simulator.solver) if simulator.scene.figures else simulator
+    return simulator
 
 
 def prepare_equations(scene: Scene) -> DAESimulator:

@@ -57,6 +57,8 @@ class Sweep(plot.OverTime, Result, files.Saved):
         whether a run is valid
     messages : tuple of str
         why each of the others is not, in order
+    figures : tuple of str
+        outputs that are one number a run
 
     Examples
     --------
@@ -80,14 +82,16 @@ class Sweep(plot.OverTime, Result, files.Saved):
     values: Array
     ok: Mask
     messages: tuple[str, ...]
+    figures: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.values)
 
     def __getitem__(self, name: str) -> Array:
-        """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid."""
+        """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid. A figure of the motion has no times."""
         require_name("Sweep", "output", name, self.names)
-        return self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
+        values = self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
+        return values[..., 0] if name in self.figures else values
 
     @property
     def _shape(self) -> tuple[int, ...]:
@@ -162,6 +166,7 @@ class Sweep(plot.OverTime, Result, files.Saved):
             record.array("values", len(ok), len(t), len(names), finite=False),
             ok,
             record.texts("messages"),
+            record.texts("figures", default=()),
         )
 
     def _labelled(self) -> Labelled:
@@ -306,6 +311,7 @@ def _of_rows(
         Y,
         ok,
         tuple(text for *_, texts in parts for text in texts),
+        tuple(getattr(simulator, "figures", ())),
     )
     warn_of(result.doubts, owner)
     return result

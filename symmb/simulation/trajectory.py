@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -41,7 +41,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
     """One run of a scene.
 
     `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
-    the scene, each (n_t,). `save` and `load` keep it in a file.
+    the scene, each (n_t,); a figure of the motion is a number. `save` and `load` keep it in a file.
 
     Attributes
     ----------
@@ -66,6 +66,8 @@ class Trajectory(plot.OverTime, Result, files.Saved):
         estimated error of the outputs, of a run with check=True; None for others
     run_doubts : tuple of str
         what the start and the solver cannot vouch for; `doubts` are all
+    figures : dict
+        outputs that are one number, by name; `values` has them at all times
     run_examination
         the examination of the run between its output times as well; None if it was read
 
@@ -97,6 +99,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
     error: Array | None = None
     run_doubts: tuple[str, ...] = ()
     run_examination: Examination | None = None
+    figures: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def _p(self) -> Array:
@@ -150,17 +153,23 @@ class Trajectory(plot.OverTime, Result, files.Saved):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        return self._model[0].output_names
+        scene, simulator = self._model
+        return scene.output_names if self.figures else simulator.outputs
 
     @cached_property
     def units(self) -> tuple[str, ...]:
         """Units of the outputs, '' where they are not known."""
-        return self._model[1].units
+        return self._model[0].units if self.figures else self._model[1].units
 
     @cached_property
     def values(self) -> Array:
         """Outputs, (n_t, n_y)."""
-        return self._of(self._model[1].y)
+        curves = self._of(self._model[1].y)
+        if not self.figures:
+            return curves
+        columns = iter(curves.T)
+        own = [np.full(len(self.t), self.figures[n]) if n in self.figures else next(columns) for n in self.names]
+        return np.stack(own, axis=1)
 
     def _along(self, y: ca.SX) -> Array:
         scene, simulator = self._model
@@ -188,8 +197,10 @@ class Trajectory(plot.OverTime, Result, files.Saved):
         values = self._along(bound)
         return values[:, 0] if bound.numel() == 1 else values
 
-    def __getitem__(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> Any:
         require_instance("Trajectory", name, str, "the name of an output, a state or a multiplier")
+        if name in self.figures:
+            return self.figures[name]
         if name in self.names:
             return self.values[:, self.names.index(name)]
         states = tuple(chain.from_iterable(self.state_names))

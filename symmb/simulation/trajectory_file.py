@@ -33,6 +33,7 @@ PLAIN = (
     "run_seconds",
     "error",
     "doubts",
+    "figures",
 )
 """Attributes of a Trajectory that its file holds under the same names."""
 Contents = tuple[dict[str, Any], dict[str, Any]]
@@ -57,6 +58,7 @@ def of_record(record: Record) -> Contents:
         "setup_seconds": record.number("setup_seconds"),
         "run_seconds": record.number("run_seconds"),
         "events": tuple(_event(event) for event in record.records("events")),
+        "figures": record.numbers("figures") if "figures" in record else {},
         "error": record.array("error", len(t), len(names), finite=False) if "error" in record else None,
     }
     derived = {

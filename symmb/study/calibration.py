@@ -263,7 +263,7 @@ def calibrate(
     some = chosen_parameters(OWNER, parameters, scene.system.parameters)
     measured = _measured(scene, data)
     times = np.unique(np.concatenate([scene.times[:1], *(t for t, _ in measured.values())]))
-    own = scene.with_times(times)
+    own = scene.curves.with_times(times)
     known_noise = _noise(noise, measured)
     count = sum(len(values) for _, values in measured.values())
     if count < len(some) + (not known_noise):
@@ -281,6 +281,8 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
     measured = {}
     for name, values in data.items():
         require_name(OWNER, "output", name, scene.output_names)
+        if name in scene.figures:
+            raise DeclarationError(f"{OWNER}: {name!r} is one number a run. Data are values of an output over time.")
         pair = isinstance(values, tuple) and len(values) == 2 and np.ndim(values[0]) == 1
         t, y = (numbers_of(part) for part in (values if pair else (scene.times, values)))
         if t is None or y is None or t.ndim != 1 or y.shape != t.shape:

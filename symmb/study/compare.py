@@ -13,7 +13,7 @@ from symmb.black_boxes import Simulator
 from symmb.bounds import Bounds, Method, require_method, units_of
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator, simulator_of
+from symmb.simulation import SceneSimulator, simulator_of
 from symmb.study.comparison_result import Comparison
 from symmb.study.measurement import compare_simulator
 
@@ -81,7 +81,7 @@ def compare(
     with kept_interrupts(), shown(progress, "comparing methods") as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
         about: dict[str, Any] = {"scene": repr(simulator), "units": units_of(simulator)}
-        if isinstance(simulator, DAESimulator):
+        if isinstance(simulator, SceneSimulator):
             simulator.prepare()
             about |= {
                 "tighter": simulator.tighter(),

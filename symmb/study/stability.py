@@ -218,7 +218,7 @@ def stability(
     >>> study.scene
     'mass on a spring'
     """
-    scene = scene_of(scene)
+    scene = scene_of(scene).curves  # variants have other times
     require_positive("stability", "seconds", seconds)
     require_callable("stability: progress", progress, "label", "done", "all")
     with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:

@@ -224,7 +224,7 @@ def _of_places(scene: Scene, some: tuple[AttachedLoads, ...]) -> tuple[tuple[str
     forces = ca.which_depends(scene.y, solved, 1, True) or [False] * len(places)
     chosen = [k for k in range(len(places)) if places[k] and not forces[k]]
     if chosen:
-        return tuple(scene.output_names[k] for k in chosen), scene.y[chosen]
+        return tuple(scene.curve_names[k] for k in chosen), scene.y[chosen]
     nodes = [loads.body.node(number) for loads in some for number in loads.loaded]
     names = tuple(f"{node.body.name}.{axis}" for node in nodes for axis in "xyz")
     return names, scene.expression(ca.vertcat(*(node.r for node in nodes)))

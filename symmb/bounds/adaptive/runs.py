@@ -17,7 +17,7 @@ from symmb.bounds.time_windows import DOUBTFUL, ROUNDING, rests_for_a_time
 from symmb.model import Box
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, TotalDegree, basis_values
-from symmb.simulation import DAESimulator
+from symmb.simulation import SceneSimulator
 
 TRUST = 0.6
 """Least share of its estimated error that an interpolant keeps when check runs show less: runs against safety."""
@@ -275,7 +275,7 @@ class Runs:
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
         self.failed += failure_records(self.simulator, self.box, P, failed_runs)
         low, high = ensemble.extremes()
-        depend = isinstance(self.simulator, DAESimulator)  # they share steps
+        depend = isinstance(self.simulator, SceneSimulator)  # they share steps
         note_attained(low, high, P, None if depend else ensemble.Y)
         if not ensemble.ok.any():
             return ensemble.Y, ensemble.ok, ensemble.events

@@ -1,0 +1,206 @@
+"""Figures of a motion: outputs that are one number a run, such as a peak, a mean or the range at landing."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._options import is_finite_number, shown
+from symmb._types import Expr
+
+Window = tuple[float | None, float | None] | None
+"""First and last time [s]. None stands for the begin or the end of the run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """An output of a Scene that is one number a run. `maximum`, `minimum`, `final`, `mean`, `first_time` and `value_at`
+    declare one.
+
+    Attributes
+    ----------
+    kind : str            the name of the function that declared it
+    expression : SX       of which it is a figure; None for a time
+    condition : SX        a comparison; None without one
+    window : (2,)         first and last time [s], None for those of the run
+    """
+
+    kind: Literal["maximum", "minimum", "final", "mean", "first_time", "value_at"]
+    expression: Expr | None = None
+    condition: Expr | None = None
+    window: Window = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.expression, Figure) or isinstance(self.condition, Figure):
+            raise DeclarationError(f"{self.kind}: it takes expressions over time, and a figure is one number.")
+        if self.kind in ("first_time", "value_at") and self.condition is None:
+            raise DeclarationError(f"{self.kind}: it needs a condition. {_EXAMPLE}")
+        if self.kind != "first_time" and self.expression is None:
+            raise DeclarationError(f"{self.kind}: it needs an expression, such as ball.y.")
+        if isinstance(self.condition, bool | np.bool_):
+            raise DeclarationError(f"{self.kind}: the condition is {self.condition} at all times. {_EXAMPLE}")
+        window = self.window
+        if window is None:
+            return
+        ends = tuple(window) if isinstance(window, tuple | list) else ()
+        if len(ends) != 2 or not all(end is None or is_finite_number(end) for end in ends):
+            raise DeclarationError(f"{self.kind}: window must be two times as (0.5, 2.0) [s], got {shown(window)}.")
+        begin, end = ends
+        if begin is not None and end is not None and not begin < end:
+            raise DeclarationError(f"{self.kind}: the window {shown(window)} ends before it begins.")
+
+    def __repr__(self) -> str:
+        parts = [str(part) for part in (self.expression, self.condition) if part is not None]
+        return f"{self.kind}({', '.join([*parts, *([f'window={self.window}'] if self.window else [])])})"
+
+
+_EXAMPLE = "Compare expressions, as in ball.y <= 0."
+
+
+def maximum(expression: Expr, window: Window = None) -> Figure:
+    """The largest value of an expression over a run, between output times as well.
+
+    Where the expression jumps, as velocities do at an impact, the values on both sides count.
+
+    Parameters
+    ----------
+    expression : SX
+        of coordinates, velocities, multipliers, parameters and `t`
+    window : (2,)
+        first and last time [s] that count; None for those of the run
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=2.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> system = mb.System(ball, mb.Gravity(0, -9.81), parameters=p)
+    >>> outputs = {"height": mb.maximum(ball.y)}
+    >>> throw = mb.Scene(system, {"ball.vy": p.speed}, [0.0, 1.0], outputs, mb.Box(speed=(1.9, 2.1)))
+    >>> round(mb.simulate(throw)["height"], 6)
+    0.203874
+    """
+    return Figure("maximum", expression, window=window)
+
+
+def minimum(expression: Expr, window: Window = None) -> Figure:
+    """The least value of an expression over a run, between output times as well. See `maximum`.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 1.0], outputs={"least": mb.minimum((mb.t - 0.3) ** 2 + 2)})
+    >>> round(mb.simulate(empty)["least"], 9)
+    2.0
+    """
+    return Figure("minimum", expression, window=window)
+
+
+def final(expression: Expr, window: Window = None) -> Figure:
+    """The value of an expression at the end of a run, or of a window of time.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 3.0], outputs={"end": mb.final(mb.t**2)})
+    >>> mb.simulate(empty)["end"]
+    9.0
+    """
+    return Figure("final", expression, window=window)
+
+
+def mean(expression: Expr, window: Window = None) -> Figure:
+    """The mean of an expression over time: its integral over the length of the run, or of a window of time.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 3.0], outputs={"mean": mb.mean(mb.t**2)})
+    >>> round(mb.simulate(empty)["mean"], 9)
+    3.0
+    """
+    return Figure("mean", expression, window=window)
+
+
+def first_time(condition: Expr, window: Window = None) -> Figure:
+    """The first time [s] at which a condition holds.
+
+    A condition that is only touched, as a gap is by an impact, holds there. One that holds at the begin of the window
+    has this time. A `<` that is an equality at the begin holds there only if it goes on to hold.
+
+    Parameters
+    ----------
+    condition : SX
+        a comparison of expressions, or several by `casadi.logic_and` and `logic_or`. Runs in which it never holds fail
+    window : (2,)
+        first and last time [s] that count; None for those of the run
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> outputs = {"landing": mb.first_time(ball.y <= 0)}
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), {"ball.y": 1.0}, [0.0, 1.0], outputs)
+    >>> round(mb.simulate(fall)["landing"], 6)
+    0.451524
+    """
+    return Figure("first_time", condition=condition, window=window)
+
+
+def value_at(expression: Expr, condition: Expr, window: Window = None) -> Figure:
+    """The value of an expression at the `first_time` at which a condition holds: a range at landing.
+
+    Where the expression jumps then, it is the value before.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> outputs = {"range": mb.value_at(ball.x, ball.y <= 0)}
+    >>> start = {"ball.y": 1.0, "ball.vx": 2.0}
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), start, [0.0, 1.0], outputs)
+    >>> round(mb.simulate(fall)["range"], 6)
+    0.903047
+    """
+    return Figure("value_at", expression, condition, window)
+
+
+@dataclass(frozen=True)
+class Margin:
+    """A condition as an expression that is not positive where it holds.
+
+    Attributes
+    ----------
+    value : SX
+    is_strict : bool     whether equality does not fulfil it
+    """
+
+    value: ca.SX
+    is_strict: bool
+
+
+def margin_of(condition: ca.SX) -> Margin:
+    """The margin of a comparison, or of several.
+
+    Raises
+    ------
+    DeclarationError       if it is none
+    """
+    fault = f"the condition is no comparison, or the same at all times. {_EXAMPLE}"
+    if condition.numel() != 1 or condition.is_constant() or condition.is_symbolic():
+        raise DeclarationError(fault)
+    code = condition.op()
+    if code in (ca.OP_LT, ca.OP_LE):
+        return Margin(ca.densify(condition.dep(0) - condition.dep(1)), code == ca.OP_LT)
+    if code == ca.OP_NOT:
+        inner = margin_of(condition.dep(0))
+        return Margin(-inner.value, not inner.is_strict)
+    if code in (ca.OP_AND, ca.OP_OR):
+        a, b = margin_of(condition.dep(0)), margin_of(condition.dep(1))
+        both = ca.fmax if code == ca.OP_AND else ca.fmin
+        return Margin(both(a.value, b.value), a.is_strict or b.is_strict)
+    if code == ca.OP_EQ:
+        raise DeclarationError("an equality holds at single instants only. Write <= or >=.")
+    raise DeclarationError(fault)

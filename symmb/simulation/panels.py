@@ -1,0 +1,115 @@
+"""Curves over time as polynomials of degree 5 between three times each, from values and rates there."""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from math import comb
+
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+
+_DEGREE = 5
+_ZOOMS = 8
+"""Refinements of a highest place, each by a factor of 8."""
+GRID = np.linspace(0.0, 1.0, 17)
+"""Places in a panel at which polynomials are looked at first."""
+_EXACT, _ROUGH = 3e-8, 0.03
+"""Misfit of an exact polynomial over the size of its curve, and its error over that of a cubic one to the power of
+3/2."""
+
+
+def _basis(x: Array) -> Array:
+    """Bernstein polynomials (..., 6) at x (...)."""
+    return np.stack([comb(_DEGREE, k) * x**k * (1 - x) ** (_DEGREE - k) for k in range(_DEGREE + 1)], axis=-1)
+
+
+def _slopes(x: float) -> Array:
+    """Rates (6,) of the Bernstein polynomials at x."""
+    lower = [comb(_DEGREE - 1, k) * x**k * (1 - x) ** (_DEGREE - 1 - k) for k in range(_DEGREE)]
+    return _DEGREE * (np.array([0.0, *lower]) - np.array([*lower, 0.0]))
+
+
+_FROM_NODES = np.linalg.inv([row for x in (0.0, 0.5, 1.0) for row in (_basis(np.array(x)), _slopes(x))]).T
+ON_GRID = _basis(GRID).T
+
+
+def values_at(B: Array, x: Array) -> Array:
+    """Values (...) of polynomials B (..., 6) at x (...)."""
+    return np.asarray((_basis(x) * B).sum(axis=-1))
+
+
+def highest(B: Array) -> tuple[Array, Array]:
+    """Where polynomials B (n, 6) are largest inside of [0, 1], and their values there."""
+    low, high, rows = np.zeros(len(B)), np.ones(len(B)), np.arange(len(B))
+    for _ in range(_ZOOMS):
+        x = low[:, None] + (high - low)[:, None] * GRID
+        best = values_at(B[:, None, :], x).argmax(axis=1)
+        low, high = x[rows, np.maximum(best - 1, 0)], x[rows, np.minimum(best + 1, len(GRID) - 1)]
+    x = (low + high) / 2
+    return x, values_at(B, x)
+
+
+@dataclass(frozen=True, eq=False)
+class Panels:
+    """Pieces of curves of samples.
+
+    Attributes
+    ----------
+    sample : (n,)              numbers of the samples
+    begin, end : (n,)          [s]
+    nodes : (n_c, 2, 3, n)     values of n_c curves and their rates, each at the begin, middle and end
+    """
+
+    sample: Indices
+    begin: Array
+    end: Array
+    nodes: Array
+
+    def of(self, some: Mask | Indices | slice) -> "Panels":
+        """Some of them."""
+        return Panels(*(getattr(self, f.name)[..., some] for f in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: list["Panels"]) -> "Panels":
+        """All panels of some parts, sample after sample in order of time."""
+        whole = cls(*(np.concatenate([getattr(part, f.name) for part in parts], axis=-1) for f in fields(cls)))
+        return whole if len(parts) == 1 else whole.of(np.lexsort((whole.begin, whole.sample)))
+
+    @property
+    def width(self) -> Array:
+        """(n,) [s]."""
+        return self.end - self.begin
+
+    @cached_property
+    def _ends(self) -> list[Array]:
+        """Values and rates times the width at the three nodes, each (n_c, n)."""
+        return [part for k in range(3) for part in (self.nodes[:, 0, k], self.nodes[:, 1, k] * self.width)]
+
+    @cached_property
+    def misfit(self) -> Array:
+        """(n_c, n) about how far curves in the middle are off what the ends tell, as far as they are not smooth."""
+        e0, d0, _, dm, e1, d1 = self._ends
+        return np.abs(dm / 2 - 0.75 * (e1 - e0) + (d0 + d1) / 8)
+
+    def is_exact(self, sizes: Array) -> Mask:
+        """(n_c, n) whether the polynomials stand for curves, whose sizes are (N, n_c) for each sample."""
+        e0, d0, em, _, e1, d1 = self._ends
+        size, cubic = sizes.T[:, self.sample], np.abs(em - (e0 + e1) / 2 - (d0 - d1) / 8)
+        most = (_EXACT / _ROUGH) ** 2 * size * size * size
+        return np.asarray((self.misfit <= _EXACT * size) & (cubic * cubic * cubic <= most))
+
+    def bernstein(self, curve: int, exact: Mask | None = None) -> Array:
+        """Coefficients (n, 6) of a curve; those that are not exact are straight from the begin to the end."""
+        B = np.stack([part[curve] for part in self._ends], axis=1) @ _FROM_NODES
+        if exact is not None and not exact[curve].all():
+            rough = ~exact[curve]
+            low, high = self.nodes[curve, 0, 0, rough], self.nodes[curve, 0, 2, rough]
+            B[rough] = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _DEGREE + 1)
+        return np.asarray(B, dtype=float)
+
+    def bends(self) -> Array:
+        """(n_c, n) where lines from both ends meet [s]: a kink stands close to it. nan where they do not."""
+        e0, d0, _, _, e1, d1 = self._ends
+        with np.errstate(all="ignore"):
+            x = (e1 - e0 - d1) / (d0 - d1)
+        return np.where((x > 0) & (x < 1), self.begin + x * self.width, np.nan)

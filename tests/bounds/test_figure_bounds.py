@@ -1,0 +1,105 @@
+"""Bounds of figures of motions: closed forms, kinks between hills, answers, files."""
+
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import symmb as mb
+
+G = 9.81
+
+
+@pytest.fixture(scope="module")
+def bounds():
+    p = mb.Parameters(speed=2.0, g=G)
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -p.g), parameters=p)
+    outputs = {"y": ball.y, "height": mb.maximum(ball.y), "landing": mb.first_time(ball.y < 0)}
+    box = mb.Box(speed=(1.9, 2.1), g=(9.7, 9.9))
+    scene = mb.Scene(system, {"ball.vy": p.speed}, np.linspace(0.0, 1.0, 6), outputs, box)
+    return mb.propagate(scene, mb.PolynomialChaos())
+
+
+LOW, HIGH = 1.9**2 / (2 * 9.9), 2.1**2 / (2 * 9.7)
+
+
+def test_a_figure_has_a_pair_of_numbers(bounds):
+    assert bounds["height"] == pytest.approx((LOW, HIGH), rel=1e-4)
+    assert bounds["landing"] == pytest.approx((2 * 1.9 / 9.9, 2 * 2.1 / 9.7), rel=1e-4)
+    assert bounds["y"][0].shape == (6,)
+    assert bounds.units == ("m", "m", "s")
+    assert not bounds.doubts
+
+
+def test_answers_are_those_of_any_output(bounds):
+    worst = bounds.worst("height").upper
+    assert worst.parameters == {"speed": 2.1, "g": 9.7}
+    assert worst.run()["height"] == pytest.approx(HIGH)
+    assert bounds.check({"height": (None, 0.23)}).kept
+    assert bounds.check({"landing": (0.4, None)}).kept is False
+    contributions = bounds.contributions()
+    alone = contributions.alone[0, 1]
+    assert alone == pytest.approx([(2.1**2 - 1.9**2) / (2 * G), 2 / 9.7 - 2 / 9.9], rel=1e-3)
+    assert "height  " in str(contributions)
+
+
+def test_tolerances_keep_a_limit_of_a_figure(bounds):
+    result = mb.tolerances(bounds.study.simulator.scene, limits={"height": (None, 0.22)})
+    assert result.bounds["height"][1] == pytest.approx(0.22, rel=1e-3)
+
+
+@pytest.mark.parametrize("suffix", ["json", "npz"])
+def test_files_hold_figures(bounds, tmp_path, suffix):
+    path = tmp_path / f"bounds.{suffix}"
+    bounds.save(path)
+    assert mb.Bounds.load(path)["height"] == bounds["height"]
+    assert pickle.loads(pickle.dumps(bounds))["height"] == bounds["height"]
+
+
+def test_reports_and_pictures_show_figures(bounds, tmp_path):
+    bounds.report(tmp_path / "report.html", {"height": (None, 0.25)})
+    assert "height" in (tmp_path / "report.html").read_text()
+    bounds.plot(tmp_path / "bounds.png", "height")
+    assert (tmp_path / "bounds.png").stat().st_size
+
+
+def test_figures_alone_have_no_times():
+    p = mb.Parameters(a=1.0)
+    peak = mb.maximum(p.a * ca.sin(mb.t), window=(0.0, 3.0))
+    scene = mb.Scene(mb.System(parameters=p), times=[0.0, 4.0], outputs={"peak": peak}, box=mb.Box(a=(0.9, 1.1)))
+    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    assert bounds.t.tolist() == [0.0]
+    assert bounds["peak"] == pytest.approx((0.9, 1.1), rel=1e-6)
+    assert "at [s]" not in str(bounds)
+
+
+def hill(t, at):
+    return ca.exp(-(((t - at) / 0.1) ** 2))
+
+
+def test_peaks_that_jump_from_hill_to_hill_have_honest_bounds():
+    p = mb.Parameters(a=1.0)
+    peak = p.a * hill(mb.t, 0.5) + (2 - p.a) * hill(mb.t, 1.5)  # max(a, 2 - a)
+    scene = mb.Scene(
+        mb.System(parameters=p), times=[0.0, 2.0], outputs={"peak": mb.maximum(peak)}, box=mb.Box(a=(0.8, 1.3))
+    )
+    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    lower, upper = bounds["peak"]
+    assert abs(lower - 1.0) <= max(0.01 * 0.3, bounds.estimate[0, 0])
+    assert abs(upper - 1.3) <= max(0.01 * 0.3, bounds.estimate[0, 0])
+
+
+def test_a_first_time_that_jumps_is_seen():
+    p = mb.Parameters(a=1.0)
+    height = p.a * hill(mb.t, 0.5) + 2 * hill(mb.t, 1.5)
+    scene = mb.Scene(
+        mb.System(parameters=p),
+        times=[0.0, 2.0],
+        outputs={"first": mb.first_time(height > 1)},
+        box=mb.Box(a=(0.7, 1.6)),
+    )
+    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    lower, upper = 0.5 - 0.1 * np.sqrt(np.log(1.6)), 1.5 - 0.1 * np.sqrt(np.log(2))
+    assert bounds["first"] == pytest.approx((lower, upper), abs=0.01 * (upper - lower))

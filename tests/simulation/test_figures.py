@@ -1,0 +1,234 @@
+"""Figures of motions: closed forms, SciPy, and what is refused."""
+
+import pickle
+import warnings
+from concurrent.futures import ProcessPoolExecutor
+
+import casadi as ca
+import numpy as np
+import pytest
+from figure_motions import KINDS, MOTIONS, figure, motion
+
+import symmb as mb
+from symmb.simulation.panels import Panels, values_at
+
+G = 9.81
+
+
+def thrown(outputs, times=(0.0, 1.0), **changes):
+    p = mb.Parameters(speed=2.0)
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -G), parameters=p)
+    start = {"ball.vy": p.speed, "ball.vx": 3.0}
+    return mb.Scene(system, start, times, outputs(ball), mb.Box(speed=(1.9, 2.1)), **changes)
+
+
+def over_time(figure, times=(0.0, 2.0)):
+    """A figure of a scene in which nothing moves."""
+    return mb.simulate(mb.Scene(mb.System(), times=times, outputs={"f": figure}))["f"]
+
+
+def bouncing(outputs, times=(0.0, 3.0)):
+    p = mb.Parameters(e=0.7, h=1.0)
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -G), mb.Impact("floor", ball.y, p.e), parameters=p)
+    box = mb.Box(e=(0.65, 0.75), h=(0.9, 1.1))
+    return mb.Scene(system, {"ball.y": p.h, "ball.vx": 1.0}, times, outputs(ball), box)
+
+
+def test_a_thrown_ball_has_its_closed_forms():
+    run = mb.simulate(
+        thrown(
+            lambda ball: {
+                "height": mb.maximum(ball.y),
+                "landing": mb.first_time(ball.y < 0),
+                "range": mb.value_at(ball.x, ball.y < 0),
+                "apex": mb.first_time(ball.vy <= 0),
+                "mean": mb.mean(ball.y, window=(0.1, 0.6)),
+                "end": mb.final(ball.y),
+            }
+        )
+    )
+    integral = [t**2 - G * t**3 / 6 for t in (0.1, 0.6)]
+    expected = {
+        "height": 4 / (2 * G),
+        "landing": 4 / G,
+        "range": 12 / G,
+        "apex": 2 / G,
+        "mean": (integral[1] - integral[0]) / 0.5,
+        "end": 2 - G / 2,
+    }
+    assert {name: run[name] for name in run.names} == pytest.approx(expected, abs=1e-9)
+    assert run.units[:2] == ("m", "s")
+
+
+def test_an_oscillator_peaks_between_its_output_times():
+    p = mb.Parameters(k=25.0)
+    bob = mb.Body("bob", mass=1.0, pose=mb.Particle())
+    force = mb.Force("spring", bob.point(0, 0), (-p.k * bob.x, 0))
+    outputs = {"peak": mb.maximum(bob.x), "load": mb.minimum(-p.k * bob.x), "mean": mb.mean(bob.x), "x": bob.x}
+    start = {"bob.x": 0.3, "bob.vx": 2.0}
+    run = mb.simulate(mb.Scene(mb.System(bob, force, parameters=p), start, [0.0, 1.0, 2.0], outputs))
+    amplitude = np.hypot(0.3, 0.4)
+    mean = (0.3 * np.sin(10.0) / 5 + 0.4 * (1 - np.cos(10.0)) / 5) / 2
+    assert (run["peak"], run["load"], run["mean"]) == pytest.approx((amplitude, -25 * amplitude, mean), abs=1e-8)
+    assert run["x"].shape == (3,)
+
+
+def test_impacts_are_touched_and_count_on_both_sides():
+    first, speed = np.sqrt(2 / G), np.sqrt(2 * G)
+    run = mb.simulate(
+        bouncing(
+            lambda ball: {
+                "first": mb.first_time(ball.y <= 0),
+                "strict": mb.first_time(ball.y < 0),
+                "second": mb.first_time(ball.y <= 0, window=(0.6, None)),
+                "height": mb.maximum(ball.y, window=(0.6, 3.0)),
+                "fastest": mb.minimum(ball.vy),
+                "rebound": mb.maximum(ball.vy),
+                "before": mb.value_at(ball.vy, ball.y <= 0),
+                "gap": mb.minimum(ball.y),
+            }
+        )
+    )
+    second = first + 2 * 0.7 * speed / G
+    expected = (first, first, second, 0.49, -speed, 0.7 * speed, -speed, 0.0)
+    assert [run[name] for name in run.names] == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_motions_agree_with_scipy(seed):
+    random = np.random.default_rng(seed)
+    own = motion(MOTIONS[seed], random)
+    drawn = {kind: figure(own, kind, random) for kind in KINDS}
+    k, c = random.uniform(0.95, 1.05, 2)
+    run = mb.simulate(own.scene({n: d.figure for n, d in drawn.items()}), parameters={"k": k, "c": c})
+    pieces = own.segments(k, c)
+    expected = {name: one.value(pieces, k, c) for name, one in drawn.items()}
+    assert {name: run[name] for name in drawn} == pytest.approx(expected, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("one", "expected"),
+    [
+        (mb.maximum(ca.sin(mb.t)), 1.0),
+        (mb.maximum(3.0), 3.0),
+        (mb.maximum(mb.t), 2.0),
+        (mb.maximum(mb.t, window=(0.1, 0.77)), 0.77),
+        (mb.maximum(-ca.fabs(mb.t - 0.7123)), 0.0),
+        (mb.maximum(ca.if_else(mb.t < 0.7123, mb.t, -1)), 0.7123),
+        (mb.maximum(ca.exp(-(((mb.t - 1.234) / 1e-3) ** 2))), 1.0),
+        (mb.mean(ca.fabs(mb.t - 0.5)), 0.625),
+        (mb.mean(ca.sin(1000 * mb.t) ** 2), 0.5 - np.sin(4000) / 8000),
+        (mb.first_time(mb.t >= 0), 0.0),
+        (mb.first_time(mb.t >= 2.0), 2.0),
+        (mb.first_time(ca.fabs(mb.t - 1.00123) < 1e-6), 1.001229),
+        (mb.first_time((mb.t - 1.00123) ** 2 < 1e-10), 1.00122),
+        (mb.first_time(ca.logic_and(mb.t > 0.5, mb.t < 0.7)), 0.5),
+        (mb.first_time(ca.logic_or(mb.t > 1.5, mb.t > 0.7)), 0.7),
+        (mb.first_time(ca.logic_not(mb.t < 0.7)), 0.7),
+        (mb.first_time(mb.t - 1 < mb.t * (mb.t - 1)), 0.0),
+        (mb.value_at(ca.if_else(mb.t < 0.7123, mb.t, -1), mb.t >= 0.7123), 0.7123),
+    ],
+    ids=str,
+)
+def test_kinks_jumps_and_ends(one, expected):
+    assert over_time(one) == pytest.approx(expected, abs=1e-8)
+
+
+def test_an_equality_at_the_begin_counts_for_what_it_is():
+    assert over_time(mb.first_time(mb.t * (mb.t - 1) <= 0)) == 0.0
+    assert over_time(mb.first_time(mb.t * (1 - mb.t) < 0)) == pytest.approx(1.0, abs=1e-8)
+
+
+def test_a_condition_that_never_holds_fails_the_run():
+    with pytest.raises(mb.SimulationError, match="the condition of output 'high' does not hold in the run"):
+        mb.simulate(thrown(lambda ball: {"high": mb.first_time(ball.y > 5)}))
+    scene = thrown(lambda ball: {"high": mb.first_time(ball.y > 0.2)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        bounds = mb.propagate(scene, mb.MonteCarlo(60))
+    assert "Runs fail for speed < 1.98" in "".join(bounds.doubts)
+    assert "the condition of output 'high' does not hold" in bounds.failed[0].message
+
+
+@pytest.mark.parametrize(
+    ("outputs", "message"),
+    [
+        (lambda ball: {"f": mb.first_time(ball.y)}, "the condition is no comparison"),
+        (lambda ball: {"f": mb.first_time(ball.y == 0)}, "an equality holds at single instants only"),
+        (lambda ball: {"f": mb.first_time(True)}, "first_time: the condition is True at all times"),
+        (lambda ball: {"f": mb.first_time(None)}, "first_time: it needs a condition"),
+        (lambda ball: {"f": mb.maximum(None)}, "maximum: it needs an expression"),
+        (lambda ball: {"f": mb.maximum(mb.mean(ball.y))}, "a figure is one number"),
+        (lambda ball: {"f": mb.maximum(ball.y, window=(0.0, 5.0))}, "0 to 5 s, is no part of the run from 0 to 1 s"),
+        (lambda ball: {"f": mb.maximum(ball.y, window=(1.0, 0.0))}, "ends before it begins"),
+        (lambda ball: {"f": mb.maximum(ball.y, window=3)}, "window must be two times"),
+        (lambda ball: {"f": mb.maximum(ca.vertcat(ball.x, ball.y))}, "has 2 components"),
+        (lambda ball: {"f": mb.maximum(ca.SX.sym("z"))}, "'z' belongs to no parameter"),
+    ],
+)
+def test_faults_are_told(outputs, message):
+    with pytest.raises(mb.DeclarationError, match=message):
+        thrown(outputs)
+
+
+def test_one_time_is_no_motion():
+    with pytest.raises(mb.DeclarationError, match="needs two times"):
+        thrown(lambda ball: {"f": mb.maximum(ball.y)}, times=[0.0])
+
+
+def mixed():
+    return thrown(lambda ball: {"y": ball.y, "height": mb.maximum(ball.y), "x": ball.x}, np.linspace(0.0, 1.0, 6))
+
+
+def test_figures_stand_beside_outputs_over_time(tmp_path):
+    run = mb.simulate(mixed(), check=True)
+    assert run["height"] == pytest.approx(4 / (2 * G))
+    assert run.values.shape == run.error.shape == (6, 3)
+    run.save(tmp_path / "run.json")
+    assert mb.Trajectory.load(tmp_path / "run.json")["height"] == run["height"]
+    assert mb.Trajectory.load(tmp_path / "run.json", mixed())["height"] == run["height"]
+
+
+def test_sweeps_have_one_number_a_run(tmp_path):
+    runs = mb.sweep(mixed(), {"speed": [1.0, 2.0]})
+    assert runs["height"] == pytest.approx(np.array([1.0, 4.0]) / (2 * G))
+    assert runs["y"].shape == (2, 6)
+    runs.save(tmp_path / "runs.json")
+    assert mb.Sweep.load(tmp_path / "runs.json")["height"].shape == (2,)
+    assert mb.simulate(mixed(), parameters=[{"speed": 1.0}])["height"].shape == (1,)
+
+
+def test_what_needs_derivatives_is_refused():
+    with pytest.raises(mb.SimulationError, match="no derivatives are derived of height"):
+        mb.sensitivities(mixed())
+    with pytest.raises(mb.PropagationError, match="gives values only"):
+        mb.propagate(mixed(), mb.Taylor(2))
+    with pytest.raises(mb.PropagationError, match="gives values only"):
+        mb.propagate(mixed(), mb.TaylorModel())
+    with pytest.raises(mb.DeclarationError, match="'height' is one number a run"):
+        mb.calibrate(mixed(), {"height": np.zeros(6)})
+
+
+def test_copies_and_processes_give_the_same():
+    scene = pickle.loads(pickle.dumps(mixed()))
+    with ProcessPoolExecutor(1) as executor:
+        apart = mb.propagate(scene, mb.Vertex(), executor=executor)["height"]
+    assert apart == mb.propagate(mixed(), mb.Vertex())["height"]
+    assert apart == pytest.approx((1.9**2 / (2 * G), 2.1**2 / (2 * G)))
+
+
+def test_a_solver_without_lanes_gives_the_same():
+    scene = thrown(lambda ball: {"height": mb.maximum(ball.y), "range": mb.value_at(ball.x, ball.y < 0)})
+    run = mb.simulate(scene, mb.CVODES(rtol=1e-10))
+    assert (run["height"], run["range"]) == pytest.approx((2 / G, 12 / G), abs=1e-7)
+
+
+def test_panels_are_exact_for_polynomials_of_degree_five():
+    t = np.array([0.2, 0.5, 0.8])
+    values = np.stack([t**5 - t, 5 * t**4 - 1])[None, :, :, None]
+    panel = Panels(np.zeros(1, dtype=int), t[:1], t[2:], values)
+    x = np.linspace(0, 1, 7)
+    at = t[0] + 0.6 * x
+    assert values_at(panel.bernstein(0), x) == pytest.approx(at**5 - at, abs=1e-13)
