@@ -75,6 +75,8 @@ from .mechanics.friction import Bristle as Bristle
 from .mechanics.friction import Coulomb as Coulomb
 from .mechanics.friction import Friction as Friction
 from .mechanics.impact import Impact as Impact
+from .mechanics.joint_event import Latch as Latch
+from .mechanics.joint_event import Release as Release
 from .mechanics.joint import Cylindrical as Cylindrical
 from .mechanics.joint import Distance as Distance
 from .mechanics.joint import Gear as Gear

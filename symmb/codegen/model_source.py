@@ -59,7 +59,7 @@ def model_function(
     start : Newton's step of unknowns u, the first entries of x, and x (n_x,) at the start as a function of them;
         without it the caller gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
-    contacts : mapping                  gaps, forces, impulses and held states of c/impacts.h
+    contacts : mapping                  the functions of c/impacts.h
     """
     parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
     if switches is not None:
@@ -120,7 +120,7 @@ def source_of(
     fixed : bool               whether steps are fixed, of an explicit method
     scheme : Scheme or None    of a `scheme_function`
     hysteresis : (m,)          by which each switch must be passed: a number above its rounding
-    contacts : Contacts        whose gaps are the last switches
+    contacts : Contacts        whose gaps and margins are the last switches
     """
 
     def write() -> str:
@@ -215,6 +215,7 @@ def _ensemble_source(
         "PROJECTED": int("project" in nodes),
         "N_S": len(hysteresis),
         "N_G": 0,
+        "N_I": 0,
         "N_RANGED": len(ranged),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
@@ -227,6 +228,13 @@ def _ensemble_source(
         own = {"N_G": len(contacts.names), "N_Q": contacts.n_q, "N_V": contacts.n_v, "WIDTH": 1}
         sizes |= own | {"N_WORK": int(contacts.with_work), "LENGTH": contacts.length, "ENERGY": contacts.energy}
         lists["contact_state"], numbers["displacement"] = contacts.closed, contacts.displacements
+        joints = contacts.joints
+        sizes |= {"N_I": len(contacts.closed), "N_E": len(joints.opens), "N_ROWS": joints.n_rows}
+        sizes |= {"N_PLACE": len(joints.place), "N_OTHERS": len(joints.others)}
+        lists |= {"opens": joints.opens, "holding_state": joints.holding, "flag_state": joints.flags}
+        lists |= {"place_state": joints.place, "place_owner": joints.owners}
+        lists |= {"other_owner": [k for k, _ in joints.others], "other_state": [i for _, i in joints.others]}
+        lists |= {"first_row": [k for k, _ in joints.rows], "count_row": [n for _, n in joints.rows]}
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),

@@ -37,6 +37,7 @@ from symmb.mechanics.joint import (
     Universal,
     Weld,
 )
+from symmb.mechanics.joint_event import JointEvent, Latch, Release, closed_at_start, row_gates
 from symmb.mechanics.load import NonlinearSpring, Soil
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Frame, Particle, Planar, Spatial

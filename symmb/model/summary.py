@@ -42,6 +42,7 @@ def system_text(
         ("constraints", _count(constraints)),
         ("forces", _count(forces)),
         ("impacts", ", ".join(name for name, *_ in c.impacts)),
+        ("events", ", ".join(f"{e.joint.name} {'opens' if e.opens else 'closes'}" for e, _ in c.joint_events)),
         ("sampled", ", ".join(f"{e.name} every {e.period:g} s" for e, _ in c.sampled)),
         ("parameters", ", ".join(parameters) or "none"),
         ("coordinates", _coordinates(joints, in_joints)),

@@ -19,6 +19,7 @@ from symmb.mechanics import (
     Element,
     Ground,
     Impact,
+    JointEvent,
     OwnState,
     Parameters,
     Particle,
@@ -28,7 +29,7 @@ from symmb.mechanics import (
 )
 from symmb.model.binding import Binding
 from symmb.model.box import Box
-from symmb.symbolic import is_zero
+from symmb.symbolic import is_zero, margin
 
 
 def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]:
@@ -181,6 +182,20 @@ def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[c
     if faults:
         raise DeclarationError("\n".join(faults))
     return gap, e
+
+
+def event_margin(event: JointEvent, bind: Binding) -> ca.SX:
+    """The margin of the condition of a joint's event as an SX scalar."""
+    try:
+        value = margin(bind(event.condition, f"{event.title}: condition"))
+    except DeclarationError as error:
+        raise DeclarationError(f"{event.title}: {error}" if event.title not in str(error) else str(error)) from None
+    if all(bind.is_parameter(s) for s in ca.symvar(value)):
+        raise DeclarationError(
+            f"{event.title}: the condition never changes. Write a comparison of coordinates, velocities or mb.t, such "
+            "as arm.theta > 0.8."
+        )
+    return value
 
 
 def plane_faults(title: str, action: Action) -> list[str]:

@@ -151,7 +151,7 @@ def simulate(
         if isinstance(scene, DAESimulator):
             prepared: DAESimulator | None = scene
         else:
-            has_solver = solver is not None or bool(own.system.collected.impacts)
+            has_solver = solver is not None or own.system.collected.has_events
             prepared = simulator_with(own, solver) if has_solver else None
         solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
@@ -271,7 +271,7 @@ def _switch_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
 def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
     """Whether the states of a run are below the gap of an impact."""
     dae, states = runs.simulator.dae, runs.done[solver][1].examination
-    if dae.impacts is None:
+    if dae.impacts is None or not dae.impacts.names:
         return ()
     x, p, t = ca.SX.sym("x", states.x.shape[1]), ca.SX.sym("p", len(runs.p)), ca.SX.sym("t")
     gaps = ca.Function("gaps", [x, p, t], dae.impacts.gaps.call([*dae.arguments(x, p, t)])[:1])

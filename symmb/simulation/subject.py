@@ -149,7 +149,7 @@ def simulator_with(scene: Scene, solver: Solver | None = None) -> DAESimulator:
 
 def prepare_equations(scene: Scene) -> DAESimulator:
     """A scene prepared for those who integrate nothing, or choose the solver themselves: no pilot run is made."""
-    return simulator_with(scene, None if scene.system.collected.impacts else CVODES())
+    return simulator_with(scene, None if scene.system.collected.has_events else CVODES())
 
 
 def scene_of(subject: Scene | DAESimulator) -> Scene:

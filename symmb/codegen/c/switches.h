@@ -6,8 +6,8 @@
    step begins beyond it. switches(x, c, t, u) gives the N_S switches, and changes(x, c, t, u) their rates. Sides, 1 or -1,
    are the last of the parameters.
 
-   The last N_G switches are gaps of open contacts, and 1 of closed ones. They keep their side. A gap that begins below 0 by
-   rounding is raised to 0. A closed contact opens where the force in it falls to 0: switch N_S + k is that of contact k. */
+   The last N_G switches are gaps of N_I open contacts, and 1 of closed ones, and margins of conditions at which joints open
+   and close. They keep their side. One that begins below 0 by rounding is raised to 0. A closed contact opens where the force in it falls to 0: switch N_S + k is that of contact k. */
 #ifndef SWITCHES_H
 #define SWITCHES_H
 
@@ -84,20 +84,21 @@ PRIVATE void settle(Block *b) {
     for (int k = 0; k < N_S; ++k) a->raised[k] = each(hysteresis[k]);
     on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
     for (int k = N_S - N_G; k < N_S; ++k) {
-      a->raised[k] = v_larger(-a->u[k], zero());
-      a->u[k] += a->raised[k];
+      const V lift = v_larger(-a->u[k], zero());
+      a->raised[k] += lift;
+      a->u[k] += lift;
     }
   }
 }
 
-#if N_G > 0
+#if N_I > 0
 /* Whether contact k is closed. */
 PRIVATE int is_closed(const Part *a, int k) { return a->x[place[contact_state[k]]][0] > 0.5; }
 
 /* The force in closed contact k at x, raised by its rounding: a pull above it opens the contact. */
 PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) {
   forces(x, (V *)a->c, t, b->force);
-  return b->force[k] + SMALL * b->force[2 * N_G + k] * b->force[3 * N_G + k];
+  return b->force[k] + SMALL * b->force[2 * N_I + k] * b->force[3 * N_I + k];
 }
 #else
 PRIVATE int is_closed(const Part *a, int k) { (void)a, (void)k; return 0; }
@@ -144,7 +145,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
    slope at the end in k. */
 PRIVATE int may_pass(Block *b, int last) {
   M any = (M)zero();
-  for (int k = 0; k < N_G; ++k) any |= is_closed(b->part, k) - (M)zero();
+  for (int k = 0; k < N_I; ++k) any |= is_closed(b->part, k) - (M)zero();
   EACH_PART(b) {
     for (int k = 0; k < N_S; ++k) {
       const V u = a->u[k] - a->raised[k];
@@ -247,7 +248,7 @@ PRIVATE void bound_part(Part *a, double low, double high) {
 /* The first share of the step, before the given one, at which a closed contact opens, or the given one. */
 PRIVATE double first_release(Block *b, double first) {
   Part *a = b->part;
-  for (int k = 0; k < N_G; ++k) {
+  for (int k = 0; k < N_I; ++k) {
     if (!is_closed(a, k)) continue;
     V from = switch_at(a, b, N_S + k, zero());
     for (int i = 1; i <= FORCE_PARTS; ++i) {
