@@ -39,8 +39,8 @@ class JointLaws:
     def _margins(self, x: Array, p: Array, t: Array) -> list[Array]:
         return evaluate_padded(self._joints.margins, *arguments_of(self._dae, x, p, t))
 
-    def _acts(self, x: Array) -> Mask:
-        """Whether a joint is so that the event changes it, (N, m)."""
+    def _armed(self, x: Array) -> Mask:
+        """Whether events would change their joints: open a closed one, or close an open one, (N, m)."""
         return np.asarray((x[:, self._flags] @ self._same > 0.5) == self._opens)
 
     def started(self, x: Array, p: Array, t: Array) -> Array:
@@ -51,7 +51,7 @@ class JointLaws:
 
     def start_faults(self, x: Array, p: Array, t: Array) -> dict[int, str]:
         """Samples whose joints would have opened or closed before the start."""
-        holds = (self._margins(x, p, t)[0] < -self._tolerances) & self._acts(x)
+        holds = (self._margins(x, p, t)[0] < -self._tolerances) & self._armed(x)
         return {
             i: f"{self._joints.titles[k]}: its condition holds at the start, and counts where it becomes true; start "
             f"where it does not hold, or {'leave the joint out' if self._opens[k] else 'leave the Latch out'}"
@@ -71,27 +71,25 @@ class JointLaws:
         for _ in range(2 * self.count + 1):
             margin, rate = self._margins(x, p, t)
             (place,) = evaluate_padded(self._joints.places, *arguments_of(self._dae, x, p, t))
-            held = x[:, self._holding] > 0.5
-            rounding = self._tolerances
-            falls = (margin < -rounding) | ((margin <= rounding) & (rate < 0))
-            now = np.where(passed[:, None] == every, ~held, np.where(held, margin <= rounding, falls))
-            x[:, self._holding] = now
-            moved = np.zeros(now.shape, dtype=bool)
-            for k in every.tolist():  # in the order of declaration
-                moved[:, k] = some = now[:, k] & ~held[:, k] & self._acts(x)[:, k]
+            held, rounding, armed = x[:, self._holding] > 0.5, self._tolerances, self._armed(x)
+            falls = (margin < -rounding) | (armed & (margin <= rounding) & (rate < 0))
+            holds = np.where(passed[:, None] == every, ~held, np.where(held, margin <= rounding, falls))
+            x[:, self._holding] = holds
+            acts = armed & holds & ~held
+            if not acts.any():
+                break
+            for k in every.tolist():
+                some, own = acts[:, k], self._owners == k
                 x[np.ix_(some, self._flags[self._same[k] > 0])] = 0.0
                 x[some, self._flags[k]] = float(not self._opens[k])
-                own = self._owners == k
                 x[np.ix_(some, self._place[own])] = place[np.ix_(some, own)]
-            if not moved.any():
-                break
             v, impulse, work = evaluate_padded(self._joints.jump, *arguments_of(self._dae, x, p, t))
-            closes = (moved & ~self._opens).any(axis=1)
+            closes = (acts & ~self._opens).any(axis=1)
             x[closes, n_v] = v[closes]
             after.work[closes] += work[closes, 0]
             rate_after = self._margins(x, p, t)[1]
             left = np.where(closes, work[:, 0], 0.0)
-            for i, k in np.argwhere(moved).tolist():
+            for i, k in np.argwhere(acts).tolist():
                 rates = float(rate[i, k]), float(rate_after[i, k])
                 if self._opens[k]:
                     after.note(i, first + k, OPENS, float(t[i]), *rates, 0.0, 0.0)

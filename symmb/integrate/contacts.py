@@ -53,7 +53,8 @@ def with_gaps(
 ) -> SwitchedProblem:
     """A problem, perhaps with switches, whose last switches are the gaps of open contacts, and 1 for closed ones.
 
-    Margins of joints follow, above 0 on the side where they are. It projects states into closed contacts as well. The work of impulses needs an integral along the motion.
+    Margins of joints follow, above 0 on the side where they are, and 1 where their events would change nothing. It
+    projects states into closed contacts as well. The work of impulses needs an integral along the motion.
     """
     frozen = frozen or SwitchedProblem(problem, ca.SX(0, 1), StepEnds())
     problem, m, joints = frozen.problem, len(frozen.ends.hysteresis), impacts.joints
@@ -63,9 +64,12 @@ def with_gaps(
     gap, rate = ca.if_else(is_closed, 1, gap), ca.if_else(is_closed, 0, rate)
     rounding = (0.0,) * len(impacts.names)
     if joints is not None:
-        side = 1 - 2 * (x[[dae.n_q + dae.n_v + k for k in joints.holding]] > 0.5)
-        margin, fall = joints.margins(*dae.arguments(x, p, t))
-        gap, rate = ca.vertcat(gap, side * margin), ca.vertcat(rate, side * fall)
+        s, (margin, fall) = x[dae.n_q + dae.n_v :], joints.margins(*dae.arguments(x, p, t))
+        side = 1 - 2 * (s[list(joints.holding)] > 0.5)
+        closed = [ca.sum1(s[[k, *others]]) for k, others in zip(joints.flags, joints.others, strict=True)]
+        is_armed = ca.vertcat(*[c > 0.5 if opens else c < 0.5 for c, opens in zip(closed, joints.opens, strict=True)])
+        gap = ca.vertcat(gap, ca.if_else(is_armed, side * margin, 1))
+        rate = ca.vertcat(rate, ca.if_else(is_armed, side * fall, 0))
         rounding = (*rounding, *_tolerances(dae, joints))
     n = gap.numel()
     projected = x if problem.projected is None else problem.projected

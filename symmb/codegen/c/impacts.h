@@ -165,42 +165,46 @@ PRIVATE int is_endless(Block *b, double span) {
 #if N_E > 0
 PRIVATE double flag(const Part *a, const int *states, int k) { return a->x[place[states[k]]][0]; }
 
-/* Opens or closes the joint of event k, unless it is so already, and notes it. Returns whether it closes. */
-PRIVATE int move_joint(Block *b, int k, int *moved) {
-  Part *a = b->part;
+/* Whether event k would change its joint: it opens a closed one, or closes an open one. */
+PRIVATE int is_armed(const Part *a, int k) {
   double closed = flag(a, flag_state, k);
-  for (int i = 0; i < N_OTHERS; ++i)
-    if (other_owner[i] == k) closed += flag(a, other_state, i);
-  moved[k] = opens[k] == (closed > 0.5);
-  if (!moved[k]) return 0;
+  for (int i = 0; i < N_OTHERS; ++i) closed += other_owner[i] == k ? flag(a, other_state, i) : 0.0;
+  return opens[k] == (closed > 0.5);
+}
+
+/* Opens or closes the joint of event k. */
+PRIVATE void move_joint(Block *b, int k) {
+  Part *a = b->part;
   a->x[place[flag_state[k]]] = each(!opens[k]);
   for (int i = 0; i < N_OTHERS; ++i)
     if (other_owner[i] == k) a->x[place[other_state[i]]] = zero();
   for (int i = 0; i < N_PLACE && !opens[k]; ++i)
     if (place_owner[i] == k) a->x[place[place_state[i]]] = b->closing[i];
-  return !opens[k];
 }
 
-/* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. */
+/* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. A
+   condition that holds before its event is armed must first cease to. */
 PRIVATE void move_joints(Block *b, Study *s, int passed) {
   Part *a = b->part;
-  for (int n = 0; n <= 2 * N_E; ++n) {
-    int moved[N_E], any = 0, closes = 0;
+  for (int n = 0; n <= 2 * N_E; ++n, passed = -1) {
+    int acts[N_E], any = 0, closes = 0;
     double rate[N_E], work = 0.0;
     margins(a->x, a->c, each(b->t), b->margin);
     places(a->x, a->c, each(b->t), b->closing);
     for (int k = 0; k < N_E; ++k) {
       const double off = hysteresis[N_S - N_E + k], margin = b->margin[k][0];
-      const int holds = flag(a, holding_state, k) > 0.5;
-      const int falls = margin < -off || (margin <= off && b->margin[N_E + k][0] < 0.0);
-      const int now = k == passed ? !holds : holds ? margin <= off : falls;
-      a->x[place[holding_state[k]]] = each(now);
-      moved[k] = 0;
+      const int held = flag(a, holding_state, k) > 0.5, armed = is_armed(a, k);
+      const int falls = margin < -off || (armed && margin <= off && b->margin[N_E + k][0] < 0.0);
+      const int holds = k == passed ? !held : held ? margin <= off : falls;
+      a->x[place[holding_state[k]]] = each(holds);
       rate[k] = b->margin[N_E + k][0];
-      if (now && !holds) closes |= move_joint(b, k, moved);
-      any |= moved[k];
+      acts[k] = armed && holds && !held;
+      any |= acts[k];
+      closes |= acts[k] && !opens[k];
     }
     if (!any) return;
+    for (int k = 0; k < N_E; ++k)
+      if (acts[k]) move_joint(b, k);
     memset(b->jumped, 0, sizeof b->jumped);
     if (closes) {
       jump(a->x, a->c, each(b->t), b->jumped);
@@ -210,12 +214,12 @@ PRIVATE void move_joints(Block *b, Study *s, int passed) {
       margins(a->x, a->c, each(b->t), b->margin);
     }
     for (int k = 0; k < N_E; ++k) {
-      if (!moved[k]) continue;
-      const int n_rows = opens[k] ? 0 : count_row[k];
-      note_event(b, s, opens[k] ? OPENS : CLOSES, N_I + k, rate[k], b->margin[N_E + k][0], opens[k] ? 0.0 : work, 0, b->jumped + N_V + first_row[k], n_rows);
+      if (!acts[k]) continue;
+      const double after = b->margin[N_E + k][0];
+      if (opens[k]) note_event(b, s, OPENS, N_I + k, rate[k], after, 0.0, 0, NULL, 0);
+      else note_event(b, s, CLOSES, N_I + k, rate[k], after, work, 0, b->jumped + N_V + first_row[k], count_row[k]);
       work = opens[k] ? work : 0.0;
     }
-    passed = -1;
   }
 }
 #else
