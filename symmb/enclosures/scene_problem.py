@@ -30,8 +30,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
 
     Raises
     ------
-    PropagationError         if the scene has impacts, kinks or jumps that depend on the state, or operations without a
-                             remainder in its equations or in all outputs
+    PropagationError         if the scene has impacts, joints that open or close, kinks or jumps that depend on the
+                             state, or operations without a remainder in its equations or in all outputs
     """
     if isinstance(simulator, ModalSimulator):
         return _modal_problem(method, simulator, box)
@@ -220,9 +220,8 @@ def _contradiction(form: Formulation, P: Array) -> str:
 def _require_smooth(method: object, form: Formulation) -> None:
     dae = form.dae
     if dae.impacts is not None:
-        raise PropagationError(
-            f"{method!r}: the scene has impacts, over which it proves nothing. Use PolynomialChaos()."
-        )
+        what = "joints that open or close" if dae.impacts.joints is not None else "impacts"
+        raise PropagationError(f"{method!r}: the scene has {what}, over which it proves nothing. Use PolynomialChaos().")
 
 
 def _phase(
