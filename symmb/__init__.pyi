@@ -75,8 +75,6 @@ from .mechanics.friction import Bristle as Bristle
 from .mechanics.friction import Coulomb as Coulomb
 from .mechanics.friction import Friction as Friction
 from .mechanics.impact import Impact as Impact
-from .mechanics.joint_event import Latch as Latch
-from .mechanics.joint_event import Release as Release
 from .mechanics.joint import Cylindrical as Cylindrical
 from .mechanics.joint import Distance as Distance
 from .mechanics.joint import Gear as Gear
@@ -88,6 +86,8 @@ from .mechanics.joint import Screw as Screw
 from .mechanics.joint import Spherical as Spherical
 from .mechanics.joint import Universal as Universal
 from .mechanics.joint import Weld as Weld
+from .mechanics.joint_event import Latch as Latch
+from .mechanics.joint_event import Release as Release
 from .mechanics.load import GasSpring as GasSpring
 from .mechanics.load import NonlinearSpring as NonlinearSpring
 from .mechanics.load import Orifice as Orifice

@@ -11,8 +11,8 @@ from symmb.codegen.failures import FailureCode
 
 MOST_IMPULSES = int(c_number("impacts", "MOST_IMPULSES"))
 EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordered", *("impulse",) * MOST_IMPULSES)
-"""What the numbers of an event are: rates of the gap, or of the margin of a joint's condition, before and after, whether
-the order of impacts matters, and the impulse along the gap, or of each row of the joint."""
+"""What the numbers of an event are: rates of the gap, or of the margin of a joint's condition, before and after, work,
+whether the order of impacts matters, and the impulse along the gap, or of each row of the joint."""
 IMPACT, CLOSES, OPENS, BLAMED = range(4)
 """What events are. Contacts are blamed for a failure."""
 ROUNDING, _CROWD_SPAN, _CONTACT_STEP = (
@@ -54,7 +54,10 @@ class PostImpact:
 
 
 class ContactLaws(Protocol):
-    """The laws of contacts, and of joints that open and close, for N samples: states x (N, n_x), parameters p (N, n_p) and times t (N,) [s]."""
+    """The laws of contacts, and of joints that open and close, for N samples.
+
+    These have states x (N, n_x), parameters p (N, n_p) and times t (N,) [s].
+    """
 
     def start_faults(self, x: Array, p: Array, t: Array, span: float) -> dict[int, str]:
         """Texts about samples that cannot start a run of some span [s]."""
@@ -69,7 +72,7 @@ class ContactLaws(Protocol):
         ...
 
     def __call__(self, x: Array, p: Array, t: Array, contact: Indices) -> PostImpact:
-        """Samples after events (N,) of contacts that close or joints, n + contacts that open, -1 where none is known."""
+        """Samples after events (N,): contacts that close, joints, n + contacts that open, -1 where none is known."""
         ...
 
 

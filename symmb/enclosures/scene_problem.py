@@ -221,7 +221,9 @@ def _require_smooth(method: object, form: Formulation) -> None:
     dae = form.dae
     if dae.impacts is not None:
         what = "joints that open or close" if dae.impacts.joints is not None else "impacts"
-        raise PropagationError(f"{method!r}: the scene has {what}, over which it proves nothing. Use PolynomialChaos().")
+        raise PropagationError(
+            f"{method!r}: the scene has {what}, over which it proves nothing. Use PolynomialChaos()."
+        )
 
 
 def _phase(

@@ -38,8 +38,7 @@ class Event:
     what : str
         "impact", or "closes" and "opens" of a contact that stays closed, or of a joint
     before, after : float
-        rates of the gap [m/s, rad/s], or of the margin of the condition of a joint, its left side less its right side or
-        the reverse, which falls below 0
+        rates of the gap [m/s, rad/s], or of the margin by which the condition of a joint is not met: falling, below 0
     work : float
         of the impulse [J], what is lost being negative
     depends_on_order : bool
@@ -139,8 +138,8 @@ class ImpactLaws:
         ----------
         x : (N, n_x)           states right before
         p, t : (N, n_p), (N,)
-        contact : (N,) indices the one whose gap has just closed, or the joint whose condition has changed, or their number
-            and more, of the contact whose force has just come to 0, or -1
+        contact : (N,) indices the one whose gap has just closed, or behind them the event of a joint whose condition
+            has changed, or behind these the contact whose force has just come to 0, or -1
         """
         impacts, n = self._impacts, len(self._impacts.names)
         n_all = n if self._moving is None else n + self._moving.count
@@ -214,7 +213,7 @@ class ImpactLaws:
 
         Returns
         -------
-        rates of the gaps (E, n), impulses (E, n), and all impacts (sample, contact, rate before, rate after, work, impulse)
+        rates of the gaps (E, n), impulses (E, n), and all impacts (sample, contact, rate, rate after, work, impulse)
         """
         rate, impulse = rate.copy(), np.zeros(rate.shape)
         own, strokes = np.einsum("ekk->ek", D), []

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import casadi as ca
-import numpy as np
 
 from symmb.codegen import Contacts, Joints, StepEnds
 from symmb.events import ImpactLaws, JointLaws

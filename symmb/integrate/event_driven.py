@@ -19,11 +19,11 @@ from symmb.start import Start
 
 @dataclass(frozen=True, repr=False)
 class EventDriven(Explicit):
-    """Explicit pair of order 8 whose steps end where an `Impact`, `Release` or `Latch` happens, located on their interpolant to rounding.
+    """Explicit pair of order 8 whose steps end at the events of an `Impact`, a `Release` or a `Latch`.
 
-    Without a C compiler the same steps are taken with NumPy. Each sample has steps of its own. After every step
-    positions and velocities are moved onto the constraints, with those of closed contacts. At the time of an impact,
-    outputs have their values after it.
+    They are located on the interpolant of a step to rounding. Without a C compiler the same steps are taken with NumPy.
+    Each sample has steps of its own. After every step positions and velocities are moved onto the constraints, with
+    those of closed contacts. At the time of an event, outputs have their values after it.
 
     Parameters
     ----------

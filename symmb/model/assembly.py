@@ -34,8 +34,8 @@ from symmb.mechanics import (
 from symmb.model.binding import Binding
 from symmb.model.positive import Inertia, positive
 from symmb.model.validation import (
-    held_faults,
     event_margin,
+    held_faults,
     impact_law,
     mass_and_inertia,
     membership_faults,

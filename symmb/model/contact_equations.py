@@ -159,16 +159,11 @@ class ContactEquations:
                 place=tuple(s_names.index(state.name) for _, state, _ in own),
                 owners=tuple(k for k, *_ in own),
                 margins=function(
-                    "margins",
-                    margin=margins,
-                    rate=self._along(margins) + ca.jtimes(margins, system.v, accelerations),
+                    "margins", margin=margins, rate=self._along(margins) + ca.jtimes(margins, system.v, accelerations)
                 ),
                 places=function("places", place=ca.vertcat(ca.SX(0, 1), *[value for *_, value in own])),
                 jump=function(
-                    "jump",
-                    v_new=system.v - lam[0],
-                    impulse=-lam[1],
-                    work=ca.dot(lam[1], system.Phi_dot / 2 - at_rest),
+                    "jump", v_new=system.v - lam[0], impulse=-lam[1], work=ca.dot(lam[1], system.Phi_dot / 2 - at_rest)
                 ),
             )
 

@@ -33,7 +33,10 @@ class Singularity:
 
 
 def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
-    """The position closest to a singular one among states X (m, n_x), if one is close. Joints that open do not count."""
+    """The position closest to a singular one among states X (m, n_x), if one is close.
+
+    Rows of joints that open and close do not count.
+    """
     lasting = dae.lasting
     if dae.G is None or not len(X) or not lasting.size:
         return None

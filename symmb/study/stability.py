@@ -258,7 +258,10 @@ class _StabilityStudy:
         self._begin, self._progress = time.monotonic(), progress
         self.times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
         if scene.system.collected.has_events:
-            raise SimulationError(f"{scene.name} has impacts, or joints that open or close, which only EventDriven() locates: no solvers to compare.")
+            raise SimulationError(
+                f"{scene.name} has impacts, or joints that open or close, which only EventDriven() locates: no solvers "
+                "to compare."
+            )
         self._simulator = prepare_equations(scene)
         if len(scene.times) < 2 or not self._simulator.dae.n_v:
             raise SimulationError(f"{scene.name} has no motion over a time to be tried.")

@@ -13,7 +13,7 @@ def margin(condition: ca.SX) -> ca.SX:
     Parameters
     ----------
     condition : scalar SX
-        comparisons, also joined by `logic_and`, `logic_or` and `logic_not`; another expression holds where it is above 0
+        comparisons, also joined by `logic_and`, `logic_or`, `logic_not`; another expression holds where it is above 0
 
     Raises
     ------

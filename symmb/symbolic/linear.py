@@ -241,12 +241,7 @@ def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
 
 
 def saddle_solver(
-    M: ca.SX,
-    G: ca.SX,
-    sizes: Sequence[int],
-    coupled: bool = False,
-    nullity: int = 0,
-    gates: ca.SX | None = None,
+    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool = False, nullity: int = 0, gates: ca.SX | None = None
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
     """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
 

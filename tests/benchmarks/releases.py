@@ -101,12 +101,12 @@ def sling(random: np.random.Generator) -> tuple[mb.Scene, Reference]:
     start = {"arm.theta": th, "arm.omega": 0.0, "stone.x": x, "stone.y": y, "stone.z": 0.0}
     start |= {"stone.vx": 0.0, "stone.vy": 0.0}
     scene = mb.Scene(system, start, TIMES, {"x": stone.x, "y": stone.y, "vy": stone.vy, "theta": arm.theta})
-    I = J + M * c**2
+    about = J + M * c**2
 
     def swing(t, s):
         a, b, da, db = s
         k, off = m * L * length, a - b
-        A = np.array([[I + m * L**2, k * np.cos(off)], [k * np.cos(off), m * length**2]])
+        A = np.array([[about + m * L**2, k * np.cos(off)], [k * np.cos(off), m * length**2]])
         r = [
             -torque - (M * c + m * L) * G * np.cos(a) - k * np.sin(off) * db**2,
             -m * G * length * np.cos(b) + k * np.sin(off) * da**2,
@@ -123,12 +123,9 @@ def sling(random: np.random.Generator) -> tuple[mb.Scene, Reference]:
         return np.concatenate([stone_at(s), [s[0], s[2]]]), 0.0
 
     def fly(t, s):
-        return [s[2], s[3], 0, -G, s[5], (-torque - M * c * G * np.cos(s[4])) / I]
+        return [s[2], s[3], 0, -G, s[5], (-torque - M * c * G * np.cos(s[4])) / about]
 
-    out = [
-        lambda s: [*stone_at(s)[[0, 1, 3]], s[0]],
-        lambda s: [s[0], s[1], s[3], s[4]],
-    ]
+    out = [lambda s: [*stone_at(s)[[0, 1, 3]], s[0]], lambda s: [s[0], s[1], s[3], s[4]]]
     event = lambda t, s: s[0] - (th - limit)  # noqa: E731
     return scene, integrated([(swing, event, opens), (fly, None, None)], np.array([th, ph, 0.0, 0.0]), out)
 
@@ -207,7 +204,7 @@ def four_bar(random: np.random.Generator) -> tuple[mb.Scene, Reference]:
     angles = np.array([angle, b, a3])
     bodies = [mb.Body(n, m, J) for n, m, J in zip(("crank", "coupler", "rocker"), masses, inertias, strict=True)]
     ground = mb.Ground()
-    ends = [(e.point(-l / 2, 0), e.point(l / 2, 0)) for e, l in zip(bodies, lengths, strict=True)]
+    ends = [(e.point(-length / 2, 0), e.point(length / 2, 0)) for e, length in zip(bodies, lengths, strict=True)]
     joints = [
         mb.Revolute("A", ground.point(0, 0), ends[0][0]),
         mb.Revolute("B", ends[0][1], ends[1][0]),
@@ -224,7 +221,7 @@ def four_bar(random: np.random.Generator) -> tuple[mb.Scene, Reference]:
     scene = mb.Scene(system, start, TIMES, outputs, guess=guess)
 
     def arms(q):
-        return [0.5 * l * np.array([np.cos(a), np.sin(a)]) for l, a in zip(lengths, q[2::3], strict=True)]
+        return [0.5 * length * np.array([np.cos(a), np.sin(a)]) for length, a in zip(lengths, q[2::3], strict=True)]
 
     def rows(q, v, phase):
         """Jacobian and -(d/dt J) v of pins as differences of points: (body, share of its half length, sign)."""
@@ -285,7 +282,7 @@ def top(random: np.random.Generator, closes: bool) -> tuple[mb.Scene, Reference]
     joint = mb.Spherical("ball", mb.Ground().point(0, 0, 0), body.point(*arm))
     omega, when = random.uniform(-3, 3, 3), random.uniform(0.3, 0.5)
     drop = random.uniform(0.2, 0.4)
-    I = np.diag(J)
+    inertia = np.diag(J)
 
     def R(e):
         w, x, y, z = e / np.linalg.norm(e)
@@ -302,16 +299,22 @@ def top(random: np.random.Generator, closes: bool) -> tuple[mb.Scene, Reference]
         return 0.5 * W @ e
 
     S = np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
-    about = I - m * S @ S
+    about = inertia - m * S @ S
 
     def held(t, y):  # place of the joint, quaternion, omega
         e, w = y[3:7], y[7:]
         weight = R(e).T @ np.array([0, -m * G, 0])
-        return [0, 0, 0, *quaternion_rate(e, w), *np.linalg.solve(about, np.cross(-arm, weight) - np.cross(w, about @ w))]
+        return [
+            0,
+            0,
+            0,
+            *quaternion_rate(e, w),
+            *np.linalg.solve(about, np.cross(-arm, weight) - np.cross(w, about @ w)),
+        ]
 
     def free(t, y):  # r, quaternion, omega, r'
         e, w = y[3:7], y[7:10]
-        return [*y[10:], *quaternion_rate(e, w), *np.linalg.solve(I, -np.cross(w, I @ w)), 0, -G, 0]
+        return [*y[10:], *quaternion_rate(e, w), *np.linalg.solve(inertia, -np.cross(w, inertia @ w)), 0, -G, 0]
 
     def of_held(y):
         turn, w = R(y[3:7]), y[7:]
@@ -331,7 +334,9 @@ def top(random: np.random.Generator, closes: bool) -> tuple[mb.Scene, Reference]
             r = np.array(of_held(y))
             return np.concatenate([r[:3], y[3:7], y[7:], r[3:6]]), 0.0
 
-        scene = mb.Scene(system, {"body.rotation": mb.rotation((0, 0, 1), 0.0), "body.omega": tuple(omega)}, TIMES, outputs)
+        scene = mb.Scene(
+            system, {"body.rotation": mb.rotation((0, 0, 1), 0.0), "body.omega": tuple(omega)}, TIMES, outputs
+        )
         y0 = np.concatenate([np.zeros(3), identity, omega])
         phases = [(held, lambda t, y: when - t, opens), (free, None, None)]
         return scene, integrated(phases, y0, [of_held, of_free])
@@ -340,8 +345,8 @@ def top(random: np.random.Generator, closes: bool) -> tuple[mb.Scene, Reference]
     def grips(y):
         w, v = y[7:10], R(y[3:7]).T @ y[10:]
         # Angular momentum about the point that is held stays: all impulses pass through it.
-        new = np.linalg.solve(about, I @ w + m * np.cross(-arm, v))
-        work = 0.5 * new @ about @ new - 0.5 * w @ I @ w - 0.5 * m * v @ v
+        new = np.linalg.solve(about, inertia @ w + m * np.cross(-arm, v))
+        work = 0.5 * new @ about @ new - 0.5 * w @ inertia @ w - 0.5 * m * v @ v
         return np.concatenate([y[:3] + R(y[3:7]) @ arm, y[3:7], new]), work
 
     start = {"body.x": 0.0, "body.y": 0.0, "body.z": 0.0, "body.rotation": mb.rotation((0, 0, 1), 0.0)}
