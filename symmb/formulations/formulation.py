@@ -138,13 +138,7 @@ def formulations(scene: Scene) -> Formulations:
 
 def _formulations(scene: Scene) -> Formulations:
     bodies = _in_bodies(scene)
-    gated = scene.system.collected.gated
-    if gated and scene.coordinates == "joint":
-        names = ", ".join(map(repr, gated))
-        raise DeclarationError(
-            f'Scene {scene.name!r}: coordinates="joint" are not possible: {names} may open or close in a run.'
-        )
-    if gated or scene.coordinates == "body":
+    if scene.coordinates == "body" or (scene.system.collected.gated and not scene.coordinates):
         return Formulations(bodies, None, None)
     system = scene.system.joint_space()
     if turns := system.joints.whole_turns(bodies.start.q_nominal):

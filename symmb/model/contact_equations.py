@@ -45,6 +45,13 @@ class Impacts:
     project: ca.Function
     joints: "JointEvents | None" = None
 
+    @property
+    def states(self) -> Indices:
+        """Numbers of the states s that change at events only."""
+        joints = self.joints
+        own = () if joints is None else (*joints.holding, *joints.flags, *joints.place)
+        return np.concatenate([self.closed, np.array(own, dtype=np.intp)])
+
 
 @dataclass(frozen=True)
 class JointEvents:

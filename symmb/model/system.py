@@ -101,6 +101,9 @@ class System(Typeset):
         >>> system.q, system.v, system.Phi.numel()
         (SX(pin.angle), SX(pin.angle_rate), 0)
         """
+        if gated := self.collected.gated:
+            names = ", ".join(map(repr, gated))
+            raise DeclarationError(f"Coordinates of joints are not possible: {names} may open or close in a run.")
         joints = JointSpace(self.collected, self.elements, turns or {})
         return self._with(joints.collected, 0, joints)
 
