@@ -103,7 +103,8 @@ def simulate(
         or one of `prepare`, which has a solver
     solver : Solver
         default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes; CVODES with
-        AugmentedLagrangian() if these fail; EventDriven() with impacts. `trajectory.reason` gives the reason
+        AugmentedLagrangian() if these fail; EventDriven() with impacts, and joints that open or close.
+        `trajectory.reason` gives the reason
     parameters : mapping
         values instead of the nominal ones; a list of them makes all these runs side by side
     check : bool
