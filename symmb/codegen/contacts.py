@@ -85,6 +85,7 @@ class Joints:
     opens : m bool
     holding, flags : m int          numbers of states
     others : pairs                  events, and the states of other events of the same joint
+    by_force : m bool               margins of which nothing is known between their values
     rows : m pairs                  first row of the joint, and number of its rows
     place, owners : k int           numbers of states, and the events that set them
     n_rows : int                    number of all rows
@@ -94,6 +95,7 @@ class Joints:
     holding: tuple[int, ...] = ()
     flags: tuple[int, ...] = ()
     others: tuple[tuple[int, int], ...] = ()
+    by_force: tuple[int, ...] = ()
     rows: tuple[tuple[int, int], ...] = ()
     place: tuple[int, ...] = ()
     owners: tuple[int, ...] = ()

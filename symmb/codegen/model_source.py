@@ -49,6 +49,7 @@ def model_function(
     start: tuple[ca.SX, ca.SX] | None = None,
     switches: ca.SX | None = None,
     contacts: Mapping[str, ca.SX] | None = None,
+    ranged: ca.SX | None = None,
 ) -> ca.Function:
     """(x, p, t, box) -> rates, outputs and, if given, project, newton and start, switches and their bounds in a box.
 
@@ -59,12 +60,13 @@ def model_function(
     start : Newton's step of unknowns u, the first entries of x, and x (n_x,) at the start as a function of them;
         without it the caller gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
+    ranged : SX                         switches (m,) of which bounds are taken, if not all of them
     contacts : mapping                  the functions of c/impacts.h
     """
     parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
     if switches is not None:
         parts["switches"] = switches
-        box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2], x, p, t)
+        box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t)
     if projected is not None:
         parts["project"] = projected
     if start is not None:
@@ -216,6 +218,7 @@ def _ensemble_source(
         "N_S": len(hysteresis),
         "N_G": 0,
         "N_I": 0,
+        "N_E": 0,
         "N_RANGED": len(ranged),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
@@ -232,7 +235,7 @@ def _ensemble_source(
         sizes |= {"N_I": len(contacts.closed), "N_E": len(joints.opens), "N_ROWS": joints.n_rows}
         sizes |= {"N_PLACE": len(joints.place), "N_OTHERS": len(joints.others)}
         lists |= {"opens": joints.opens, "holding_state": joints.holding, "flag_state": joints.flags}
-        lists |= {"place_state": joints.place, "place_owner": joints.owners}
+        lists |= {"by_force": joints.by_force, "place_state": joints.place, "place_owner": joints.owners}
         lists |= {"other_owner": [k for k, _ in joints.others], "other_state": [i for _, i in joints.others]}
         lists |= {"first_row": [k for k, _ in joints.rows], "count_row": [n for _, n in joints.rows]}
     return "\n".join(

@@ -146,6 +146,8 @@ class ImpactLaws:
         after = PostImpact(x, n_all)
         if self._moving is not None:
             x = self._moving(after, p, t, np.where(contact < n_all, contact - n, -1), n)
+        if not n:
+            return after
         contact = np.where(contact >= n_all, contact - n_all + n, np.where(contact < n, contact, -1))
         closed_before = self._closed(x)
         at = self._arguments(x, p, t)
@@ -155,7 +157,7 @@ class ImpactLaws:
         released = (contact[:, None] == n + every) | ((contact >= n)[:, None] & (force + _SMALL * size * inertia < 0))
         touching = closed_before | (gap <= 8 * ROUNDING * self._dae.scales.length) | (contact[:, None] == every)
         # Slower rates count as rest: such a rebound rises no higher than the rounding of positions.
-        fastest = np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True, initial=0.0)
+        fastest = np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True)
         resting_rate = np.maximum(np.sqrt(2 * ROUNDING * self._dae.scales.length * size), _SMALL * fastest)
         rate = self._apply_impulses(after, at, rate, touching, resting_rate)
         slow = touching & (np.abs(rate) <= resting_rate)
@@ -167,7 +169,7 @@ class ImpactLaws:
                 after.note(i, k, what, float(t[i]))
         flying = touching & ~closed_after & (rate > resting_rate) & (acceleration < 0)
         flight = np.where(flying, 2 * rate / np.where(flying, -acceleration, 1.0), np.inf)
-        after.soon[:], after.slow[:, :n] = 1.5 * flight.min(axis=1, initial=np.inf), slow & ~closed_after
+        after.soon[:], after.slow[:, :n] = 1.5 * flight.min(axis=1), slow & ~closed_after
         return after
 
     def _apply_impulses(
@@ -244,7 +246,7 @@ class ImpactLaws:
             force, acceleration, size, inertia = evaluate_padded(f, *self._arguments(x, p, t))
             dependent = np.asarray(~np.isfinite(force).all(axis=1))
             pull = np.where(closed, force / inertia / np.where(size > 0, size, 1.0), 0.0)
-            opens = np.asarray(pull == pull.min(axis=1, keepdims=True, initial=0.0)) & (pull < -_SMALL)
+            opens = np.asarray(pull == pull.min(axis=1, keepdims=True)) & (pull < -_SMALL)
             closes = slow & ~closed & (acceleration < -_SMALL * size) & ~opens.any(axis=1, keepdims=True)
             if not (opens | closes).any():
                 break

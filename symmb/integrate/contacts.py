@@ -21,6 +21,7 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
             holding=tuple(at + k for k in joints.holding),
             flags=tuple(at + k for k in joints.flags),
             others=tuple((k, at + i) for k, own in enumerate(joints.others) for i in own),
+            by_force=tuple(map(int, joints.by_force)),
             rows=tuple((own.start, own.stop - own.start) for own in joints.rows),
             place=tuple(at + k for k in joints.place),
             owners=joints.owners,
@@ -67,9 +68,12 @@ def with_gaps(
         side = 1 - 2 * (s[list(joints.holding)] > 0.5)
         closed = [ca.sum1(s[[k, *others]]) for k, others in zip(joints.flags, joints.others, strict=True)]
         is_armed = ca.vertcat(*[c > 0.5 if opens else c < 0.5 for c, opens in zip(closed, joints.opens, strict=True)])
+        known = ca.vertcat(gap, ca.if_else(is_armed, ca.if_else(ca.SX(list(joints.by_force)), 1, side * margin), 1))
         gap = ca.vertcat(gap, ca.if_else(is_armed, side * margin, 1))
         rate = ca.vertcat(rate, ca.if_else(is_armed, side * fall, 0))
         rounding = (*rounding, *_tolerances(dae, joints))
+    else:
+        known = gap
     n = gap.numel()
     projected = x if problem.projected is None else problem.projected
     parts = {"p": ca.vertcat(problem.p, ca.SX.sym("side", n)), "projected": _held(dae, impacts, projected, p, t)}
@@ -78,6 +82,7 @@ def with_gaps(
         replace(problem, **parts),
         ca.densify(ca.vertcat(frozen.switches[:m], gap, frozen.switches[m:], rate)),
         replace(frozen.ends, hysteresis=(*frozen.ends.hysteresis, *rounding)),
+        ca.densify(ca.vertcat(frozen.switches[:m], known)),
     )
 
 

@@ -8,7 +8,7 @@ from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body, Ground, Inertial, Point, as_matrix, inertia_matrix
 from symmb.mechanics.constraint import Constraint, Motion
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
-from symmb.mechanics.element import Element
+from symmb.mechanics.element import Element, law_value
 from symmb.mechanics.flexible_body import FlexibleBody
 from symmb.mechanics.force import (
     Action,

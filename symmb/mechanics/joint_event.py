@@ -1,10 +1,10 @@
 """Joints that open and close at an event of the run."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -29,7 +29,7 @@ class JointEvent(Element):
     opens: ClassVar[bool]
 
     joint: Joint
-    condition: Expr
+    condition: Expr | Callable[[Any], Expr]
 
     @property
     def name(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -54,6 +54,11 @@ class JointEvent(Element):
     def closed(self) -> ca.SX:
         """1 while this element keeps the joint closed, 0 while it does not."""
         return self.flag.sx
+
+    @cached_property
+    def lam(self) -> ca.SX:
+        """Symbols for multipliers of the joint in the condition, more than any joint has, (6,) [N, N m]."""
+        return ca.SX.sym(f"{self.name}.lam", 6)
 
     @cached_property
     def flag(self) -> Symbol:
@@ -82,7 +87,10 @@ class Release(JointEvent):
     joint : Joint
     condition : expression
         comparison of coordinates, velocities, parameters and `t`, such as `arm.theta > 0.8`; comparisons may be joined
-        by `casadi.logic_and` and `logic_or`. An expression that is no comparison holds where it is above 0
+        by `casadi.logic_and` and `logic_or`. An expression that is no comparison holds where it is above 0. A function
+        gets the reaction of the joint, as `System.reaction` gives it: a pin that breaks is
+        `lambda pull: pull.fx**2 + pull.fy**2 > strength**2`. A peak of the reaction that is shorter than an eighth of a
+        step may be missed
 
     Examples
     --------

@@ -247,7 +247,7 @@ def _write_equations(
     sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in _of_kind(Sampled, states)]
     actions = {f.title: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
     declared = {c.name: attempt(nothing, c.position_rows, bind) for c in constraints}
-    events = [(e, attempt(ca.SX(1), event_margin, e, bind)) for e in _of_kind(JointEvent, elements)]
+    events = [(e, ca.SX(1)) for e in _of_kind(JointEvent, elements)]
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,
@@ -263,6 +263,8 @@ def _write_equations(
     faults.lines += equations.faults()
     if events and not faults.lines:
         _gate_rows(equations, bind)
+        for k, (e, _) in enumerate(events):
+            events[k] = e, attempt(ca.SX(1), event_margin, e, equations.positions[e.joint.name], bind, what=e.title)
     return equations
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from symmb._types import Indices
 from symmb.mechanics import Latch
 from symmb.model.system import System
-from symmb.symbolic import common, symmetric_solver, t
+from symmb.symbolic import common, least_multipliers, symmetric_solver, t
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,7 @@ class JointEvents:
     flags : m int               the states s for joints that the event keeps closed
     others : m tuples of int    these states of other events of the same joint
     rows : m slices             rows of the joints
+    by_force : m bool           whether the margin needs multipliers
     place : k int               the states s that keep where joints closed
     owners : k int              the events that set them
     margins                     -> margins (m,), below 0 where conditions hold, and their rates (m,)
@@ -80,6 +81,7 @@ class JointEvents:
     flags: tuple[int, ...]
     others: tuple[tuple[int, ...], ...]
     rows: tuple[slice, ...]
+    by_force: tuple[bool, ...]
     place: tuple[int, ...]
     owners: tuple[int, ...]
     margins: ca.Function
@@ -114,6 +116,18 @@ class ContactEquations:
         system = self._system
         return ca.jtimes(f, system.q, system.qdot) + ca.jtimes(f, system.s, system.s_rate) + ca.jacobian(f, t)
 
+    def _margins(self, multipliers: ca.SX) -> ca.SX:
+        """Margins of the conditions at which joints open and close, (m,), some of which need multipliers (n_r,)."""
+        c, system = self._c, self._system
+        margins, symbols = ca.vertcat(*[e for _, e in c.joint_events]), [event.lam for event, _ in c.joint_events]
+        if not ca.depends_on(margins, ca.vertcat(*symbols)):
+            return margins
+        least, values = least_multipliers(system.G, system.G.T @ multipliers), []
+        for event, _ in c.joint_events:
+            own = least[c.rows.get(event.joint.name, slice(0, 0))]
+            values.append(ca.vertcat(own, ca.SX.zeros(event.lam.numel() - own.numel())))
+        return ca.substitute(margins, ca.vertcat(*symbols), ca.vertcat(*values))
+
     def _opposing(self, r: ca.SX) -> ca.SX:
         """Forces or impulses along closed gaps that compensate r, (n,)."""
         return -self._solve(self._flags * r)
@@ -146,12 +160,12 @@ class ContactEquations:
 
         def joints() -> JointEvents:
             events, s_names = [e for e, _ in c.joint_events], [state.name for state in c.states]
-            margins = ca.vertcat(*[margin for _, margin in c.joint_events])
+            accelerations, multipliers = self.solve(system.Q, system.gamma)
+            margins = self._margins(multipliers)
             own = [(k, state, value) for k, e in enumerate(events) if isinstance(e, Latch) for state, value in e.place]
             flags = [s_names.index(e.flag.name) for e in events]
             lam = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
             at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
-            accelerations, _ = self.solve(system.Q, system.gamma)
             return JointEvents(
                 names=tuple(e.joint.name for e in events),
                 titles=tuple(e.title for e in events),
@@ -163,6 +177,7 @@ class ContactEquations:
                     for e in events
                 ),
                 rows=tuple(c.rows.get(e.joint.name, slice(0, 0)) for e in events),
+                by_force=tuple(ca.depends_on(margin, e.lam) for e, margin in c.joint_events),
                 place=tuple(s_names.index(state.name) for _, state, _ in own),
                 owners=tuple(k for k, *_ in own),
                 margins=function(

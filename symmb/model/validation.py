@@ -26,9 +26,11 @@ from symmb.mechanics import (
     Sampled,
     as_matrix,
     inertia_matrix,
+    law_value,
 )
 from symmb.model.binding import Binding
 from symmb.model.box import Box
+from symmb.model.multipliers import joint_reaction
 from symmb.symbolic import is_zero, margin
 
 
@@ -184,12 +186,16 @@ def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[c
     return gap, e
 
 
-def event_margin(event: JointEvent, bind: Binding) -> ca.SX:
-    """The margin of the condition of a joint's event as an SX scalar."""
+def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.SX:
+    """The margin of the condition of the event of a joint with some rows as an SX scalar."""
+    condition, lam, what = event.condition, event.lam[: len(rows)], f"{event.title}: condition"
+    if callable(condition):
+        condition = law_value(condition, event.title, joint_reaction(event.joint, ca.vertcat(*rows), lam))
+    condition = bind(condition, what, {s.element_hash() for s in ca.vertsplit(lam)})
     try:
-        value = margin(bind(event.condition, f"{event.title}: condition"))
+        value = margin(condition)
     except DeclarationError as error:
-        raise DeclarationError(f"{event.title}: {error}" if event.title not in str(error) else str(error)) from None
+        raise DeclarationError(f"{what}: {error}") from None
     if all(bind.is_parameter(s) for s in ca.symvar(value)):
         raise DeclarationError(
             f"{event.title}: the condition never changes. Write a comparison of coordinates, velocities or mb.t, such "

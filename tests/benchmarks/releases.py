@@ -22,19 +22,22 @@ Reference = tuple[np.ndarray, list[float], list[float]]
 
 
 def integrated(
-    phases: Sequence[tuple[Callable, Callable | None, Callable | None]], y0: np.ndarray, outputs: Sequence[Callable]
+    phases: Sequence[tuple[Callable, Callable | None, Callable | None]],
+    y0: np.ndarray,
+    outputs: Sequence[Callable],
+    times: np.ndarray = TIMES,
 ) -> Reference:
     """Phases of (rates, event, jump of state with its work), one after the other; outputs of each phase."""
-    t, y, values, whens, works = 0.0, np.asarray(y0, float), np.empty((len(TIMES), 0)), [], []
+    t, y, values, whens, works = 0.0, np.asarray(y0, float), np.empty((len(times), 0)), [], []
     for (rates, event, jump), out in zip(phases, outputs, strict=True):
         if event is not None:
             event.terminal, event.direction = True, -1
         solution = solve_ivp(
-            rates, (t, TIMES[-1]), y, "DOP853", dense_output=True, events=event, rtol=1e-12, atol=1e-13
+            rates, (t, times[-1]), y, "DOP853", dense_output=True, events=event, rtol=1e-12, atol=1e-13
         )
-        own = TIMES >= t
-        found = np.array([out(solution.sol(time)) for time in TIMES[own]])
-        values = values if values.size else np.zeros((len(TIMES), found.shape[1]))
+        own = times >= t
+        found = np.array([out(solution.sol(time)) for time in times[own]])
+        values = values if values.size else np.zeros((len(times), found.shape[1]))
         values[own] = found
         if event is None or not solution.t_events[0].size:
             break
@@ -76,6 +79,37 @@ def pendulum(random: np.random.Generator, space: bool) -> tuple[mb.Scene, Refere
         lambda y: [y[0], y[1], y[3], y[5]],
     ]
     return scene, integrated(phases, np.array([angle, omega]), out)
+
+
+def shear_pin(random: np.random.Generator) -> tuple[mb.Scene, Reference]:
+    """A rod that falls from the horizontal, and whose pin breaks at a force."""
+    m, J, c, share = random.uniform([0.5, 0.2, 0.5, 0.4], [2, 1, 1.5, 0.9])
+    about = J + m * c**2
+    most = m * G * (1 + 2 * m * c**2 / about)  # as it hangs
+    rod, limit = mb.Body("rod", m, J), share * most
+    pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-c, 0))
+    breaks = mb.Release(pin, lambda pull: pull.fx**2 + pull.fy**2 > limit**2)
+    outputs = {"x": rod.x, "y": rod.y, "vx": rod.vx, "omega": rod.omega}
+    scene = mb.Scene(mb.System(rod, pin, mb.Gravity(0, -G), breaks), {"rod.theta": 0.0}, 2 * TIMES, outputs)
+
+    def swing(t, y):
+        return [y[1], -m * G * c * np.cos(y[0]) / about]
+
+    def reserve(t, y):
+        e, n = np.array([np.cos(y[0]), np.sin(y[0])]), np.array([-np.sin(y[0]), np.cos(y[0])])
+        force = m * (c * swing(t, y)[1] * n - c * y[1] ** 2 * e + np.array([0, G]))
+        return limit**2 - force @ force
+
+    def flight(y):
+        th, w = y
+        return np.array([c * np.cos(th), c * np.sin(th), th, -c * w * np.sin(th), c * w * np.cos(th), w]), 0.0
+
+    phases = [(swing, reserve, flight), (lambda t, y: [y[3], y[4], y[5], 0, -G, 0], None, None)]
+    out = [
+        lambda y: [c * np.cos(y[0]), c * np.sin(y[0]), -c * y[1] * np.sin(y[0]), y[1]],
+        lambda y: [y[0], y[1], y[3], y[5]],
+    ]
+    return scene, integrated(phases, np.zeros(2), out, 2 * TIMES)
 
 
 def sling(random: np.random.Generator) -> tuple[mb.Scene, Reference]:
@@ -363,6 +397,7 @@ def top(random: np.random.Generator, closes: bool) -> tuple[mb.Scene, Reference]
 KINDS: dict[str, Callable[[np.random.Generator], tuple[mb.Scene, Reference]]] = {
     "pendulum in the plane": lambda random: pendulum(random, False),
     "pendulum in space": lambda random: pendulum(random, True),
+    "shear pin": shear_pin,
     "sling": sling,
     "blocks": blocks,
     "wheels in the plane": lambda random: wheels(random, False),

@@ -194,6 +194,41 @@ def test_a_spatial_weld_closes_on_a_body_that_a_hinge_carries():
     assert not run.doubts
 
 
+@pytest.mark.parametrize("compiles", [True, False])
+def test_a_pin_breaks_at_a_force(compiles, monkeypatch):
+    """A rod falls from the horizontal. At an angle a below it the pin bears m g (8 sin^2 a + cos^2 a / 4 + ...)."""
+    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: compiles)
+    rod = mb.Body("rod", 2.0, 2 / 3)  # 2 m long, on one end: a' = -3 g cos / 4, w^2 = 3 g sin / 2
+    pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-1, 0))
+    breaks = mb.Release(pin, lambda pull: pull.fx**2 + pull.fy**2 > 40.0**2)
+    run = mb.simulate(mb.Scene(mb.System(rod, pin, breaks, mb.Gravity(0, -G)), {"rod.theta": 0.0}, [0.0, 1.0]))
+    # Along the rod it is m g sin (1 + 3 / 2), across it m g cos (1 - 3 / 4).
+    sine = np.sqrt(((40 / (2 * G)) ** 2 - 1 / 16) / (2.5**2 - 1 / 16))
+    assert len(run.events) == 1
+    assert_allclose(run["rod.omega"][-1], -np.sqrt(1.5 * G * sine), rtol=1e-9)
+
+
+def test_linearisation_keeps_joints_as_they_are_at_the_start():
+    rod = mb.Body("rod", 2.0, 2 / 3)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, 1))
+    hook = mb.Revolute("hook", mb.Ground().point(1, 0), rod.point(0, -1))
+    events = mb.Release(hinge, rod.theta > 1.0), mb.Latch(hook, rod.theta > 0.5)
+    scene = mb.Scene(mb.System(rod, hinge, hook, *events, mb.Gravity(0, -G)), {"rod.theta": 0.0}, [0.0, 1.0])
+    assert_allclose(np.abs(mb.linearize(scene).eigenvalues.imag), np.sqrt(0.75 * G), rtol=1e-12)
+
+
+def test_events_are_kept_in_files_and_a_run_goes_on_with_its_joints(tmp_path):
+    scene = carts(lambda a, b, hook: [mb.Latch(hook, b.x - a.x < 0.25)], times=(0.0, 0.5))
+    run = mb.simulate(scene)
+    for suffix in ("npz", "json"):
+        run.save(tmp_path / f"run.{suffix}")
+        assert mb.Trajectory.load(tmp_path / f"run.{suffix}").events == run.events
+    longer = mb.simulate(scene.starting_at(run))
+    assert longer.events == ()
+    assert_allclose(longer["b"] - longer["a"], 0.25, atol=1e-12)
+    assert_allclose(longer["b"][-1], 1.0 + 0.5 * 0.625, atol=1e-12)
+
+
 def test_lanes_open_at_times_of_their_own():
     p = mb.Parameters(angle=2.0)
     scene = swinging(lambda rod, pin: [mb.Release(pin, rod.theta > p.angle)], p=p)

@@ -48,6 +48,7 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9: a slope is off the cubic's by this many times the largest distance */
 #define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
 #define SMALL 1e-12         /* share of the terms of a sum below which the sum is zero but for rounding */
+#define FORCE_SHARE 0.125   /* share of a step, of parts in which a force that opens a joint may pass once, for the same reason */
 #define FORCE_PARTS 6       /* equal parts of a step, in each of which the force in a closed contact may change sign once:
                                its range is that of a linear system, too wide to tell more. tests/events/test_impacts.py */
 
@@ -119,6 +120,15 @@ PRIVATE void bound_state(Part *a, int row, double share, V x, V dx, V x_end, V d
   box[3 * N_X] = v_larger(first, last) + v_larger(zero(), bend) + slope_off;
 }
 
+/* Whether switch k is the margin of a joint that opens by its force. */
+PRIVATE int is_by_force(int k) {
+#if N_E > 0
+  return k >= N_S - N_E && by_force[k - N_S + N_E];
+#else
+  return 0 * k;
+#endif
+}
+
 /* Where ranges of switches and of their rates over the box leave a pass open that the values u and u_end at the ends of the
    part do not tell: a switch that is not monotone, and may fall below 0 by more than rounding and rise again. */
 PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, const V *u_end) {
@@ -129,6 +139,10 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
   time[2] = each(share * h);
   bounds(a->box, a->c, zero(), range);
   for (int k = 0; k < N_S; ++k) {
+    if (is_by_force(k)) {
+      open |= (M)(each(share) > FORCE_SHARE);
+      continue;
+    }
     const M up = (M)(sides(a)[k] > 0.0);
     const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
     const V rounding = each(share < 1.0 ? SLIGHT * hysteresis[k] : 0.0); /* a whole step near a switch is looked at in halves */
