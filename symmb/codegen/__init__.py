@@ -8,7 +8,7 @@ from symmb.codegen.arrays import Program, programs
 from symmb.codegen.block_switches import Values
 from symmb.codegen.build import INSTALL, SLOW, NoCompilerError, has_compiler, load, with_compiler
 from symmb.codegen.c_source import c_number, c_source
-from symmb.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, ROUNDING, Contacts, Joints, PostImpact
+from symmb.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, ROUNDING, Contacts, PostImpact
 from symmb.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, StepEnds, Tolerances
 from symmb.codegen.failures import REASONS, FailureCode
 from symmb.codegen.fallback import ArrayEngine

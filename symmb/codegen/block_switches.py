@@ -51,7 +51,7 @@ class BlockSwitches:
     ) -> None:
         self._width, self._contacts = width, contacts
         self.n_sided = len(ends.hysteresis) - (len(contacts.names) if contacts else 0)  # gaps keep their side
-        by_force = contacts.joints.by_force if contacts else ()
+        by_force = contacts.joints.get("by_force", ()) if contacts else ()
         self._by_force = len(ends.hysteresis) - len(by_force) + np.flatnonzero(by_force)
         self._prepare, self._p = prepare, np.ascontiguousarray(p)
         self._switches, self._bounds = switches, bounds

@@ -1,5 +1,6 @@
 """Contacts of samples: their data for c/impacts.h, and the record of what happens at them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -77,32 +78,6 @@ class ContactLaws(Protocol):
 
 
 @dataclass(frozen=True)
-class Joints:
-    """Events of joints that open and close, as `symmb.model.JointEvents` has them.
-
-    Attributes
-    ----------
-    opens : m bool
-    holding, flags : m int          numbers of states
-    others : pairs                  events, and the states of other events of the same joint
-    by_force : m bool               margins of which nothing is known between their values
-    rows : m pairs                  first row of the joint, and number of its rows
-    place, owners : k int           numbers of states, and the events that set them
-    n_rows : int                    number of all rows
-    """
-
-    opens: tuple[int, ...] = ()
-    holding: tuple[int, ...] = ()
-    flags: tuple[int, ...] = ()
-    others: tuple[tuple[int, int], ...] = ()
-    by_force: tuple[int, ...] = ()
-    rows: tuple[tuple[int, int], ...] = ()
-    place: tuple[int, ...] = ()
-    owners: tuple[int, ...] = ()
-    n_rows: int = 0
-
-
-@dataclass(frozen=True)
 class Contacts:
     """Contacts of a model, and joints that open and close. Gaps and margins of conditions are the last switches.
 
@@ -114,7 +89,8 @@ class Contacts:
     with_work : bool           whether the last state is the work along the motion
     length, energy : float     sizes of the motion
     displacements : n_v float  sizes of displacements along v
-    joints : Joints
+    joints : lists of int      of the events of joints that open and close, by their names in c/impacts.h
+    n_rows : int               number of rows of all joints
     laws : ContactLaws         what events do, on arrays, and faults at the start
     """
 
@@ -126,14 +102,15 @@ class Contacts:
     length: float
     energy: float
     displacements: tuple[float, ...]
-    joints: "Joints"
+    joints: Mapping[str, tuple[int, ...]]
+    n_rows: int
     laws: ContactLaws = field(repr=False)
 
     def impulses_of(self, number: int, what: int) -> int:
         """How many impulses an event of this number and kind has."""
         if number < len(self.closed):
             return int(what == IMPACT)
-        return self.joints.rows[number - len(self.closed)][1] if what == CLOSES else 0
+        return self.joints["count_row"][number - len(self.closed)] if what == CLOSES else 0
 
     def started(self, times: Array, x0: Array, p: Array) -> tuple[Array, dict[int, str]]:
         """States at the start of a run over the times, nan for samples that cannot start, and texts about these."""

@@ -231,13 +231,10 @@ def _ensemble_source(
         own = {"N_G": len(contacts.names), "N_Q": contacts.n_q, "N_V": contacts.n_v, "WIDTH": 1}
         sizes |= own | {"N_WORK": int(contacts.with_work), "LENGTH": contacts.length, "ENERGY": contacts.energy}
         lists["contact_state"], numbers["displacement"] = contacts.closed, contacts.displacements
-        joints = contacts.joints
-        sizes |= {"N_I": len(contacts.closed), "N_E": len(joints.opens), "N_ROWS": joints.n_rows}
-        sizes |= {"N_PLACE": len(joints.place), "N_OTHERS": len(joints.others)}
-        lists |= {"opens": joints.opens, "holding_state": joints.holding, "flag_state": joints.flags}
-        lists |= {"by_force": joints.by_force, "place_state": joints.place, "place_owner": joints.owners}
-        lists |= {"other_owner": [k for k, _ in joints.others], "other_state": [i for _, i in joints.others]}
-        lists |= {"first_row": [k for k, _ in joints.rows], "count_row": [n for _, n in joints.rows]}
+        lists |= (joints := contacts.joints)
+        counts = {"N_E": "opens", "N_PLACE": "place_state", "N_OTHERS": "other_state"}
+        sizes |= {size: len(joints.get(name, ())) for size, name in counts.items()}
+        sizes |= {"N_I": len(contacts.closed), "N_ROWS": contacts.n_rows}
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from symmb.codegen import Contacts, Joints, StepEnds
+from symmb.codegen import Contacts, StepEnds
 from symmb.events import ImpactLaws, JointLaws
 from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.step_ends import SwitchedProblem, hysteresis_of
@@ -13,20 +13,22 @@ from symmb.model import DAE, Impacts, JointEvents
 
 def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
     """The data of the contacts of a DAE, and of its joints that open and close."""
-    joints, moving = impacts.joints, Joints()
+    joints, at = impacts.joints, dae.n_q + dae.n_v
+    lists: dict[str, tuple[int, ...]] = {}
     if joints is not None:
-        at, rounding = dae.n_q + dae.n_v, _tolerances(dae, joints)
-        moving = Joints(
-            opens=tuple(map(int, joints.opens)),
-            holding=tuple(at + k for k in joints.holding),
-            flags=tuple(at + k for k in joints.flags),
-            others=tuple((k, at + i) for k, own in enumerate(joints.others) for i in own),
-            by_force=tuple(map(int, joints.by_force)),
-            rows=tuple((own.start, own.stop - own.start) for own in joints.rows),
-            place=tuple(at + k for k in joints.place),
-            owners=joints.owners,
-            n_rows=dae.n_r,
-        )
+        others = [(k, i) for k, own in enumerate(joints.others) for i in own]
+        lists = {
+            "opens": tuple(map(int, joints.opens)),
+            "by_force": tuple(map(int, joints.by_force)),
+            "holding_state": tuple(at + k for k in joints.holding),
+            "flag_state": tuple(at + k for k in joints.flags),
+            "other_owner": tuple(k for k, _ in others),
+            "other_state": tuple(at + i for _, i in others),
+            "first_row": tuple(own.start for own in joints.rows),
+            "count_row": tuple(own.stop - own.start for own in joints.rows),
+            "place_state": tuple(at + k for k in joints.place),
+            "place_owner": joints.owners,
+        }
     return Contacts(
         (*impacts.names, *(joints.names if joints else ())),
         tuple((dae.n_q + dae.n_v + impacts.closed).tolist()),
@@ -36,8 +38,9 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
         float(dae.scales.length),
         float(dae.scales.energy),
         tuple(dae.displacement_scales.tolist()),
-        moving,
-        ImpactLaws(dae, impacts, None if joints is None else JointLaws(dae, joints, rounding)),
+        lists,
+        dae.n_r,
+        ImpactLaws(dae, impacts, None if joints is None else JointLaws(dae, joints, _tolerances(dae, joints))),
     )
 
 

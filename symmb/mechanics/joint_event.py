@@ -148,7 +148,7 @@ class Latch(JointEvent):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         joint = self.joint
-        if isinstance(joint, Joint) and not (joint.name and self._closes(joint)):
+        if isinstance(joint, Joint) and not self._closes(joint):
             yield f"{self.title}: no {type(joint).__name__} can close in a run. Use a Weld, Revolute or Prismatic."
 
     @staticmethod
