@@ -10,7 +10,7 @@ Bodies
     Body, Ground, Planar, Spatial, Particle, rotation, FlexibleBody, Beam, FiniteElements, Modes, Material, Section
 Joints, motors, stops
     Revolute, Prismatic, Cylindrical, Spherical, Universal, PlanarJoint, Screw, Weld, Distance, PointOnLine, Gear,
-    Motion, VelocityConstraint, Actuator, Stop
+    Motion, VelocityConstraint, Actuator, Stop, Release, Latch
 Forces
     Gravity, Spring, Damper, SpringDamper, TorsionSpring, Bushing, NonlinearSpring, GasSpring, Force, Torque,
     Orifice, Soil, Table, Sampled

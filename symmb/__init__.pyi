@@ -92,6 +92,8 @@ from .mechanics.joint import Screw as Screw
 from .mechanics.joint import Spherical as Spherical
 from .mechanics.joint import Universal as Universal
 from .mechanics.joint import Weld as Weld
+from .mechanics.joint_event import Latch as Latch
+from .mechanics.joint_event import Release as Release
 from .mechanics.load import GasSpring as GasSpring
 from .mechanics.load import NonlinearSpring as NonlinearSpring
 from .mechanics.load import Orifice as Orifice

@@ -92,7 +92,8 @@ GROUPS = {
 OPTIONS_ALONE = {"Solvers"}
 """Subjects whose classes have members for contributors alone."""
 _OF_ELEMENTS = (
-    "actions assembly_cosines bodies faults impacts loads parts position_rows positive title turn_states velocity_rows"
+    "actions assembly_cosines bodies faults flag holding impacts lam loads opens parts place position_rows positive "
+    "rows states title turn_states velocity_rows"
 )
 FOR_CONTRIBUTORS = {
     "Joints, motors, stops": _OF_ELEMENTS,

@@ -21,6 +21,7 @@ WIDTH = int(c_number("lanes", "WIDTH"))
 _STOP_MARGIN, _REVERSAL, LATE, BEYOND = (
     c_number("switches", name) for name in ("STOP_MARGIN", "REVERSAL", "LATE", "BEYOND")
 )
+_FORCE_SHARE = c_number("switches", "FORCE_SHARE")
 _SETTLINGS, _FORCE_PARTS = (int(c_number("switches", name)) for name in ("SETTLINGS", "FORCE_PARTS"))
 
 
@@ -50,6 +51,8 @@ class BlockSwitches:
     ) -> None:
         self._width, self._contacts = width, contacts
         self.n_sided = len(ends.hysteresis) - (len(contacts.names) if contacts else 0)  # gaps keep their side
+        by_force = contacts.joints.get("by_force", ()) if contacts else ()
+        self._by_force = len(ends.hysteresis) - len(by_force) + np.flatnonzero(by_force)
         self._prepare, self._p = prepare, np.ascontiguousarray(p)
         self._switches, self._bounds = switches, bounds
         self._hysteresis = np.array(ends.hysteresis, dtype=float)[:, None]
@@ -151,6 +154,8 @@ class BlockSwitches:
             box, up = np.concatenate([box, times]), sides[:, some] > 0
             least, largest, fall, rise = np.split(bounds_of(box, c[:, some], t[some]), 4)
             least, fall, rise = np.where(up, [least, fall, rise], [-largest, -rise, -fall])
+            least[self._by_force] = np.where(high - low > _FORCE_SHARE, -np.inf, np.inf)
+            fall[self._by_force], rise[self._by_force] = -np.inf, np.inf
             return least + raised[:, some], fall, rise
 
         when, which = first_pass(x, F, values, bounds, u[:m], self._hysteresis)

@@ -1,5 +1,6 @@
 """Contacts of samples: their data for c/impacts.h, and the record of what happens at them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -9,8 +10,10 @@ from symmb._types import Array, Indices, Mask
 from symmb.codegen.c_source import c_number
 from symmb.codegen.failures import FailureCode
 
-EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordered")
-"""What the numbers of an event are: rates of the gap before and after, and whether the order of impacts matters."""
+MOST_IMPULSES = int(c_number("impacts", "MOST_IMPULSES"))
+EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordered", *("impulse",) * MOST_IMPULSES)
+"""What the numbers of an event are: rates of the gap, or of the margin of a joint's condition, before and after, work,
+whether the order of impacts matters, and the impulse along the gap, or of each row of the joint."""
 IMPACT, CLOSES, OPENS, BLAMED = range(4)
 """What events are. Contacts are blamed for a failure."""
 ROUNDING, _CROWD_SPAN, _CONTACT_STEP = (
@@ -29,7 +32,7 @@ class PostImpact:
     rows : list              events, see `EVENT`
     failure : (N,)           FailureCode, -1 without
     soon : (N,)              time after which a contact may close again [s]
-    slow : (N, n)            contacts that open so slowly that rounding may turn them back
+    slow : (N, n)            contacts that open so slowly that rounding may turn them back, none of joints
     """
 
     def __init__(self, x: Array, n: int) -> None:
@@ -39,8 +42,9 @@ class PostImpact:
         self.rows: list[tuple[float, ...]] = []
 
     def note(self, sample: int, contact: int, what: int, t: float, *numbers: float) -> None:
-        """An event, with its rates, its work, and whether its order matters."""
-        self.rows.append((sample, contact, what, t, *(numbers or (0.0, 0.0, 0.0, 0.0))))
+        """An event, with its rates, its work, whether its order matters, and its impulses."""
+        row = sample, contact, what, t, *numbers
+        self.rows.append((*row, *(0.0,) * (len(EVENT) - len(row))))
 
     def fail(self, reasons: Mask, blamed: Mask, t: Array, why: FailureCode) -> None:
         """Samples with reasons (N, k) fail by contacts (N, n) at times (N,), if they have not."""
@@ -51,10 +55,17 @@ class PostImpact:
 
 
 class ContactLaws(Protocol):
-    """The laws of contacts for N samples: states x (N, n_x), parameters p (N, n_p) and times t (N,) [s]."""
+    """The laws of contacts, and of joints that open and close, for N samples.
+
+    These have states x (N, n_x), parameters p (N, n_p) and times t (N,) [s].
+    """
 
     def start_faults(self, x: Array, p: Array, t: Array, span: float) -> dict[int, str]:
         """Texts about samples that cannot start a run of some span [s]."""
+        ...
+
+    def started(self, x: Array, p: Array, t: Array) -> Array:
+        """States at the start, which tell of conditions that hold there."""
         ...
 
     def forces(self, x: Array, p: Array, t: Array) -> Array:
@@ -62,22 +73,24 @@ class ContactLaws(Protocol):
         ...
 
     def __call__(self, x: Array, p: Array, t: Array, contact: Indices) -> PostImpact:
-        """Samples after events of contacts (N,): those that close, n + those that open, -1 where none is known."""
+        """Samples after events (N,): contacts that close, joints, n + contacts that open, -1 where none is known."""
         ...
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contacts of a model. Their gaps are the last switches.
+    """Contacts of a model, and joints that open and close. Gaps and margins of conditions are the last switches.
 
     Attributes
     ----------
-    names : n str
-    closed : n int             numbers of the states that are 1 for closed contacts
+    names : n str              of the contacts, and of the joints for each of their events
+    closed : int               numbers of the states that are 1 for closed contacts
     n_q, n_v : int             numbers of coordinates and velocities, with which a state begins
     with_work : bool           whether the last state is the work along the motion
     length, energy : float     sizes of the motion
     displacements : n_v float  sizes of displacements along v
+    joints : lists of int      of the events of joints that open and close, by their names in c/impacts.h
+    n_rows : int               number of rows of all joints
     laws : ContactLaws         what events do, on arrays, and faults at the start
     """
 
@@ -89,12 +102,20 @@ class Contacts:
     length: float
     energy: float
     displacements: tuple[float, ...]
+    joints: Mapping[str, tuple[int, ...]]
+    n_rows: int
     laws: ContactLaws = field(repr=False)
+
+    def impulses_of(self, number: int, what: int) -> int:
+        """How many impulses an event of this number and kind has."""
+        if number < len(self.closed):
+            return int(what == IMPACT)
+        return self.joints["count_row"][number - len(self.closed)] if what == CLOSES else 0
 
     def started(self, times: Array, x0: Array, p: Array) -> tuple[Array, dict[int, str]]:
         """States at the start of a run over the times, nan for samples that cannot start, and texts about these."""
         faults = self.laws.start_faults(x0, p, np.full(len(p), times[0]), float(times[-1] - times[0]))
-        x0 = x0.copy()
+        x0 = self.laws.started(x0, p, np.full(len(p), times[0]))
         x0[list(faults)] = np.nan
         return x0, faults
 

@@ -49,6 +49,7 @@ def model_function(
     start: tuple[ca.SX, ca.SX] | None = None,
     switches: ca.SX | None = None,
     contacts: Mapping[str, ca.SX] | None = None,
+    ranged: ca.SX | None = None,
 ) -> ca.Function:
     """(x, p, t, box) -> rates, outputs and, if given, project, newton and start, switches and their bounds in a box.
 
@@ -59,12 +60,13 @@ def model_function(
     start : Newton's step of unknowns u, the first entries of x, and x (n_x,) at the start as a function of them;
         without it the caller gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
-    contacts : mapping                  gaps, forces, impulses and held states of c/impacts.h
+    ranged : SX                         switches (m,) of which bounds are taken, if not all of them
+    contacts : mapping                  the functions of c/impacts.h
     """
     parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
     if switches is not None:
         parts["switches"] = switches
-        box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2], x, p, t)
+        box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t)
     if projected is not None:
         parts["project"] = projected
     if start is not None:
@@ -120,7 +122,7 @@ def source_of(
     fixed : bool               whether steps are fixed, of an explicit method
     scheme : Scheme or None    of a `scheme_function`
     hysteresis : (m,)          by which each switch must be passed: a number above its rounding
-    contacts : Contacts        whose gaps are the last switches
+    contacts : Contacts        whose gaps and margins are the last switches
     """
 
     def write() -> str:
@@ -215,6 +217,8 @@ def _ensemble_source(
         "PROJECTED": int("project" in nodes),
         "N_S": len(hysteresis),
         "N_G": 0,
+        "N_I": 0,
+        "N_E": 0,
         "N_RANGED": len(ranged),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
@@ -227,6 +231,10 @@ def _ensemble_source(
         own = {"N_G": len(contacts.names), "N_Q": contacts.n_q, "N_V": contacts.n_v, "WIDTH": 1}
         sizes |= own | {"N_WORK": int(contacts.with_work), "LENGTH": contacts.length, "ENERGY": contacts.energy}
         lists["contact_state"], numbers["displacement"] = contacts.closed, contacts.displacements
+        lists |= (joints := contacts.joints)
+        counts = {"N_E": "opens", "N_PLACE": "place_state", "N_OTHERS": "other_state"}
+        sizes |= {size: len(joints.get(name, ())) for size, name in counts.items()}
+        sizes |= {"N_I": len(contacts.closed), "N_ROWS": contacts.n_rows}
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),

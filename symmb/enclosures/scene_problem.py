@@ -30,8 +30,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
 
     Raises
     ------
-    PropagationError         if the scene has impacts, or operations without a remainder in its equations or in all
-                             outputs
+    PropagationError         if the scene has impacts, joints that open or close, or operations without a remainder in
+                             its equations or in all outputs
     """
     if isinstance(simulator, ModalSimulator):
         return _modal_problem(method, simulator, box)
@@ -276,8 +276,9 @@ def _contradiction(form: Formulation, P: Array) -> str:
 def _require_smooth(method: object, form: Formulation) -> None:
     dae = form.dae
     if dae.impacts is not None:
+        what = "joints that open or close" if dae.impacts.joints is not None else "impacts"
         raise PropagationError(
-            f"{method!r}: the scene has impacts, over which it proves nothing. Use PolynomialChaos()."
+            f"{method!r}: the scene has {what}, over which it proves nothing. Use PolynomialChaos()."
         )
 
 

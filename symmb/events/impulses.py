@@ -1,4 +1,4 @@
-"""The state after an event on arrays of many samples: impulses, contacts that close and contacts that open.
+"""The state after an event on arrays of many samples: impulses, contacts and joints that close and that open.
 
 It is the work of c/impacts.h.
 """
@@ -6,15 +6,14 @@ It is the work of c/impacts.h.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from symmb._options import number_text
 from symmb._types import Array, Indices, Mask
-from symmb.codegen import BLAMED, CLOSES, IMPACT, OPENS, ROUNDING, FailureCode, PostImpact, c_number
+from symmb.codegen import BLAMED, CLOSES, IMPACT, OPENS, ROUNDING, Contacts, FailureCode, PostImpact, c_number
+from symmb.events.joint_laws import JointLaws, arguments_of, evaluate_padded
 from symmb.mechanics import RESTITUTION
 from symmb.model import DAE, Impacts
-from symmb.symbolic import batch
 
 _SAME_JUMP, _SMALL = c_number("impacts", "SAME_JUMP"), c_number("switches", "SMALL")
 _MOST_IMPACTS = int(c_number("impacts", "MOST_IMPACTS"))
@@ -35,15 +34,18 @@ class Event:
     time : float
         [s]
     name : str
-        of the Impact
+        of the Impact, or of the joint
     what : str
-        "impact", or "closes" and "opens" of a contact that stays closed
+        "impact", or "closes" and "opens" of a contact that stays closed, or of a joint
     before, after : float
-        rates of the gap [m/s, rad/s]
+        rates of the gap [m/s, rad/s], or of the margin by which the condition of a joint is not met: falling, below 0
     work : float
         of the impulse [J], what is lost being negative
     depends_on_order : bool
         whether impacts of the same instant would end otherwise in another order
+    impulse : tuple of float
+        along the gap, or of the rows of a joint that closes, in the order and with the signs of their multipliers
+        [N s, N m s]; empty for joints and contacts that open. Joints that close at one instant share an impact
 
     Examples
     --------
@@ -63,13 +65,16 @@ class Event:
     after: float
     work: float
     depends_on_order: bool = False
+    impulse: tuple[float, ...] = ()
 
 
-def events_of(rows: Array, names: Sequence[str], N: int) -> list[tuple[Event, ...]]:
-    """Events of each of N samples, from rows (k, 8) as `symmb.codegen.EVENT` tells."""
+def events_of(rows: Array, contacts: Contacts, N: int) -> list[tuple[Event, ...]]:
+    """Events of each of N samples, from rows (k, 14) as `symmb.codegen.EVENT` tells."""
     found: list[list[Event]] = [[] for _ in range(N)]
-    for sample, k, what, time, before, after, work, ordered in rows[rows[:, 2] != BLAMED].tolist():
-        found[int(sample)].append(Event(time, names[int(k)], _WHAT[what], before, after, work, bool(ordered)))
+    for sample, k, what, time, before, after, work, ordered, *L in rows[rows[:, 2] != BLAMED].tolist():
+        impulse = L[: contacts.impulses_of(int(k), int(what))]
+        event = Event(time, contacts.names[int(k)], _WHAT[what], before, after, work, bool(ordered), tuple(impulse))
+        found[int(sample)].append(event)
     return [tuple(events) for events in found]
 
 
@@ -86,28 +91,16 @@ def event_doubts(events: Sequence[Event]) -> tuple[str, ...]:
     )
 
 
-def evaluate_padded(f: ca.Function, *arguments: Array) -> list[Array]:
-    """A Function of N samples, all arguments (N, n), padded to a power of 2: CasADi keeps one map for each number."""
-    N = len(arguments[0])
-    if N < 2:
-        return list(batch(f, *arguments))
-    rows = np.minimum(np.arange(1 << (N - 1).bit_length()), N - 1)
-    return [values[:N] for values in batch(f, *[a[rows] for a in arguments])]
-
-
 class ImpactLaws:
     """The laws of impact of a DAE, see `symmb.codegen.ContactLaws`."""
 
-    def __init__(self, dae: DAE, impacts: Impacts) -> None:
-        self._dae, self._impacts = dae, impacts
+    def __init__(self, dae: DAE, impacts: Impacts, moving: JointLaws | None = None) -> None:
+        self._dae, self._impacts, self._moving = dae, impacts, moving
         self._cuts = [dae.n_q, dae.n_q + dae.n_v]
         self._flags = self._cuts[1] + impacts.closed
 
     def _arguments(self, x: Array, p: Array, t: Array) -> tuple[Array, ...]:
-        """States (N, n_x), parameters (N, n_p) and times (N,) as the Functions take them."""
-        dae = self._dae
-        x, p = x[:, : dae.n_q + dae.n_v + dae.n_s], p[:, : len(dae.p_names)]
-        return (*np.split(x, self._cuts, axis=1), p, t[:, None])
+        return arguments_of(self._dae, x, p, t)
 
     def _closed(self, x: Array) -> Mask:
         """Which contacts are closed, (N, n)."""
@@ -132,7 +125,11 @@ class ImpactLaws:
         for i, k in np.argwhere(started & ~(gap >= -rounding)).tolist():
             name = self._impacts.names[k]
             faults[i] = f"Impact {name!r}: the gap is {gap[i, k]:g} at the start; start with a gap from 0 on"
-        return faults
+        return faults if self._moving is None else faults | self._moving.start_faults(x, p, t)
+
+    def started(self, x: Array, p: Array, t: Array) -> Array:
+        """States at the start, which tell of conditions that hold there."""
+        return x.copy() if self._moving is None else self._moving.started(x, p, t)
 
     def __call__(self, x: Array, p: Array, t: Array, contact: Indices) -> PostImpact:
         """After an event.
@@ -141,9 +138,18 @@ class ImpactLaws:
         ----------
         x : (N, n_x)           states right before
         p, t : (N, n_p), (N,)
-        contact : (N,) indices the one whose gap has just closed, or n + the one whose force has just come to 0, or -1
+        contact : (N,) indices the one whose gap has just closed, or behind them the event of a joint whose condition
+            has changed, or behind these the contact whose force has just come to 0, or -1
         """
-        impacts, n, closed_before = self._impacts, len(self._impacts.names), self._closed(x)
+        impacts, n = self._impacts, len(self._impacts.names)
+        n_all = n if self._moving is None else n + self._moving.count
+        after = PostImpact(x, n_all)
+        if self._moving is not None:
+            x = self._moving(after, p, t, np.where(contact < n_all, contact - n, -1), n)
+        if not n:
+            return after
+        contact = np.where(contact >= n_all, contact - n_all + n, np.where(contact < n, contact, -1))
+        closed_before = self._closed(x)
         at = self._arguments(x, p, t)
         gap, rate = evaluate_padded(impacts.gaps, *at)
         force, _, size, inertia = evaluate_padded(impacts.forces, *at)
@@ -153,7 +159,6 @@ class ImpactLaws:
         # Slower rates count as rest: such a rebound rises no higher than the rounding of positions.
         fastest = np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True)
         resting_rate = np.maximum(np.sqrt(2 * ROUNDING * self._dae.scales.length * size), _SMALL * fastest)
-        after = PostImpact(x, n)
         rate = self._apply_impulses(after, at, rate, touching, resting_rate)
         slow = touching & (np.abs(rate) <= resting_rate)
         acceleration, dependent = self._close_contacts(after.x, p, t, slow, closed_before & released)
@@ -164,7 +169,7 @@ class ImpactLaws:
                 after.note(i, k, what, float(t[i]))
         flying = touching & ~closed_after & (rate > resting_rate) & (acceleration < 0)
         flight = np.where(flying, 2 * rate / np.where(flying, -acceleration, 1.0), np.inf)
-        after.soon[:], after.slow[:] = 1.5 * flight.min(axis=1), slow & ~closed_after
+        after.soon[:], after.slow[:, :n] = 1.5 * flight.min(axis=1), slow & ~closed_after
         return after
 
     def _apply_impulses(
@@ -186,9 +191,9 @@ class ImpactLaws:
             _, other, _ = self._in_turn(rate, touching, *law, last_first=True)
             change = np.abs((B @ (other - impulse)[:, :, None])[:, :, 0]).max(axis=1)
             ambiguous &= change > _SAME_JUMP * np.abs(jump).max(axis=1)
-        for i, j, u, w, work in strokes:
+        for i, j, u, w, work, P in strokes:
             after.work[i] += work
-            after.note(i, j, IMPACT, float(t[i]), u, w, work, ambiguous[i])
+            after.note(i, j, IMPACT, float(t[i]), u, w, work, ambiguous[i], P)
         hit = touching & (rates < -resting_rate)
         after.fail(hit & ~movable, hit & ~movable, t, FailureCode.IMMOVABLE)
         after.fail(hit, touching, t, FailureCode.UNENDING)
@@ -205,12 +210,12 @@ class ImpactLaws:
         movable: Mask,
         resting_rate: Array,
         last_first: bool = False,
-    ) -> tuple[Array, Array, list[tuple[int, int, float, float, float]]]:
+    ) -> tuple[Array, Array, list[tuple[int, int, float, float, float, float]]]:
         """Impacts in the order of the contacts, or from the last to the first.
 
         Returns
         -------
-        rates of the gaps (E, n), impulses (E, n), and all impacts (sample, contact, rate before, rate after, work)
+        rates of the gaps (E, n), impulses (E, n), and all impacts (sample, contact, rate, rate after, work, impulse)
         """
         rate, impulse = rate.copy(), np.zeros(rate.shape)
         own, strokes = np.einsum("ekk->ek", D), []
@@ -227,7 +232,8 @@ class ImpactLaws:
             rate[some] += D[some, :, k] * P[:, None]
             rate[some, k] = w
             impulse[some, k] += P
-            strokes += zip(some.tolist(), k.tolist(), u.tolist(), w.tolist(), work.tolist(), strict=True)
+            parts = (some, k, u, w, work, P)
+            strokes += zip(*(part.tolist() for part in parts), strict=True)
         return rate, impulse, strokes
 
     def _close_contacts(self, x: Array, p: Array, t: Array, slow: Mask, released: Mask) -> tuple[Array, Mask]:

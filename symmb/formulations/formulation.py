@@ -13,7 +13,7 @@ from symmb.events import Kinks, Pulses, kinks
 from symmb.formulations.output_functions import declared_function, joint_output_function, output_function
 from symmb.integrate import Run
 from symmb.model import DAE, Lazy, Scene, System, compile_dae
-from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
+from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints, with_gated_rows
 from symmb.symbolic import batch, common
 from symmb.symbolic import t as time_symbol
 
@@ -138,7 +138,7 @@ def formulations(scene: Scene) -> Formulations:
 
 def _formulations(scene: Scene) -> Formulations:
     bodies = _in_bodies(scene)
-    if scene.coordinates == "body":
+    if scene.coordinates == "body" or (scene.system.collected.gated and not scene.coordinates):
         return Formulations(bodies, None, None)
     system = scene.system.joint_space()
     if turns := system.joints.whole_turns(bodies.start.q_nominal):
@@ -159,8 +159,13 @@ def _formulations(scene: Scene) -> Formulations:
 
 
 def _in_bodies(scene: Scene) -> Formulation:
-    dae = compile_dae(scene.system)
-    start = prepare_start(scene, dae)
+    dae, gated = compile_dae(scene.system), scene.system.collected.gated
+    if gated:
+        closed = [k for name, at in dae.rows.items() if gated.get(name, True) for k in range(at.start, at.stop)]
+        start = prepare_start(scene, compile_dae(scene.system.keeping(closed)))
+        start = with_gated_rows(start, dae, gated)
+    else:
+        start = prepare_start(scene, dae)
     if start.rows is not None:
         dae = compile_dae(scene.system, start.rows, start.nullities)
     dae = replace(_scaled(dae, start, scene), sampling=start.dae.sampling)

@@ -95,7 +95,7 @@ class CompiledIntegration(Integration):
             for y, t, why in zip(Y, failed_samples.t_failed.tolist(), failed_samples.reasons, strict=True)
         ]
         if (contacts := self._engine.contacts) is not None:
-            events = events_of(failed_samples.events, contacts.names, len(p))
+            events = events_of(failed_samples.events, contacts, len(p))
             runs = [replace(run, events=own) for run, own in zip(runs, events, strict=True)]
         if (passes := failed_samples.passes) is None:
             return runs

@@ -3,19 +3,34 @@
 from dataclasses import replace
 
 import casadi as ca
-import numpy as np
 
 from symmb.codegen import Contacts, StepEnds
-from symmb.events import ImpactLaws
+from symmb.events import ImpactLaws, JointLaws
 from symmb.integrate.initial_value_problem import InitialValueProblem
-from symmb.integrate.step_ends import SwitchedProblem
-from symmb.model import DAE, Impacts
+from symmb.integrate.step_ends import SwitchedProblem, hysteresis_of
+from symmb.model import DAE, Impacts, JointEvents
 
 
 def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
-    """The data of the contacts of a DAE."""
+    """The data of the contacts of a DAE, and of its joints that open and close."""
+    joints, at = impacts.joints, dae.n_q + dae.n_v
+    lists: dict[str, tuple[int, ...]] = {}
+    if joints is not None:
+        others = [(k, i) for k, own in enumerate(joints.others) for i in own]
+        lists = {
+            "opens": tuple(map(int, joints.opens)),
+            "by_force": tuple(map(int, joints.by_force)),
+            "holding_state": tuple(at + k for k in joints.holding),
+            "flag_state": tuple(at + k for k in joints.flags),
+            "other_owner": tuple(k for k, _ in others),
+            "other_state": tuple(at + i for _, i in others),
+            "first_row": tuple(own.start for own in joints.rows),
+            "count_row": tuple(own.stop - own.start for own in joints.rows),
+            "place_state": tuple(at + k for k in joints.place),
+            "place_owner": joints.owners,
+        }
     return Contacts(
-        impacts.names,
+        (*impacts.names, *(joints.names if joints else ())),
         tuple((dae.n_q + dae.n_v + impacts.closed).tolist()),
         dae.n_q,
         dae.n_v,
@@ -23,8 +38,17 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
         float(dae.scales.length),
         float(dae.scales.energy),
         tuple(dae.displacement_scales.tolist()),
-        ImpactLaws(dae, impacts),
+        lists,
+        dae.n_r,
+        ImpactLaws(dae, impacts, None if joints is None else JointLaws(dae, joints, _tolerances(dae, joints))),
     )
+
+
+def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
+    """Margins of conditions (m,) that are 0 but for rounding."""
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    margins, _ = joints.margins(*dae.arguments(x, p, t))
+    return hysteresis_of(dae, margins, x, p, t, ca.SX.sym("side", len(joints.names)))
 
 
 def with_gaps(
@@ -32,21 +56,36 @@ def with_gaps(
 ) -> SwitchedProblem:
     """A problem, perhaps with switches, whose last switches are the gaps of open contacts, and 1 for closed ones.
 
-    It projects states into closed contacts as well. The work of impulses needs an integral along the motion.
+    Margins of joints follow, above 0 on the side where they are, and 1 where their events would change nothing. It
+    projects states into closed contacts as well. The work of impulses needs an integral along the motion.
     """
     frozen = frozen or SwitchedProblem(problem, ca.SX(0, 1), StepEnds())
-    problem, n, m = frozen.problem, len(impacts.names), len(frozen.ends.hysteresis)
+    problem, m, joints = frozen.problem, len(frozen.ends.hysteresis), impacts.joints
     x, p, t = problem.x, problem.p[: len(dae.p_names)], problem.t
     gap, rate = impacts.gaps(*dae.arguments(x, p, t))
     is_closed = x[(dae.n_q + dae.n_v + impacts.closed).tolist()] > 0.5
     gap, rate = ca.if_else(is_closed, 1, gap), ca.if_else(is_closed, 0, rate)
+    rounding = (0.0,) * len(impacts.names)
+    if joints is not None:
+        s, (margin, fall) = x[dae.n_q + dae.n_v :], joints.margins(*dae.arguments(x, p, t))
+        side = 1 - 2 * (s[list(joints.holding)] > 0.5)
+        closed = [ca.sum1(s[[k, *others]]) for k, others in zip(joints.flags, joints.others, strict=True)]
+        is_armed = ca.vertcat(*[c > 0.5 if opens else c < 0.5 for c, opens in zip(closed, joints.opens, strict=True)])
+        known = ca.vertcat(gap, ca.if_else(is_armed, ca.if_else(ca.SX(list(joints.by_force)), 1, side * margin), 1))
+        gap = ca.vertcat(gap, ca.if_else(is_armed, side * margin, 1))
+        rate = ca.vertcat(rate, ca.if_else(is_armed, side * fall, 0))
+        rounding = (*rounding, *_tolerances(dae, joints))
+    else:
+        known = gap
+    n = gap.numel()
     projected = x if problem.projected is None else problem.projected
     parts = {"p": ca.vertcat(problem.p, ca.SX.sym("side", n)), "projected": _held(dae, impacts, projected, p, t)}
     parts["quad"] = problem.quad if problem.quad.numel() == work else ca.SX(1, 1)
     return SwitchedProblem(
         replace(problem, **parts),
         ca.densify(ca.vertcat(frozen.switches[:m], gap, frozen.switches[m:], rate)),
-        replace(frozen.ends, hysteresis=(*frozen.ends.hysteresis, *np.zeros(n).tolist())),
+        replace(frozen.ends, hysteresis=(*frozen.ends.hysteresis, *rounding)),
+        ca.densify(ca.vertcat(frozen.switches[:m], known)),
     )
 
 
@@ -55,7 +94,12 @@ def contact_functions(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) 
     n_x, p = dae.n_q + dae.n_v + dae.n_s, p[: len(dae.p_names)]
     at = dae.arguments(x[:n_x], p, t)
     functions = {name: getattr(impacts, name)(*at) for name in ("gaps", "forces", "impulses")}
-    parts = {name: ca.vertcat(*(ca.vec(ca.densify(e)) for e in values)) for name, values in functions.items()}
+    if impacts.joints is not None:
+        functions |= {name: getattr(impacts.joints, name)(*at) for name in ("margins", "places", "jump")}
+    parts = {
+        name: ca.vertcat(*(ca.vec(ca.densify(e)) for e in (values if isinstance(values, tuple) else (values,))))
+        for name, values in functions.items()
+    }
     return parts | {"held": ca.vertcat(_held(dae, impacts, x[:n_x], p, t), x[n_x:])}
 
 

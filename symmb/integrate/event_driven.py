@@ -19,11 +19,11 @@ from symmb.start import Start
 
 @dataclass(frozen=True, repr=False)
 class EventDriven(Explicit):
-    """Explicit pair of order 8 whose steps end where an `Impact` happens, located on their interpolant to rounding.
+    """Explicit pair of order 8 whose steps end at the events of an `Impact`, a `Release` or a `Latch`.
 
-    Without a C compiler the same steps are taken with NumPy. Each sample has steps of its own. After every step
-    positions and velocities are moved onto the constraints, with those of closed contacts. At the time of an impact,
-    outputs have their values after it.
+    They are located on the interpolant of a step to rounding. Without a C compiler the same steps are taken with NumPy.
+    Each sample has steps of its own. After every step positions and velocities are moved onto the constraints, with
+    those of closed contacts. At the time of an event, outputs have their values after it.
 
     Parameters
     ----------
@@ -93,4 +93,5 @@ def round_otherwise(engine: AnyEngine, other: AnyEngine) -> None:
 
 def impacts_text(impacts: Impacts) -> str:
     """The impacts by name, for messages."""
-    return ", ".join(f"Impact {name!r}" for name in impacts.names)
+    titles = () if impacts.joints is None else impacts.joints.titles
+    return ", ".join([*(f"Impact {name!r}" for name in impacts.names), *titles])

@@ -63,6 +63,7 @@ class Explicit(CompiledSolver):
             _compiled_start(start, x, p),
             at(frozen.switches) if frozen and frozen.switches.numel() else None,
             None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
+            at(frozen.ranged) if frozen and frozen.ranged is not None else None,
         )
         if isinstance(control, Tolerances) and not has_compiler():
             return ArrayEngine(f, times, control, ends, contacts)

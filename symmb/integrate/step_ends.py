@@ -30,11 +30,13 @@ class SwitchedProblem:
     problem : its last parameters are the sides
     switches : (2 m,) SX     switches and their rates
     ends : StepEnds
+    ranged : (m,) SX         switches of which bounds are taken; None: all
     """
 
     problem: InitialValueProblem
     switches: ca.SX
     ends: StepEnds
+    ranged: ca.SX | None = None
 
 
 def switched(problem: InitialValueProblem, dae: DAE, times: Array) -> SwitchedProblem | None:

@@ -116,6 +116,8 @@ class LinearEquations:
         moved = ca.SX(p)
         for number, value in zip(self.inputs, ca.vertsplit(u) if self.inputs else (), strict=True):
             moved[number] += value
+        if dae.impacts is not None:  # contacts and joints stay closed or open
+            more[dae.impacts.states.tolist()] = 0
         state = ca.vertcat(q, v0 + w, s0 + more)
         at = dae.arguments(state, moved, t)
         qdot, vdot, *sdot = dae.rhs(*at)
@@ -164,6 +166,8 @@ def independent(equations: LinearEquations, blocks: Blocks) -> Indices:
         return np.arange(equations.n_z)
     rank = dae.rank + dae.position_rank + len(rows) - dae.n_r - dae.n_c
     rows = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+    if dae.impacts is not None and dae.impacts.joints is not None:  # rows of open joints are 0
+        rank = int(np.linalg.matrix_rank(rows))
     order = cast(tuple[Any, ...], qr(rows, mode="r", pivoting=True))[-1]
     return np.setdiff1d(np.arange(equations.n_z), order[:rank])
 

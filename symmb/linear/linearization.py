@@ -111,7 +111,8 @@ def linearize(
 
 def formulation_of(scene: Scene) -> Formulation:
     """The scene in coordinates of its joints if it has some: these do not turn with bodies that spin in a joint."""
-    if scene.coordinates is None and scene.system.joint_space().joints.names:
+    can_choose = scene.coordinates is None and not scene.system.collected.gated
+    if can_choose and scene.system.joint_space().joints.names:
         with suppress(DeclarationError):
             scene = replace(scene, coordinates="joint")
             return cast(Formulation, formulations(scene)[1])
@@ -145,14 +146,14 @@ def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
 
 
 def free_states(equations: LinearEquations, blocks: Blocks, others: int = 0) -> Indices:
-    """Numbers of independent displacements, velocities and first-order states, without the flags of closed impacts.
+    """Numbers of independent displacements, velocities and first-order states, without those of events.
 
     Raises
     ------
     DeclarationError       if there are none, and no others either
     """
     dae = equations.dae
-    flags = 2 * dae.n_v + dae.impacts.closed if dae.impacts is not None else np.zeros(0, dtype=np.intp)
+    flags = 2 * dae.n_v + dae.impacts.states if dae.impacts is not None else np.zeros(0, dtype=np.intp)
     free = np.setdiff1d(independent(equations, blocks), flags)
     if not len(free) + others:
         raise DeclarationError("linearize: the scene has no state that can deviate: nothing in it moves freely.")

@@ -8,8 +8,8 @@ from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body, Ground, Inertial, Point, as_matrix, inertia_matrix
 from symmb.mechanics.constraint import Constraint, Motion
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
-from symmb.mechanics.element import Element
-from symmb.mechanics.figure import Figure, Window, final, first_time, margin_of, maximum, mean, minimum, value_at
+from symmb.mechanics.element import Element, law_value
+from symmb.mechanics.figure import Figure, Window, final, first_time, maximum, mean, minimum, value_at
 from symmb.mechanics.flexible_body import FlexibleBody
 from symmb.mechanics.force import (
     Action,
@@ -38,6 +38,7 @@ from symmb.mechanics.joint import (
     Universal,
     Weld,
 )
+from symmb.mechanics.joint_event import JointEvent, Latch, Release, closed_at_start, row_gates
 from symmb.mechanics.load import NonlinearSpring, Soil
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Frame, Particle, Planar, Spatial

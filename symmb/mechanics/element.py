@@ -107,7 +107,7 @@ def pair_faults(title: str, bodies: tuple[AbstractBody, ...]) -> Iterator[str]:
         yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to act on."
 
 
-def law_value(law: Callable[..., Expr], title: str, *arguments: ca.SX) -> Expr:
+def law_value(law: Callable[..., Expr], title: str, *arguments: Any) -> Expr:
     """The value of a user's law. What it raises becomes a DeclarationError."""
     try:
         return law(*arguments)

@@ -19,6 +19,8 @@ from symmb.mechanics import (
     Ground,
     Impact,
     Inertial,
+    JointEvent,
+    Latch,
     Load,
     OwnState,
     Parameters,
@@ -26,10 +28,13 @@ from symmb.mechanics import (
     Sampled,
     Spatial,
     Stop,
+    closed_at_start,
+    row_gates,
 )
 from symmb.model.binding import Binding
 from symmb.model.positive import Inertia, positive
 from symmb.model.validation import (
+    event_margin,
     held_faults,
     impact_law,
     mass_and_inertia,
@@ -85,6 +90,7 @@ class Collected:
     row_names: tuple[str, ...]
     sampled: tuple[tuple[Sampled, ca.SX], ...]  # with their laws
     impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
+    joint_events: tuple[tuple[JointEvent, ca.SX], ...]  # with their margins, below 0 where conditions hold
     assembly_cosines: ca.SX
     positive: tuple[tuple[str, ca.SX], ...]  # expressions that must be above 0 for all parameters, with their names
     loads: tuple[Load, ...]
@@ -103,6 +109,24 @@ class Collected:
             rows={name: slice(at, at + owners.count(name)) for name, at in first.items()},
             row_names=tuple(self.row_names[i] for i in numbers),
         )
+
+    @property
+    def has_events(self) -> bool:
+        """Whether there are impacts, or joints that open and close."""
+        return bool(self.impacts or self.joint_events)
+
+    @property
+    def gated(self) -> dict[str, bool]:
+        """Joints that open and close, and whether they are closed at the start."""
+        return closed_at_start(event for event, _ in self.joint_events)
+
+    @property
+    def gates(self) -> ca.SX | None:
+        """1 for every row that is in the equations, 0 for those of open joints, (n_r,); None if no joint opens."""
+        by_name = row_gates(event for event, _ in self.joint_events)
+        sizes = {name: where.stop - where.start for name, where in self.rows.items()}
+        gates = ca.vertcat(*[ca.repmat(by_name.get(name, ca.SX(1)), n, 1) for name, n in sizes.items()])
+        return gates if by_name else None
 
     @property
     def power(self) -> ca.SX:
@@ -185,6 +209,7 @@ class _Equations:
 
     constraints: list[Constraint]
     impacts: list[Impact]
+    joint_events: list[tuple[JointEvent, ca.SX]]
     states: list[OwnState]
     sampled: list[tuple[Sampled, ca.SX]]
     actions: dict[str, tuple[Action, ...]]
@@ -222,9 +247,11 @@ def _write_equations(
     sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in _of_kind(Sampled, states)]
     actions = {f.title: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
     declared = {c.name: attempt(nothing, c.position_rows, bind) for c in constraints}
+    events = [(e, ca.SX(1)) for e in _of_kind(JointEvent, elements)]
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,
+        joint_events=events,
         states=states,
         sampled=sampled,
         actions=actions,
@@ -234,7 +261,23 @@ def _write_equations(
         n_declared_rows=sum(rows.numel() for rows in declared.values()),
     )
     faults.lines += equations.faults()
+    if events and not faults.lines:
+        _gate_rows(equations, bind)
+        for k, (e, _) in enumerate(events):
+            events[k] = e, attempt(ca.SX(1), event_margin, e, equations.positions[e.joint.name], bind, what=e.title)
     return equations
+
+
+def _gate_rows(equations: _Equations, bind: Binding) -> None:
+    """Rows of joints that open or close are 0 while these are open, and those where they closed after a Latch."""
+    for name in row_gates(event for event, _ in equations.joint_events):
+        parts = []
+        for event, _ in equations.joint_events:
+            if event.joint.name == name:
+                own = equations.positions[name]
+                rows = position_rows(event.joint, event.rows(bind), bind) if isinstance(event, Latch) else own
+                parts.append(event.closed * ca.vertcat(*rows))
+        equations.positions[name] = ca.vertsplit(sum(parts[1:], parts[0]))
 
 
 def _of_kind(kind: type[T], elements: Sequence[object]) -> list[T]:
@@ -249,6 +292,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
     Phi, Psi = (stacked([*chain(*kind.values())]) for kind in (equations.positions, equations.velocities))
     gaps = [gap for gap, _ in equations.laws.values()]
     M = _diagcat([share.M for share in shares])
+    closed = closed_at_start(event for event, _ in equations.joint_events)
     own = [Coordinates(b.frame.q, b.frame.v, b.frame.rate, *_names(b)) for b in bodies]
     return Collected(
         bodies=bodies,
@@ -267,7 +311,8 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         rows=_row_slices(equations.positions, equations.velocities),
         row_names=_row_names(equations.positions) + _row_names(equations.velocities),
         impacts=tuple((name, *law) for name, law in equations.laws.items()),
-        assembly_cosines=stacked([c.assembly_cosines() for c in equations.constraints]),
+        joint_events=tuple(equations.joint_events),
+        assembly_cosines=stacked([c.assembly_cosines() for c in equations.constraints if closed.get(c.name, True)]),
         positive=tuple(positive(inertial, equations.constraints, bind)),
         loads=tuple(load for action in equations.every_action for load in action.loads),
         decoupled=(),
@@ -287,7 +332,9 @@ def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) 
     states = dict.fromkeys([*declared, *bind.states(ca.vertcat(*expressions, *laws))])
     for state in (reached := [*states]):  # which grows
         reached += [s for s in dict.fromkeys(bind.states(state.rate)) if s not in reached]
-    return tuple(dict.fromkeys([*reached, *(impact.state for impact in equations.impacts)]))
+    flags = [impact.state for impact in equations.impacts]
+    flags += [state for event, _ in equations.joint_events for state in event.states]
+    return tuple(dict.fromkeys([*reached, *flags]))
 
 
 def stacked(parts: Sequence[ca.SX]) -> ca.SX:
@@ -369,6 +416,7 @@ def _untouched(c: Collected) -> list[tuple[int, int]]:
     if not particles:
         return []
     laws = [*(state.rate for state in c.states), *(law for _, law in c.sampled), *(gap for _, gap, _ in c.impacts)]
+    laws += [margin for _, margin in c.joint_events]
     equations = ca.vertcat(c.Phi, c.Psi, c.Q, ca.vec(c.M), c.potential, *laws)
     pattern = ca.DM(ca.jacobian_sparsity(equations, ca.vertcat(c.q, c.v)), 1).full()
     in_q, in_v = np.split(np.any(pattern, axis=0), [c.q.numel()])

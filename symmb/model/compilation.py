@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, require_numbers
+from symmb._types import Array
 from symmb.model.contact_equations import ContactEquations
 from symmb.model.dae import DAE
 from symmb.model.lazy import Lazy
@@ -15,7 +16,7 @@ from symmb.model.redundancy import redundancy_equations
 from symmb.model.sampling import sampling_of
 from symmb.model.system import System
 from symmb.model.validation import require_inertia
-from symmb.symbolic import shared, t
+from symmb.symbolic import Symbol, shared, t
 
 Outputs = Mapping[str, ca.SX]
 """Expressions of a Function by the names of its outputs."""
@@ -62,7 +63,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     displacement = ca.SX.sym("delta", reduced.v.numel())
     moved = reduced.retract(displacement)
     retract = ca.Function("retract", [reduced.q, displacement], [moved], ["q", "delta"], ["q_new"])
-    contacts = ContactEquations(reduced) if c.impacts else None
+    contacts = ContactEquations(reduced) if c.impacts or c.joint_events else None
     functions: dict[str, ca.Function | None] = dict.fromkeys(("Phi", "Phi_dot", "G"))
     functions |= _functions(reduced, _rows(reduced))
     for name, values in (
@@ -84,9 +85,15 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
         positive=positive,
         positive_names=positive_names,
         impacts=None if contacts is None else contacts.compiled(retract),
+        s_rest=_constant_starts(c.states) if c.joint_events else None,
         sampling=sampling_of(system),
         **functions,  # pyright: ignore[reportArgumentType]
     )
+
+
+def _constant_starts(states: Sequence[Symbol]) -> Array:
+    """Where states start that start at a number, and 0 for others, (n_s,)."""
+    return np.array([float(s.value) if s.value.is_constant() else 0.0 for s in states])
 
 
 def _rows(system: System) -> dict[str, Outputs]:

@@ -1,4 +1,4 @@
-"""The equations of motion with closed contacts, and the equations of an impact.
+"""The equations of motion with closed contacts, and the equations of an impact and of a joint that closes.
 
 With gaps g, their rates g' = W v + g_t, and the effects B, L of unit forces along them,
 
@@ -15,8 +15,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Indices
+from symmb.mechanics import Latch
 from symmb.model.system import System
-from symmb.symbolic import common, symmetric_solver, t
+from symmb.symbolic import common, least_multipliers, symmetric_solver, t
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Impacts:
     ----------
     names : tuple of n str
     closed : (n,) indices       of the states s for closed contacts
+    joints : JointEvents        of joints that open and close, None without any
     gaps                        -> gaps (n,) and their rates (n,)
     forces                      -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the
                                 sizes of the terms in these sums (n,), and effective inertias 1 / D_kk (n,)
@@ -41,6 +43,50 @@ class Impacts:
     forces: ca.Function
     impulses: ca.Function
     project: ca.Function
+    joints: "JointEvents | None" = None
+
+    @property
+    def states(self) -> Indices:
+        """Numbers of the states s that change at events only."""
+        joints = self.joints
+        own = () if joints is None else (*joints.holding, *joints.flags, *joints.place)
+        return np.concatenate([self.closed, np.array(own, dtype=np.intp)])
+
+
+@dataclass(frozen=True)
+class JointEvents:
+    """Compiled equations of m events of joints; every Function takes (q, v, s, p, t).
+
+    Attributes
+    ----------
+    names, titles : m str       names of the joints, and of the events for messages
+    opens : m bool              whether the joint opens
+    holding : m int             the states s for conditions that hold
+    flags : m int               the states s for joints that the event keeps closed
+    others : m tuples of int    these states of other events of the same joint
+    rows : m slices             rows of the joints
+    by_force : m bool           whether the margin needs multipliers
+    place : k int               the states s that keep where joints closed
+    owners : k int              the events that set them
+    margins                     -> margins (m,), below 0 where conditions hold, and their rates (m,)
+    places                      -> where joints close now (k,)
+    jump                        -> v (n_v,), after the least change in the norm of M that makes the rates of all rows 0,
+                                impulses (n_r,) of the rows that are kept, and their work [J]
+    """
+
+    names: tuple[str, ...]
+    titles: tuple[str, ...]
+    opens: tuple[bool, ...]
+    holding: tuple[int, ...]
+    flags: tuple[int, ...]
+    others: tuple[tuple[int, ...], ...]
+    rows: tuple[slice, ...]
+    by_force: tuple[bool, ...]
+    place: tuple[int, ...]
+    owners: tuple[int, ...]
+    margins: ca.Function
+    places: ca.Function
+    jump: ca.Function
 
 
 class ContactEquations:
@@ -49,26 +95,38 @@ class ContactEquations:
     def __init__(self, system: System) -> None:
         c = self._c = system.collected
         self._system = system
-        self.gap = ca.vertcat(*[gap for _, gap, _ in c.impacts])
-        self.restitution = ca.vertcat(*[e for *_, e in c.impacts])
+        self.gap = ca.vertcat(ca.SX(0, 1), *[gap for _, gap, _ in c.impacts])
+        self.restitution = ca.vertcat(ca.SX(0, 1), *[e for *_, e in c.impacts])
         s_names = [state.name for state in c.states]
         self.closed = [s_names.index(f"{name}.closed") for name, *_ in c.impacts]
         self.rate = ca.densify(self._along(self.gap))
         self.W = ca.jacobian(self.rate, system.v)
         self.at_rest = ca.substitute(self.rate, system.v, ca.SX.zeros(system.v.shape))
         effects = [system.solve(ca.densify(self.W[k, :].T), ca.SX(len(c.row_names), 1)) for k in range(len(c.impacts))]
-        self.B = ca.horzcat(*[a for a, _ in effects])
-        self._L = ca.horzcat(*[lam for _, lam in effects])
-        flags = system.s[self.closed]
+        self.B = ca.horzcat(ca.SX(system.v.numel(), 0), *[a for a, _ in effects])
+        self._L = ca.horzcat(ca.SX(len(c.row_names), 0), *[lam for _, lam in effects])
+        flags = system.s[self.closed] if self.closed else ca.SX(0, 1)
         D, closed = self.W @ self.B, ca.diag(flags)
         self._D, self._flags = D, flags
-        self._solve = symmetric_solver(closed @ D @ closed + ca.diag(1 - flags))
+        self._solve = symmetric_solver(closed @ D @ closed + ca.diag(1 - flags)) if self.closed else lambda r: r
         self._zeta = self._along(self.rate)
 
     def _along(self, f: ca.SX) -> ca.SX:
         """d f / dt without accelerations."""
         system = self._system
         return ca.jtimes(f, system.q, system.qdot) + ca.jtimes(f, system.s, system.s_rate) + ca.jacobian(f, t)
+
+    def _margins(self, multipliers: ca.SX) -> ca.SX:
+        """Margins of the conditions at which joints open and close, (m,), some of which need multipliers (n_r,)."""
+        c, system = self._c, self._system
+        margins, symbols = ca.vertcat(*[e for _, e in c.joint_events]), [event.lam for event, _ in c.joint_events]
+        if not ca.depends_on(margins, ca.vertcat(*symbols)):
+            return margins
+        least, values = least_multipliers(system.G, system.G.T @ multipliers), []
+        for event, _ in c.joint_events:
+            own = least[c.rows.get(event.joint.name, slice(0, 0))]
+            values.append(ca.vertcat(own, ca.SX.zeros(event.lam.numel() - own.numel())))
+        return ca.substitute(margins, ca.vertcat(*symbols), ca.vertcat(*values))
 
     def _opposing(self, r: ca.SX) -> ca.SX:
         """Forces or impulses along closed gaps that compensate r, (n,)."""
@@ -100,6 +158,37 @@ class ContactEquations:
             dense = [ca.densify(e) for e in outputs.values()]
             return common(name, [*z], dense, names, list(outputs))
 
+        def joints() -> JointEvents:
+            events, s_names = [e for e, _ in c.joint_events], [state.name for state in c.states]
+            accelerations, multipliers = self.solve(system.Q, system.gamma)
+            margins = self._margins(multipliers)
+            own = [(k, state, value) for k, e in enumerate(events) if isinstance(e, Latch) for state, value in e.place]
+            flags = [s_names.index(e.flag.name) for e in events]
+            lam = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
+            at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
+            return JointEvents(
+                names=tuple(e.joint.name for e in events),
+                titles=tuple(e.title for e in events),
+                opens=tuple(e.opens for e in events),
+                holding=tuple(s_names.index(e.holding.name) for e in events),
+                flags=tuple(flags),
+                others=tuple(
+                    tuple(flags[i] for i, other in enumerate(events) if other.joint is e.joint and other is not e)
+                    for e in events
+                ),
+                rows=tuple(c.rows.get(e.joint.name, slice(0, 0)) for e in events),
+                by_force=tuple(ca.depends_on(margin, e.lam) for e, margin in c.joint_events),
+                place=tuple(s_names.index(state.name) for _, state, _ in own),
+                owners=tuple(k for k, *_ in own),
+                margins=function(
+                    "margins", margin=margins, rate=self._along(margins) + ca.jtimes(margins, system.v, accelerations)
+                ),
+                places=function("places", place=ca.vertcat(ca.SX(0, 1), *[value for *_, value in own])),
+                jump=function(
+                    "jump", v_new=system.v - lam[0], impulse=-lam[1], work=ca.dot(lam[1], system.Phi_dot / 2 - at_rest)
+                ),
+            )
+
         free, _ = system.solve(system.Q, system.gamma)
         force = self.force
         acceleration = self.W @ free + self._zeta + self._D @ force
@@ -107,6 +196,7 @@ class ContactEquations:
         return Impacts(
             names=tuple(name for name, *_ in c.impacts),
             closed=np.array(self.closed, dtype=np.intp),
+            joints=joints() if c.joint_events else None,
             gaps=function("gaps", gap=self.gap, rate=self.rate),
             forces=function("forces", force=force, acceleration=acceleration, size=size, inertia=1 / ca.diag(self._D)),
             impulses=function("impulses", W=self.W, B=self.B, at_rest=self.at_rest, restitution=self.restitution),

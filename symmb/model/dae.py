@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, shown
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Impacts
 from symmb.model.lazy import Lazy, known
@@ -249,6 +249,13 @@ class DAE:
     def n_r(self) -> int:
         """Number of rows in all, velocity-only ones included."""
         return len(self.row_names)
+
+    @property
+    def lasting(self) -> Indices:
+        """Numbers of the rows of joints that never open (k,)."""
+        gated = self.impacts.joints.names if self.impacts is not None and self.impacts.joints is not None else ()
+        rows = [np.arange(at.start, at.stop) for name, at in self.rows.items() if name not in gated]
+        return np.concatenate([np.arange(0), *rows])
 
     @property
     def rank(self) -> int:

@@ -42,10 +42,10 @@ def reaction(joints: Sequence[Joint], name: str, Phi: ca.SX, lam: Multipliers) -
         raise DeclarationError(
             f"Joint {name!r} has no multipliers in joint space. Take the reaction of the system of bodies."
         )
-    return _joint_reaction(known[name], Phi[lam.rows[name]], lam(name))
+    return joint_reaction(known[name], Phi[lam.rows[name]], lam(name))
 
 
-def _joint_reaction(joint: Joint, rows: ca.SX, lam: ca.SX) -> Reaction:
+def joint_reaction(joint: Joint, rows: ca.SX, lam: ca.SX) -> Reaction:
     """Reaction of a joint with position rows (n,) and multipliers (n,), by the virtual power of the rows."""
     onto_b = not isinstance(joint.point_b.body, Ground)
     point = joint.point_b if onto_b else joint.point_a

@@ -42,9 +42,10 @@ def system_text(
         ("constraints", _count(constraints)),
         ("forces", _count(forces)),
         ("impacts", ", ".join(name for name, *_ in c.impacts)),
+        ("events", ", ".join(f"{e.joint.name} {'opens' if e.opens else 'closes'}" for e, _ in c.joint_events)),
         ("sampled", ", ".join(f"{e.name} every {e.period:g} s" for e, _ in c.sampled)),
         ("parameters", ", ".join(parameters) or "none"),
-        ("coordinates", _coordinates(joints, in_joints)),
+        ("coordinates", _coordinates(c, joints, in_joints)),
         ("sizes", _sizes(c)),
         ("M", _mass_structure(M, block_sizes)),
         ("fell away", f"{dropped} of {c.n_declared_rows} rows of Phi vanish by structure" if dropped else ""),
@@ -55,7 +56,8 @@ def system_text(
 
 
 def _sizes(c: Collected) -> str:
-    freedom = c.v.numel() - len(c.row_names)
+    opened = sum(at.stop - at.start for name, at in c.rows.items() if not c.gated.get(name, True))
+    freedom = c.v.numel() - len(c.row_names) + opened
     return (
         f"n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
         + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")
@@ -64,7 +66,9 @@ def _sizes(c: Collected) -> str:
     )
 
 
-def _coordinates(joints: JointSpace, in_joints: bool) -> str:
+def _coordinates(c: Collected, joints: JointSpace, in_joints: bool) -> str:
+    if c.gated:
+        return "of the bodies, since joints open or close"
     if not joints.names:
         return "of the bodies, which no joint carries"
     if in_joints:

@@ -101,6 +101,9 @@ class System(Typeset):
         >>> system.q, system.v, system.Phi.numel()
         (SX(pin.angle), SX(pin.angle_rate), 0)
         """
+        if gated := self.collected.gated:
+            names = ", ".join(map(repr, gated))
+            raise DeclarationError(f"Coordinates of joints are not possible: {names} may open or close in a run.")
         joints = JointSpace(self.collected, self.elements, turns or {})
         return self._with(joints.collected, 0, joints)
 
@@ -261,7 +264,7 @@ class System(Typeset):
         if self._joints is not None and not self.G.shape[0]:
             return self._joints.solve
         coupled = any(body.nearly_singular for body in self.bodies)
-        return saddle_solver(self.M, self.G, self.block_sizes, coupled, self.nullity)
+        return saddle_solver(self.M, self.G, self.block_sizes, coupled, self.nullity, self.collected.gates)
 
     @cached_property
     def accelerations(self) -> ca.SX:

@@ -20,6 +20,7 @@ def _used(scene: Scene) -> frozenset[str]:
     expressions += [part for state in c.states for part in (state.rate, state.value)]
     expressions += [law for _, law in c.sampled]
     expressions += [part for _, *law in c.impacts for part in law]
+    expressions += [margin for _, margin in c.joint_events]
     for listed in (prescribed, guessed):
         for values in (listed.q, listed.v, listed.drift, listed.states):
             expressions += values.values()

@@ -19,16 +19,19 @@ from symmb.mechanics import (
     Element,
     Ground,
     Impact,
+    JointEvent,
     OwnState,
     Parameters,
     Particle,
     Sampled,
     as_matrix,
     inertia_matrix,
+    law_value,
 )
 from symmb.model.binding import Binding
 from symmb.model.box import Box
-from symmb.symbolic import is_zero
+from symmb.model.multipliers import joint_reaction
+from symmb.symbolic import is_zero, margin
 
 
 def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]:
@@ -181,6 +184,24 @@ def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[c
     if faults:
         raise DeclarationError("\n".join(faults))
     return gap, e
+
+
+def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.SX:
+    """The margin of the condition of the event of a joint with some rows as an SX scalar."""
+    condition, lam, what = event.condition, event.lam[: len(rows)], f"{event.title}: condition"
+    if callable(condition):
+        condition = law_value(condition, event.title, joint_reaction(event.joint, ca.vertcat(*rows), lam))
+    condition = bind(condition, what, {s.element_hash() for s in ca.vertsplit(lam)})
+    try:
+        value = margin(condition)
+    except DeclarationError as error:
+        raise DeclarationError(f"{what}: {error}") from None
+    if all(bind.is_parameter(s) for s in ca.symvar(value)):
+        raise DeclarationError(
+            f"{event.title}: the condition never changes. Write a comparison of coordinates, velocities or mb.t, such "
+            "as arm.theta > 0.8."
+        )
+    return value
 
 
 def plane_faults(title: str, action: Action) -> list[str]:

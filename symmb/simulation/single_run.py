@@ -106,7 +106,8 @@ def simulate(
         or one of `prepare`, which has a solver
     solver : Solver
         default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes; CVODES with
-        AugmentedLagrangian() if these fail; EventDriven() with impacts. `trajectory.reason` gives the reason
+        AugmentedLagrangian() if these fail; EventDriven() with impacts, and joints that open or close.
+        `trajectory.reason` gives the reason
     parameters : mapping
         values instead of the nominal ones; a list of them makes all these runs side by side
     check : bool
@@ -154,7 +155,7 @@ def simulate(
         if isinstance(scene, DAESimulator):
             prepared: DAESimulator | None = scene
         else:
-            has_solver = solver is not None or bool(own.system.collected.impacts)
+            has_solver = solver is not None or own.system.collected.has_events
             prepared = simulator_with(own, solver) if has_solver else None
         solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check)
         if own.figures:
@@ -297,7 +298,7 @@ def _switch_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
 def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
     """Whether the states of a run are below the gap of an impact."""
     dae, states = runs.simulator.dae, runs.done[solver][1].examination
-    if dae.impacts is None:
+    if dae.impacts is None or not dae.impacts.names:
         return ()
     x, p, t = ca.SX.sym("x", states.x.shape[1]), ca.SX.sym("p", len(runs.p)), ca.SX.sym("t")
     gaps = ca.Function("gaps", [x, p, t], dae.impacts.gaps.call([*dae.arguments(x, p, t)])[:1])

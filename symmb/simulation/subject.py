@@ -169,7 +169,7 @@ def with_figures(simulator: Simulator) -> Simulator:
 
 def prepare_equations(scene: Scene) -> DAESimulator:
     """A scene prepared for those who integrate nothing, or choose the solver themselves: no pilot run is made."""
-    return simulator_with(scene, None if scene.system.collected.impacts else CVODES())
+    return simulator_with(scene, None if scene.system.collected.has_events else CVODES())
 
 
 def scene_of(subject: Scene | DAESimulator) -> Scene:

@@ -61,7 +61,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
         counts of the integrator, and a report on the start
     setup_seconds, run_seconds : float
     events : tuple of Event
-        impacts, and contacts that close and open, in order
+        impacts, and contacts and joints that close and open, in order
     error : (n_t, n_y)
         estimated error of the outputs, of a run with check=True; None for others
     run_doubts : tuple of str
@@ -373,7 +373,8 @@ def _event_lines(events: Sequence[Event]) -> list[str]:
     parts = [f"{n} of {name!r}" for name, n in counts.items()]
     parts += [f"{e.name!r} {e.what} at {e.time:.6g} s" for e in events if e.what != "impact"]
     work = sum(event.work for event in events)
-    return [f"  impacts     {', '.join(parts[:6] + ['...'] * (len(parts) > 6))}; work {work:.4g} J"]
+    label = "impacts" if counts else "events"
+    return [f"  {label:<11} {', '.join(parts[:6] + ['...'] * (len(parts) > 6))}; work {work:.4g} J"]
 
 
 def _extremes(t: Array, values: Array, names: Sequence[str]) -> list[list[str]]:

@@ -136,5 +136,7 @@ def _flipped_joint(scene: Scene, dae: DAE, q: Array) -> str | None:
     if not cosines.min(initial=1.0) < 0:
         return None
     constraints = [e for e in scene.system.elements if isinstance(e, Constraint)]
+    gated = scene.system.collected.gated
+    constraints = [e for e in constraints if gated.get(e.name, True)]
     owners = [e.name for e in constraints for _ in range(e.assembly_cosines().numel())]
     return owners[int(cosines.argmin())]

@@ -27,7 +27,8 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
     if dae.G is not None:
         G = evaluated(dae.G, *map(np.atleast_1d, at)) * dae.displacement_scales
     driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
-    if not dae.n_v or len(scene.times) < 2 or v.any() or driven:
+    gated = any(scene.system.collected.gated.values())  # a joint that holds the mechanism may open
+    if not dae.n_v or len(scene.times) < 2 or v.any() or driven or gated:
         return
     if len(rows) == dae.n_v:
         if not scene.system.collected.decoupled and not _is_welded(scene):

@@ -85,7 +85,11 @@ def _is_angle(state: Symbol) -> bool:
 def listed_states(scene: Scene) -> Array:
     """States (n_s,) at the nominal parameters: listed ones, angles as they are listed or guessed, and 0."""
     states = {**_angle_states(scene, scene.guessed), **_listed_states(scene)}
-    s = np.zeros(len(scene.system.collected.states)) if scene.restart is None else scene.restart.s.copy()
+    collected = scene.system.collected
+    s = np.zeros(len(collected.states)) if scene.restart is None else scene.restart.s.copy()
+    if collected.joint_events and scene.restart is None:
+        for k, state in enumerate(collected.states):
+            s[k] = float(state.value) if state.value.is_constant() else 0.0
     for k, value in states.items():
         s[k] = float(ca.Function("value", [scene.system.p], [value])(scene.system.parameters.nominal))
     return s

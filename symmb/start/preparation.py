@@ -1,6 +1,6 @@
 """The start of a scene at the nominal parameters, and the decision on the unknowns of every sample."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -93,6 +93,20 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     check_velocities(start, p0)
     check_accelerations(start, rows.G, rows.sizes)
     return start
+
+
+def with_gated_rows(start: Start, dae: DAE, gated: Collection[str]) -> Start:
+    """A start with the equations of all rows, of which those of the joints `gated` may leave or enter in a run.
+
+    The rows that are kept are these, and independent ones of the others: those of a gated joint may depend on them.
+    """
+    own = start.dae
+    dae = replace(dae, s_rest=own.s_rest, s_start=own.s_start, sampling=own.sampling)
+    rows = _Rows(with_coarse_scales(dae, start.q_nominal, start.t0), start.q_nominal, start.t0)
+    lasting = [k for name, at in dae.rows.items() if name not in gated for k in range(at.start, at.stop)]
+    kept, _ = independent_rows_and_columns(rows.G[lasting])
+    every = np.setdiff1d(np.arange(dae.n_r), np.delete(lasting, kept))
+    return replace(start, dae=rows.dae, rows=tuple(every.tolist()), nullities=(0, 0))
 
 
 @dataclass(frozen=True, eq=False)

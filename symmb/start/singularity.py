@@ -33,19 +33,26 @@ class Singularity:
 
 
 def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
-    """The position closest to a singular one among states X (m, n_x), if one is close."""
-    if dae.G is None or not len(X):
+    """The position closest to a singular one among states X (m, n_x), if one is close.
+
+    Rows of joints that open and close do not count.
+    """
+    lasting = dae.lasting
+    if dae.G is None or not len(X) or not lasting.size:
         return None
+    rank = dae.rank + lasting.size - dae.n_r
     k = _closest(dae, X, p, times)
     if k is None:
         return None
     cuts = [dae.n_q, dae.n_q + dae.n_v] if dae.n_s else [dae.n_q]
-    G = evaluated(dae.G, *np.split(X[k], cuts), p, times[k : k + 1]) * dae.displacement_scales
+    G = evaluated(dae.G, *np.split(X[k], cuts), p, times[k : k + 1])[lasting] * dae.displacement_scales
     scale = np.linalg.norm(G, axis=1, keepdims=True)
     U, sigma, _ = np.linalg.svd(G / np.where(scale > 0, scale, 1.0), full_matrices=False)
-    shares = {name: float(np.abs(U[where, dae.rank - 1]).max()) for name, where in dae.rows.items()}
+    share = np.zeros(dae.n_r)
+    share[lasting] = np.abs(U[:, rank - 1])
+    shares = {name: float(share[where].max()) for name, where in dae.rows.items()}
     names = tuple(name for name, share in shares.items() if share > _BLAMED)
-    return Singularity(float(times[k]), float(sigma[dae.rank - 1] / sigma[0]), names)
+    return Singularity(float(times[k]), float(sigma[rank - 1] / sigma[0]), names)
 
 
 def _unit_rows(dae: DAE, _: Array) -> tuple[Program, Program, Mask]:
@@ -60,7 +67,7 @@ def _unit_rows(dae: DAE, _: Array) -> tuple[Program, Program, Mask]:
         if name.endswith(".e0"):
             k = dae.v_names.index(f"{name.removesuffix('e0')}omega_x")
             turned[k : k + 3, k : k + 3] = rotation_matrix(x[i : i + 4]).T
-    rows = ca.sparsify(cast(ca.Function, dae.G)(*dae.arguments(x, p, t)) @ turned)
+    rows = ca.sparsify(cast(ca.Function, dae.G)(*dae.arguments(x, p, t))[dae.lasting.tolist(), :] @ turned)
     lengths = ca.sqrt(ca.sum2(rows**2))
     rows = ca.diag(1 / ca.densify(lengths + (lengths == 0))) @ rows
     prepare, (entries,) = programs(graph_of(ca.Function("unit_rows", [x, p, t], [rows.T])))
@@ -75,7 +82,7 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
     below that of a singular position, and below the smallest one so far.
     """
     prepare, rows, where = dae.remembered(_unit_rows)
-    x = np.ascontiguousarray(X.T)
+    x, rank = np.ascontiguousarray(X.T), dae.rank + dae.lasting.size - dae.n_r
     with np.errstate(all="ignore"):
         entries = rows(x, prepare(x[:, :1], p[:, None], times[:1]), times)  # (n, m)
     squares = np.einsum("nm,nm->m", entries, entries)
@@ -86,7 +93,7 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
         asked = rest[::step]
         matrices = np.zeros((len(asked), *where.shape))
         matrices[:, where] = entries[:, asked].T
-        least, largest = np.linalg.svd(matrices, compute_uv=False)[:, [dae.rank - 1, 0]].T
+        least, largest = np.linalg.svd(matrices, compute_uv=False)[:, [rank - 1, 0]].T
         k = int((least / largest).argmin())
         if least[k] < smallest * largest[k]:
             closest, smallest = int(asked[k]), float(least[k] / largest[k])

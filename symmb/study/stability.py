@@ -257,8 +257,11 @@ class _StabilityStudy:
     def __init__(self, scene: Scene, progress: Callable[[str, int, int], None] | None) -> None:
         self._begin, self._progress = time.monotonic(), progress
         self.times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
-        if scene.system.collected.impacts:
-            raise SimulationError(f"{scene.name} has impacts, which only EventDriven() locates: no solvers to compare.")
+        if scene.system.collected.has_events:
+            raise SimulationError(
+                f"{scene.name} has impacts, or joints that open or close, which only EventDriven() locates: no solvers "
+                "to compare."
+            )
         self._simulator = prepare_equations(scene)
         if len(scene.times) < 2 or not self._simulator.dae.n_v:
             raise SimulationError(f"{scene.name} has no motion over a time to be tried.")

@@ -123,6 +123,21 @@ def least_multipliers(G: ca.SX, force: ca.SX) -> ca.SX:
     return ca.densify(columns @ (z + lifted(right - S @ z)))
 
 
+def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """Solver of S z = r for a semidefinite S (n, n) whose rows and columns are 0 where gates (n,) are.
+
+    z is 0 there. Rows with a gate may depend on others while they are there: they are lifted, and z is refined once.
+    """
+    gated = ca.DM([float(not gates[k].is_constant()) for k in range(gates.numel())])
+    lifted = symmetric_solver(S + ca.diag(1 - gates + _LIFT * gated * ca.diag(S)))
+
+    def solve(r: ca.SX) -> ca.SX:
+        z = lifted(r)
+        return z + lifted(r - S @ z - (1 - gates) * z)
+
+    return solve
+
+
 def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:
     """Rows (n,), of which combinations (n, k) vanish, with the same combinations of their multipliers added.
 
@@ -226,7 +241,7 @@ def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
 
 
 def saddle_solver(
-    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool = False, nullity: int = 0
+    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool = False, nullity: int = 0, gates: ca.SX | None = None
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
     """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
 
@@ -240,6 +255,7 @@ def saddle_solver(
     coupled : bool         blocks are regular but nearly singular, as of flexible bodies whose modes almost hold what
                            the frame does: M + G'w G is used as well, w what the rows see of the masses
     nullity : int          combinations of the rows of G that vanish wherever the constraints hold
+    gates : (n_c,) SX      0 for rows of G that are 0 as their joints are open, 1 for others
 
     Returns
     -------
@@ -248,6 +264,8 @@ def saddle_solver(
     n_c = G.shape[0]
 
     def factorize(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
+        if gates is not None:
+            return gated_solver(S, gates)
         return singular_solver(S, nullity) if nullity else symmetric_solver(S)
 
     singular = is_singular(M, sizes)

@@ -32,7 +32,7 @@ typedef struct {
   double *passes; /* (n, most_passes) times at which switches of the state are passed [s], NaN behind the last, or NULL */
   long most_passes;
   long steps, iterations, most; /* taken by all blocks; iterations of Newton's method, and the most in a step */
-  double *events;               /* (most_events, 8) as impacts.h notes them; there may be more */
+  double *events;               /* (most_events, EVENT) as impacts.h notes them; there may be more */
   long n_events, most_events;
 } Study;
 
@@ -63,7 +63,9 @@ typedef struct {
   long steps, iterations, most;
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 #if N_G > 0
-  V gap[2 * N_G], force[4 * N_G], law[2 * N_G * (N_V + 1)]; /* values of the functions of contacts, see impacts.h */
+  V gap[SIZE(2 * N_I)], force[SIZE(4 * N_I)], law[SIZE(2 * N_I * (N_V + 1))]; /* values of the functions of contacts, see
+                                                                              impacts.h */
+  V margin[SIZE(2 * N_E)], closing[SIZE(N_PLACE)], jumped[N_V + N_ROWS + 1];  /* and of joints */
   double crowd_start;     /* events follow each other at once from there */
   long n_events, n_crowd; /* in all, and since then */
 #endif

@@ -1,10 +1,16 @@
 /* Impacts, and contacts that close and open. Velocities jump by B P, where P are impulses along the gaps of contacts.
 
+   A joint that opens or closes has a state, flag_state, that is 1 while the joint's rows are among the others; other_state
+   are such states of other events of the same joint. It changes at the instant at which the margin of a condition falls
+   below 0. holding_state is 1 from then on, until the margin rises above 0. When rows enter, velocities jump, and place_state
+   keeps where the joint closes.
+
    A block is one sample here, since velocities of each jump at times of its own. The model gives gaps(x, c, t, out), with
    their rates behind them; forces(x, c, t, out): forces in closed contacts, accelerations of gaps, sizes of the terms of
-   these and effective inertias; impulses(x, c, t, out): W (N_G, N_V) and B (N_V, N_G) by columns, rates of gaps at rest and
-   restitutions; and held(x, c, t, out), the state moved into its closed contacts. contact_state tells the states that are 1
-   for closed contacts. LENGTH and ENERGY are sizes of the motion, displacement those of displacements (N_V). */
+   these and effective inertias; impulses(x, c, t, out): W (N_I, N_V) and B (N_V, N_I) by columns, rates of gaps at rest and
+   restitutions; held(x, c, t, out), the state moved into its closed contacts; margins(x, c, t, out), with their rates behind
+   them; places(x, c, t, out), the values of place_state; and jump(x, c, t, out): velocities after the jump, impulses of the
+   N_ROWS rows and their work. contact_state tells the states that are 1 for closed contacts. LENGTH and ENERGY are sizes of the motion, displacement those of displacements (N_V). */
 #ifndef IMPACTS_H
 #define IMPACTS_H
 
@@ -20,24 +26,27 @@ enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed 
 #define CROWD 1000
 #define MOST_EVENTS 50000   /* of a run: more mean a motion that bounces faster and faster */
 #define CONTACT_STEP 1e-13  /* share of the run's time: shorter steps after an event are lost in rounding */
+#define MOST_IMPULSES 6     /* rows of a joint */
+#define EVENT (8 + MOST_IMPULSES)
 
 /* Contacts at one instant. */
 typedef struct {
-  double rate[N_G], rest[N_G]; /* rates of gaps, and those that count as rest: a rebound rises no higher than rounding */
-  double D[N_G][N_G], impulse[N_G];
-  int touching[N_G], movable[N_G];
+  double rate[SIZE(N_I)], rest[SIZE(N_I)]; /* rates of gaps, and those that count as rest: a rebound rises no higher than rounding */
+  double D[SIZE(N_I)][SIZE(N_I)], impulse[SIZE(N_I)];
+  int touching[SIZE(N_I)], movable[SIZE(N_I)];
 } Instant;
 
-PRIVATE void note_event(const Block *b, Study *s, int what, int k, double from, double to, double work, int ordered) {
+PRIVATE void note_event(const Block *b, Study *s, int what, int k, double from, double to, double work, int ordered, const V *L, int n) {
   const long i = __atomic_fetch_add(&s->n_events, 1, __ATOMIC_RELAXED);
-  const double event[] = {b->sample[0], k, what, b->t, from, to, work, ordered};
-  if (i < s->most_events) memcpy(s->events + 8 * i, event, sizeof event);
+  double event[EVENT] = {b->sample[0], k, what, b->t, from, to, work, ordered};
+  for (int j = 0; j < n && j < MOST_IMPULSES; ++j) event[8 + j] = L[j][0];
+  if (i < s->most_events) memcpy(s->events + EVENT * i, event, sizeof event);
 }
 
 /* The sample fails by the contacts that are marked. Returns 0. */
 PRIVATE int blame(Block *b, Study *s, const int *marked, char why) {
-  for (int k = 0; k < N_G; ++k)
-    if (marked[k]) note_event(b, s, BLAMED, k, 0.0, 0.0, 0.0, 0);
+  for (int k = 0; k < N_I; ++k)
+    if (marked[k]) note_event(b, s, BLAMED, k, 0.0, 0.0, 0.0, 0, NULL, 0);
   fail_sample(b, s, 0, b->t, why);
   return 0;
 }
@@ -51,16 +60,17 @@ PRIVATE double in_turn(Instant *c, Block *b, Study *s, int last_first, const int
   memset(c->impulse, 0, sizeof c->impulse);
   for (int n = 0; n < MOST_IMPACTS; ++n) {
     int k = -1;
-    for (int i = 0; i < N_G; ++i)
+    for (int i = 0; i < N_I; ++i)
       if (hits(c, i) && c->movable[i] && (k < 0 || last_first)) k = i;
     if (k < 0) return all;
-    const double from = c->rate[k], to = -b->law[2 * N_G * N_V + N_G + k][0] * from, P = (to - from) / c->D[k][k];
-    const double work = P * ((from + to) / 2 - b->law[2 * N_G * N_V + k][0]);
-    for (int i = 0; i < N_G; ++i) c->rate[i] += c->D[i][k] * P;
+    const double from = c->rate[k], to = -b->law[2 * N_I * N_V + N_I + k][0] * from, P = (to - from) / c->D[k][k];
+    const double work = P * ((from + to) / 2 - b->law[2 * N_I * N_V + k][0]);
+    for (int i = 0; i < N_I; ++i) c->rate[i] += c->D[i][k] * P;
     c->rate[k] = to;
     c->impulse[k] += P;
     all += work;
-    if (ordered) note_event(b, s, IMPACT, k, from, to, work, *ordered);
+    const V L = each(P);
+    if (ordered) note_event(b, s, IMPACT, k, from, to, work, *ordered, &L, 1);
   }
   return NAN;
 }
@@ -68,14 +78,14 @@ PRIVATE double in_turn(Instant *c, Block *b, Study *s, int last_first, const int
 /* The jump of velocity i by the impulses P. */
 PRIVATE double jump_of(const Block *b, int i, const double *P) {
   double jump = 0.0;
-  for (int k = 0; k < N_G; ++k) jump += b->law[N_G * N_V + i + N_V * k][0] * P[k];
+  for (int k = 0; k < N_I; ++k) jump += b->law[N_I * N_V + i + N_V * k][0] * P[k];
   return jump;
 }
 
 /* Whether impacts that begin together would end otherwise from the last to the first. */
 PRIVATE int order_matters(const Instant *c, Block *b, Study *s) {
   int together = 0;
-  for (int k = 0; k < N_G; ++k) together += hits(c, k);
+  for (int k = 0; k < N_I; ++k) together += hits(c, k);
   if (together < 2) return 0;
   Instant one = *c, other = *c;
   in_turn(&one, b, s, 0, NULL);
@@ -91,20 +101,20 @@ PRIVATE int order_matters(const Instant *c, Block *b, Study *s) {
 /* Changes the velocities by the impacts. Returns 0 if the sample fails. */
 PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
   Part *a = b->part;
-  int immovable[N_G], any = 0;
+  int immovable[SIZE(N_I)], any = 0;
   impulses(a->x, a->c, each(b->t), b->law);
-  for (int k = 0; k < N_G; ++k) {
+  for (int k = 0; k < N_I; ++k) {
     double size = 0.0;
-    for (int i = 0; i < N_G; ++i) {
+    for (int i = 0; i < N_I; ++i) {
       c->D[k][i] = 0.0;
-      for (int j = 0; j < N_V; ++j) c->D[k][i] += b->law[k + N_G * j][0] * b->law[N_G * N_V + j + N_V * i][0];
+      for (int j = 0; j < N_V; ++j) c->D[k][i] += b->law[k + N_I * j][0] * b->law[N_I * N_V + j + N_V * i][0];
     }
-    for (int j = 0; j < N_V; ++j) size += pow(b->law[k + N_G * j][0] * displacement[j], 2.0);
+    for (int j = 0; j < N_V; ++j) size += pow(b->law[k + N_I * j][0] * displacement[j], 2.0);
     c->movable[k] = c->D[k][k] * ENERGY > SMALL * size;
   }
   const int ordered = order_matters(c, b, s);
   const double work = in_turn(c, b, s, 0, &ordered);
-  for (int k = 0; k < N_G; ++k) any |= immovable[k] = hits(c, k) && !c->movable[k];
+  for (int k = 0; k < N_I; ++k) any |= immovable[k] = hits(c, k) && !c->movable[k];
   if (any) return blame(b, s, immovable, IMMOVABLE);
   if (work != work) return blame(b, s, c->touching, UNENDING);
   if (N_WORK) a->x[place[N_X - 1]] += work;
@@ -115,28 +125,28 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
 /* Closes the slow contacts whose forces push. Returns 0 if they depend on each other. */
 PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
   Part *a = b->part;
-  int closed[N_G], any_closed = 0;
-  for (int k = 0; k < N_G; ++k) closed[k] = slow[k] && !released[k];
-  for (int n = 0; n < 3 * N_G + 3; ++n) {
-    double pull[N_G], most = 0.0;
+  int closed[SIZE(N_I)], any_closed = 0;
+  for (int k = 0; k < N_I; ++k) closed[k] = slow[k] && !released[k];
+  for (int n = 0; n < 3 * N_I + 3; ++n) {
+    double pull[SIZE(N_I)], most = 0.0;
     int changed = 0;
-    for (int k = 0; k < N_G; ++k) a->x[place[contact_state[k]]] = each(closed[k]);
+    for (int k = 0; k < N_I; ++k) a->x[place[contact_state[k]]] = each(closed[k]);
     forces(a->x, a->c, each(b->t), b->force);
-    for (int k = 0; k < N_G; ++k) {
-      const double force = b->force[k][0], size = b->force[2 * N_G + k][0];
+    for (int k = 0; k < N_I; ++k) {
+      const double force = b->force[k][0], size = b->force[2 * N_I + k][0];
       if (force * 0.0 != 0.0) return 0;
-      pull[k] = closed[k] ? force / b->force[3 * N_G + k][0] / (size > 0.0 ? size : 1.0) : 0.0;
+      pull[k] = closed[k] ? force / b->force[3 * N_I + k][0] / (size > 0.0 ? size : 1.0) : 0.0;
       most = fmin(most, pull[k]);
     }
-    for (int k = 0; k < N_G; ++k) {
+    for (int k = 0; k < N_I; ++k) {
       const int opens = pull[k] == most && most < -SMALL;
-      const int closes = !(most < -SMALL) && slow[k] && !closed[k] && b->force[N_G + k][0] < -SMALL * b->force[2 * N_G + k][0];
+      const int closes = !(most < -SMALL) && slow[k] && !closed[k] && b->force[N_I + k][0] < -SMALL * b->force[2 * N_I + k][0];
       changed |= opens || closes;
       closed[k] = (closed[k] && !opens) || closes;
     }
     if (!changed) break;
   }
-  for (int k = 0; k < N_G; ++k) any_closed |= is_closed(a, k);
+  for (int k = 0; k < N_I; ++k) any_closed |= is_closed(a, k);
   if (any_closed) {
     held(a->x, a->c, each(b->t), a->x_new);
     memcpy(a->x, a->x_new, sizeof a->x);
@@ -152,37 +162,102 @@ PRIVATE int is_endless(Block *b, double span) {
   return b->n_crowd > CROWD || ++b->n_events > MOST_EVENTS;
 }
 
-/* Continues after an event, at which a contact closes, or number contact - N_G opens; -1 where none is known. Returns 0 if
-   the sample fails. */
+#if N_E > 0
+PRIVATE double flag(const Part *a, const int *states, int k) { return a->x[place[states[k]]][0]; }
+
+/* Whether event k would change its joint: it opens a closed one, or closes an open one. */
+PRIVATE int is_armed(const Part *a, int k) {
+  double closed = flag(a, flag_state, k);
+  for (int i = 0; i < N_OTHERS; ++i) closed += other_owner[i] == k ? flag(a, other_state, i) : 0.0;
+  return opens[k] == (closed > 0.5);
+}
+
+/* Opens or closes the joint of event k. */
+PRIVATE void move_joint(Block *b, int k) {
+  Part *a = b->part;
+  a->x[place[flag_state[k]]] = each(!opens[k]);
+  for (int i = 0; i < N_OTHERS; ++i)
+    if (other_owner[i] == k) a->x[place[other_state[i]]] = zero();
+  for (int i = 0; i < N_PLACE && !opens[k]; ++i)
+    if (place_owner[i] == k) a->x[place[place_state[i]]] = b->closing[i];
+}
+
+/* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. A
+   condition that holds before its event is armed must first cease to. */
+PRIVATE void move_joints(Block *b, Study *s, int passed) {
+  Part *a = b->part;
+  for (int n = 0; n <= 2 * N_E; ++n, passed = -1) {
+    int acts[N_E], any = 0, closes = 0;
+    double rate[N_E], work = 0.0;
+    margins(a->x, a->c, each(b->t), b->margin);
+    places(a->x, a->c, each(b->t), b->closing);
+    for (int k = 0; k < N_E; ++k) {
+      const double off = hysteresis[N_S - N_E + k], margin = b->margin[k][0];
+      const int held = flag(a, holding_state, k) > 0.5, armed = is_armed(a, k);
+      const int falls = margin < -off || (armed && margin <= off && b->margin[N_E + k][0] < 0.0);
+      const int holds = k == passed ? !held : held ? margin <= off : falls;
+      a->x[place[holding_state[k]]] = each(holds);
+      rate[k] = b->margin[N_E + k][0];
+      acts[k] = armed && holds && !held;
+      any |= acts[k];
+      closes |= acts[k] && !opens[k];
+    }
+    if (!any) return;
+    for (int k = 0; k < N_E; ++k)
+      if (acts[k]) move_joint(b, k);
+    memset(b->jumped, 0, sizeof b->jumped);
+    if (closes) {
+      jump(a->x, a->c, each(b->t), b->jumped);
+      for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] = b->jumped[i];
+      work = b->jumped[N_V + N_ROWS][0];
+      if (N_WORK) a->x[place[N_X - 1]] += work;
+      margins(a->x, a->c, each(b->t), b->margin);
+    }
+    for (int k = 0; k < N_E; ++k) {
+      if (!acts[k]) continue;
+      const double after = b->margin[N_E + k][0];
+      if (opens[k]) note_event(b, s, OPENS, N_I + k, rate[k], after, 0.0, 0, NULL, 0);
+      else note_event(b, s, CLOSES, N_I + k, rate[k], after, work, 0, b->jumped + N_V + first_row[k], count_row[k]);
+      work = opens[k] ? work : 0.0;
+    }
+  }
+}
+#else
+PRIVATE void move_joints(Block *b, Study *s, int passed) { (void)b, (void)s, (void)passed; }
+#endif
+
+/* Continues after an event, at which a contact closes or a joint's condition changes, or contact number contact - N_G opens;
+   -1 where none is known. Returns 0 if the sample fails. */
 PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
   Part *a = b->part;
   const double span = s->times[s->n_t - 1] - s->times[0];
-  int before[N_G], slow[N_G], released[N_G], now[N_G];
+  int before[SIZE(N_I)], slow[SIZE(N_I)], released[SIZE(N_I)], now[SIZE(N_I)];
   double fastest = 0.0, flight = INFINITY;
   Instant c;
+  move_joints(b, s, contact < N_G ? contact - N_I : -1);
   gaps(a->x, a->c, each(b->t), b->gap);
   forces(a->x, a->c, each(b->t), b->force);
-  for (int k = 0; k < N_G; ++k) {
-    const double slack = SMALL * b->force[2 * N_G + k][0] * b->force[3 * N_G + k][0];
+  for (int k = 0; k < N_I; ++k) {
+    const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
     before[k] = is_closed(a, k);
     released[k] = before[k] && (contact == N_G + k || (contact >= N_G && b->force[k][0] + slack < 0.0));
     c.touching[k] = before[k] || contact == k || b->gap[k][0] <= 8.0 * ROUNDING * LENGTH;
-    c.rate[k] = b->gap[N_G + k][0];
+    c.rate[k] = b->gap[N_I + k][0];
     if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
   }
-  for (int k = 0; k < N_G; ++k) c.rest[k] = fmax(sqrt(2.0 * ROUNDING * LENGTH * b->force[2 * N_G + k][0]), SMALL * fastest);
+  for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * ROUNDING * LENGTH * b->force[2 * N_I + k][0]), SMALL * fastest);
   if (!apply_impulses(&c, b, s)) return 0;
-  for (int k = 0; k < N_G; ++k) slow[k] = c.touching[k] && fabs(c.rate[k]) <= c.rest[k];
+  for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && fabs(c.rate[k]) <= c.rest[k];
   const int closes = close_contacts(b, slow, released);
-  for (int k = 0; k < N_G; ++k) now[k] = is_closed(a, k);
+  for (int k = 0; k < N_I; ++k) now[k] = is_closed(a, k);
   if (!closes) return blame(b, s, now, DEPENDENT);
-  for (int k = 0; k < N_G; ++k)
-    if (now[k] && !before[k]) note_event(b, s, CLOSES, k, 0.0, 0.0, 0.0, 0);
-  for (int k = 0; k < N_G; ++k)
-    if (before[k] && !now[k]) note_event(b, s, OPENS, k, 0.0, 0.0, 0.0, 0);
+  for (int k = 0; k < N_I; ++k)
+    if (now[k] && !before[k]) note_event(b, s, CLOSES, k, 0.0, 0.0, 0.0, 0, NULL, 0);
+  for (int k = 0; k < N_I; ++k)
+    if (before[k] && !now[k]) note_event(b, s, OPENS, k, 0.0, 0.0, 0.0, 0, NULL, 0);
   settle(b);
-  for (int k = 0, i = N_S - N_G; k < N_G; ++k, ++i) {
-    const double acceleration = b->force[N_G + k][0];
+  for (int k = 0, i = N_S - N_G; k < N_I; ++k, ++i) {
+    const double acceleration = b->force[N_I + k][0];
     if (now[k] || !c.touching[k]) continue;
     if (c.rate[k] > c.rest[k] && acceleration < 0.0) flight = fmin(flight, -2.0 * c.rate[k] / acceleration);
     if (!slow[k]) continue;

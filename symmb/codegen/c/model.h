@@ -15,7 +15,9 @@
 #define PROJECTED 0 /* 1: project() moves states onto the constraints */
 #define N_RANGED 0  /* states that the bounds of switches depend on; switches.h */
 #define N_S 0       /* switches of the state, whose sides are the last parameters; switches.h */
-#define N_G 0       /* contacts, whose gaps are the last switches; impacts.h */
+#define N_G 0       /* contacts, and events of joints, whose gaps and margins are the last switches; impacts.h */
+#define N_I 0       /* contacts among them */
+#define N_E 0       /* events of joints among them */
 #define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns */
 #define N_U 0
 enum { STEPS, OUTPUT, NEWTON, MANY, STICKS, IMMOVABLE, UNENDING, DEPENDENT, ENDLESS }; /* why a sample failed, see FailureCode */

@@ -6,8 +6,8 @@
    step begins beyond it. switches(x, c, t, u) gives the N_S switches, and changes(x, c, t, u) their rates. Sides, 1 or -1,
    are the last of the parameters.
 
-   The last N_G switches are gaps of open contacts, and 1 of closed ones. They keep their side. A gap that begins below 0 by
-   rounding is raised to 0. A closed contact opens where the force in it falls to 0: switch N_S + k is that of contact k. */
+   The last N_G switches are gaps of N_I open contacts, and 1 of closed ones, and margins of conditions at which joints open
+   and close. They keep their side. One that begins below 0 by rounding is raised to 0. A closed contact opens where the force in it falls to 0: switch N_S + k is that of contact k. */
 #ifndef SWITCHES_H
 #define SWITCHES_H
 
@@ -48,6 +48,7 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9: a slope is off the cubic's by this many times the largest distance */
 #define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
 #define SMALL 1e-12         /* share of the terms of a sum below which the sum is zero but for rounding */
+#define FORCE_SHARE 0.125   /* share of a step, of parts in which a force that opens a joint may pass once, for the same reason */
 #define FORCE_PARTS 6       /* equal parts of a step, in each of which the force in a closed contact may change sign once:
                                its range is that of a linear system, too wide to tell more. tests/events/test_impacts.py */
 
@@ -84,20 +85,21 @@ PRIVATE void settle(Block *b) {
     for (int k = 0; k < N_S; ++k) a->raised[k] = each(hysteresis[k]);
     on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
     for (int k = N_S - N_G; k < N_S; ++k) {
-      a->raised[k] = v_larger(-a->u[k], zero());
-      a->u[k] += a->raised[k];
+      const V lift = v_larger(-a->u[k], zero());
+      a->raised[k] += lift;
+      a->u[k] += lift;
     }
   }
 }
 
-#if N_G > 0
+#if N_I > 0
 /* Whether contact k is closed. */
 PRIVATE int is_closed(const Part *a, int k) { return a->x[place[contact_state[k]]][0] > 0.5; }
 
 /* The force in closed contact k at x, raised by its rounding: a pull above it opens the contact. */
 PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) {
   forces(x, (V *)a->c, t, b->force);
-  return b->force[k] + SMALL * b->force[2 * N_G + k] * b->force[3 * N_G + k];
+  return b->force[k] + SMALL * b->force[2 * N_I + k] * b->force[3 * N_I + k];
 }
 #else
 PRIVATE int is_closed(const Part *a, int k) { (void)a, (void)k; return 0; }
@@ -118,6 +120,15 @@ PRIVATE void bound_state(Part *a, int row, double share, V x, V dx, V x_end, V d
   box[3 * N_X] = v_larger(first, last) + v_larger(zero(), bend) + slope_off;
 }
 
+/* Whether switch k is the margin of a joint that opens by its force. */
+PRIVATE int is_by_force(int k) {
+#if N_E > 0
+  return k >= N_S - N_E && by_force[k - N_S + N_E];
+#else
+  return 0 * k;
+#endif
+}
+
 /* Where ranges of switches and of their rates over the box leave a pass open that the values u and u_end at the ends of the
    part do not tell: a switch that is not monotone, and may fall below 0 by more than rounding and rise again. */
 PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, const V *u_end) {
@@ -128,6 +139,10 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
   time[2] = each(share * h);
   bounds(a->box, a->c, zero(), range);
   for (int k = 0; k < N_S; ++k) {
+    if (is_by_force(k)) {
+      open |= (M)(each(share) > FORCE_SHARE);
+      continue;
+    }
     const M up = (M)(sides(a)[k] > 0.0);
     const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
     const V rounding = each(share < 1.0 ? SLIGHT * hysteresis[k] : 0.0); /* a whole step near a switch is looked at in halves */
@@ -144,7 +159,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
    slope at the end in k. */
 PRIVATE int may_pass(Block *b, int last) {
   M any = (M)zero();
-  for (int k = 0; k < N_G; ++k) any |= is_closed(b->part, k) - (M)zero();
+  for (int k = 0; k < N_I; ++k) any |= is_closed(b->part, k) - (M)zero();
   EACH_PART(b) {
     for (int k = 0; k < N_S; ++k) {
       const V u = a->u[k] - a->raised[k];
@@ -247,7 +262,7 @@ PRIVATE void bound_part(Part *a, double low, double high) {
 /* The first share of the step, before the given one, at which a closed contact opens, or the given one. */
 PRIVATE double first_release(Block *b, double first) {
   Part *a = b->part;
-  for (int k = 0; k < N_G; ++k) {
+  for (int k = 0; k < N_I; ++k) {
     if (!is_closed(a, k)) continue;
     V from = switch_at(a, b, N_S + k, zero());
     for (int i = 1; i <= FORCE_PARTS; ++i) {

@@ -1,0 +1,101 @@
+"""Joints that open and close, on arrays of many samples. It is the work of c/impacts.h."""
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.codegen import CLOSES, OPENS, PostImpact
+from symmb.model import DAE, JointEvents
+from symmb.symbolic import batch
+
+
+def evaluate_padded(f: ca.Function, *arguments: Array) -> list[Array]:
+    """A Function of N samples, all arguments (N, n), padded to a power of 2: CasADi keeps one map for each number."""
+    N = len(arguments[0])
+    if N < 2:
+        return list(batch(f, *arguments))
+    rows = np.minimum(np.arange(1 << (N - 1).bit_length()), N - 1)
+    return [values[:N] for values in batch(f, *[a[rows] for a in arguments])]
+
+
+def arguments_of(dae: DAE, x: Array, p: Array, t: Array) -> tuple[Array, ...]:
+    """States (N, n_x), parameters (N, n_p) and times (N,) as the Functions of impacts take them."""
+    x, p = x[:, : dae.n_q + dae.n_v + dae.n_s], p[:, : len(dae.p_names)]
+    return (*np.split(x, [dae.n_q, dae.n_q + dae.n_v], axis=1), p, t[:, None])
+
+
+class JointLaws:
+    """What events do to the joints of a DAE. Margins (m,) up to some tolerances are 0 but for rounding."""
+
+    def __init__(self, dae: DAE, joints: JointEvents, tolerances: tuple[float, ...]) -> None:
+        self._dae, self._joints, self._tolerances = dae, joints, np.array(tolerances)
+        at = dae.n_q + dae.n_v
+        self._holding, self._flags = (at + np.array(k, dtype=np.intp) for k in (joints.holding, joints.flags))
+        self._place, self._owners = at + np.array(joints.place, dtype=np.intp), np.array(joints.owners)
+        self._opens, self.count = np.array(joints.opens), len(joints.names)
+        same = np.array(joints.names)[:, None] == joints.names
+        self._same = same.astype(float)  # events of the same joint
+
+    def _margins(self, x: Array, p: Array, t: Array) -> list[Array]:
+        return evaluate_padded(self._joints.margins, *arguments_of(self._dae, x, p, t))
+
+    def _armed(self, x: Array) -> Mask:
+        """Whether events would change their joints: open a closed one, or close an open one, (N, m)."""
+        return np.asarray((x[:, self._flags] @ self._same > 0.5) == self._opens)
+
+    def started(self, x: Array, p: Array, t: Array) -> Array:
+        """States at the start, with the conditions that hold there."""
+        x = x.copy()
+        x[:, self._holding] = self._margins(x, p, t)[0] < -self._tolerances
+        return x
+
+    def start_faults(self, x: Array, p: Array, t: Array) -> dict[int, str]:
+        """Samples whose joints would have opened or closed before the start."""
+        holds = (self._margins(x, p, t)[0] < -self._tolerances) & self._armed(x)
+        return {
+            i: f"{self._joints.titles[k]}: its condition holds at the start, and counts where it becomes true; start "
+            f"where it does not hold, or {'leave the joint out' if self._opens[k] else 'leave the Latch out'}"
+            for i, k in np.argwhere(holds)[::-1].tolist()
+        }
+
+    def __call__(self, after: PostImpact, p: Array, t: Array, passed: Indices, first: int) -> Array:
+        """Open and close joints whose conditions begin to hold, and change the states of `after`, which are returned.
+
+        Parameters
+        ----------
+        passed : (N,) indices the event whose margin has just passed 0, -1 without
+        first : int           number of the first event among those that are noted
+        """
+        x, n_v = after.x, slice(self._dae.n_q, self._dae.n_q + self._dae.n_v)
+        passed, every = passed.copy(), np.arange(self.count)
+        for _ in range(2 * self.count + 1):
+            margin, rate = self._margins(x, p, t)
+            (place,) = evaluate_padded(self._joints.places, *arguments_of(self._dae, x, p, t))
+            held, rounding, armed = x[:, self._holding] > 0.5, self._tolerances, self._armed(x)
+            falls = (margin < -rounding) | (armed & (margin <= rounding) & (rate < 0))
+            holds = np.where(passed[:, None] == every, ~held, np.where(held, margin <= rounding, falls))
+            x[:, self._holding] = holds
+            acts = armed & holds & ~held
+            if not acts.any():
+                break
+            for k in every.tolist():
+                some, own = acts[:, k], self._owners == k
+                x[np.ix_(some, self._flags[self._same[k] > 0])] = 0.0
+                x[some, self._flags[k]] = float(not self._opens[k])
+                x[np.ix_(some, self._place[own])] = place[np.ix_(some, own)]
+            v, impulse, work = evaluate_padded(self._joints.jump, *arguments_of(self._dae, x, p, t))
+            closes = (acts & ~self._opens).any(axis=1)
+            x[closes, n_v] = v[closes]
+            after.work[closes] += work[closes, 0]
+            rate_after = self._margins(x, p, t)[1]
+            left = np.where(closes, work[:, 0], 0.0)
+            for i, k in np.argwhere(acts).tolist():
+                rates = float(rate[i, k]), float(rate_after[i, k])
+                if self._opens[k]:
+                    after.note(i, first + k, OPENS, float(t[i]), *rates, 0.0, 0.0)
+                else:
+                    own = impulse[i, self._joints.rows[k]].tolist()
+                    after.note(i, first + k, CLOSES, float(t[i]), *rates, float(left[i]), 0.0, *own)
+                    left[i] = 0.0
+            passed[:] = -1
+        return x
