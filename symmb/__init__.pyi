@@ -96,6 +96,11 @@ from .mechanics.pose import Planar as Planar
 from .mechanics.pose import Spatial as Spatial
 from .mechanics.rotation import rotation as rotation
 from .mechanics.sampled import Sampled as Sampled
+from .mechanics.rope import Rope as Rope
+from .mechanics.shape_contact import BoxContact as BoxContact
+from .mechanics.shape_contact import CircleContact as CircleContact
+from .mechanics.shape_contact import SlotContact as SlotContact
+from .mechanics.shape_contact import SphereContact as SphereContact
 from .mechanics.state import State as State
 from .mechanics.table import Table as Table
 from .mechanics.urdf import load_urdf as load_urdf
