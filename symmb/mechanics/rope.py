@@ -112,7 +112,7 @@ def _way(places: Sequence[ca.SX], radii: Sequence[ca.SX]) -> tuple[ca.SX, list[c
         d, across = b - a, s - r
         squared = ca.fmax(ca.sumsqr(d), MEETING**2)
         straight = ca.sqrt(squared - across**2)
-        directions.append((straight * d + across * ca.cross(Z, d)) / squared)
+        directions.append((straight * d - across * ca.cross(Z, d)) / squared)
         way += straight
     for radius, before, behind in zip(radii[1:-1], directions, directions[1:]):
         if not radius.is_zero():

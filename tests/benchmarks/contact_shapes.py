@@ -1,0 +1,308 @@
+"""Contacts of shapes and ropes against integrations by SciPy: 30 random ones each, with lift-off and return.
+
+    python tests/benchmarks/contact_shapes.py [names] [--count 30]
+
+The forces are written again in NumPy, with feet by geometry of their own. SciPy's DOP853 stops where a gap opens or
+closes, and goes on from there.
+"""
+
+import argparse
+import sys
+import time
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
+
+import symmb as mb
+
+TOLERANCE, SOLVER = 1e-7, mb.DormandPrince(rtol=1e-11)
+K, MU, SPEED, CHI = 1e5, 0.3, 0.05, 0.05
+
+
+def cross(a, b):
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def turned(angle, v):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1]])
+
+
+def hertz(depth, rate, chi):
+    return K * depth**1.5 * max(1 + chi * rate, 0.0) if depth > 0 else 0.0
+
+
+def coulomb(slip):
+    w = slip / SPEED
+    size = np.sqrt(w @ w + 1e-8)
+    return -MU * np.tanh(4 * size) / size * w
+
+
+class Law:
+    """Hertz with losses and friction, or without either."""
+
+    def __init__(self, lossy):
+        self.lossy, self.chi = lossy, CHI if lossy else 0.0
+        e = 1 - self.chi / 1.5
+        self.law = mb.HuntCrossley(K, e, 1.0)
+        self.friction = mb.Coulomb(MU, SPEED) if lossy else None
+
+    def force(self, gap, rate, normal, slip):
+        f = hertz(-gap, -rate, self.chi)
+        return f * normal + (f * coulomb(slip) if self.lossy else 0.0)
+
+
+def marched(rates, gaps, y, times):
+    """States at times (n_t, n): integrated from gap to gap."""
+    events = []
+    for k in range(len(gaps(y))):
+        event = lambda t, y, k=k: gaps(y)[k]  # noqa: E731
+        event.terminal = True
+        events.append(event)
+    t, found = times[0], [y]
+    for end in times[1:]:
+        while t < end:
+            run = solve_ivp(rates, (t, end), y, "DOP853", rtol=1e-12, atol=1e-13, events=events, max_step=2e-3)
+            y, at = run.y[:, -1], run.t[-1]
+            if run.status == 1:  # past the event by a little
+                on = solve_ivp(rates, (at, min(at + 1e-7, end)), y, "DOP853", rtol=1e-12, atol=1e-13)
+                y, at = on.y[:, -1], on.t[-1]
+            t = at
+        found.append(y)
+    return np.array(found)
+
+
+def planar(shape, law, m, J):
+    """Rates and gaps of two planar bodies a, b; `shape(offset) -> [(height, normal, radius)]` in the axes of a.
+
+    The point of b is its centre. y = x_a, y_a, theta_a, x_b, y_b, theta_b and their rates.
+    """
+
+    def touching(y):
+        return [(h - r, turned(y[2], n), h) for h, n, r in shape(turned(-y[2], y[3:5] - y[:2]))]
+
+    def rates(t, y):
+        out = np.concatenate([y[6:], np.zeros(6)])
+        for gap, n, h in touching(y):
+            foot = y[3:5] - h * n
+            v = [y[i + 6 : i + 8] + y[i + 8] * np.array([-(foot - y[i : i + 2])[1], (foot - y[i : i + 2])[0]]) for i in (0, 3)]
+            slip = v[1] - v[0]
+            f = law.force(gap, slip @ n, n, slip - (slip @ n) * n)
+            for i, sign in ((0, -1), (3, 1)):
+                out[i + 6 : i + 8] += sign * f / m
+                out[i + 8] += sign * cross(foot - y[i : i + 2], f) / J
+        return out
+
+    return rates, lambda y: [gap for gap, _, _ in touching(y)]
+
+
+def two_bodies(rng, make, shape, law, b_at, aim=None, end=1.0):
+    """A scene of two planar bodies, b flying to a from b_at, and its reference."""
+    m, J = rng.uniform(0.5, 2), rng.uniform(0.05, 0.2)
+    a, b = (mb.Body(name, m, J, mb.Planar()) for name in "ab")
+    start = np.zeros(12)
+    start[3:5] = b_at
+    aim = np.zeros(2) if aim is None else aim
+    toward = aim - b_at
+    start[9:11] = toward / max(np.linalg.norm(toward), 0.2) * rng.uniform(0.5, 1.5) + rng.uniform(-0.2, 0.2, 2)
+    start[[8, 11]] = rng.uniform(-1.5, 1.5, 2)
+    names = [f"{n}.{c}" for n in "ab" for c in ("x", "y", "theta")] + [f"{n}.{c}" for n in "ab" for c in ("vx", "vy", "omega")]
+    times = np.linspace(0, end, 5)
+    system = mb.System(a, b, make(a.point(0, 0), b.point(0, 0), law))
+    scene = mb.Scene(system, dict(zip(names, start.tolist())), times, {n: getattr(a if n[0] == "a" else b, n[2:]) for n in names})
+    return scene, marched(*planar(shape, law, m, J), start, times)
+
+
+def circle(rng):
+    inside = rng.uniform() < 0.5
+    ra, rb = (rng.uniform(0.4, 0.6), rng.uniform(0.1, 0.3)) if inside else rng.uniform(0.1, 0.3, 2)
+    law = Law(rng.uniform() < 0.5)
+
+    def shape(d):
+        dist = np.hypot(*d)
+        return [(ra - dist, -d / dist, rb) if inside else (dist - ra, d / dist, rb)]
+
+    at = rng.uniform(-0.1, 0.1, 2) if inside else (ra + rb) * 1.1 * turned(rng.uniform(0, 6.28), np.array([1.0, 0]))
+    aim = rng.uniform(-0.5, 0.5, 2) if inside else None
+    return two_bodies(rng, lambda a, b, w: mb.CircleContact("c", a, b, ra, rb, w.law, w.friction, inside), shape, law, at, aim)
+
+
+def slot(rng):
+    inside = rng.uniform() < 0.6
+    ra, rb, length = (0.12, 0.1, rng.uniform(0.1, 0.4)) if inside else (0.1, 0.15, rng.uniform(0.2, 0.5))
+    u, law = turned(rng.uniform(0, 6.28), np.array([1.0, 0])), Law(rng.uniform() < 0.5)
+
+    def shape(d):
+        e = d - np.clip(d @ u, 0, length) * u
+        dist = max(np.hypot(*e), 1e-9)
+        return [(ra - dist, -e / dist, rb) if inside else (dist - ra, e / dist, rb)]
+
+    middle = length / 2 * u
+    at = middle if inside else middle + (length / 2 + ra + rb) * 1.1 * turned(rng.uniform(0, 6.28), np.array([1.0, 0]))
+    aim = middle + rng.uniform(-0.5, 0.5, 2) if inside else middle
+    make = lambda a, b, w: mb.SlotContact("c", a, b, tuple(3 * u), length, ra, rb, w.law, w.friction, inside)  # noqa: E731
+    return two_bodies(rng, make, shape, law, at, aim)
+
+
+def particles(rng, law, a_moves, touching, make, start, end=1.0):
+    """One or two particles in space: y = r_a, r_b, v_a, v_b, with r_a = v_a = 0 where a is the ground."""
+    m = rng.uniform(0.5, 2, 2)
+    a = mb.Body("a", m[0], pose=mb.Particle()) if a_moves else mb.Ground()
+    b = mb.Body("b", m[1], pose=mb.Particle())
+    g = np.array([0, 0, -3.0 if not a_moves else 0.0])
+
+    def rates(t, y):
+        out = np.concatenate([y[6:], np.zeros(6)])
+        out[9:] = g
+        for gap, n in touching(y[3:6] - y[:3]):
+            v = y[9:] - y[6:9]
+            f = law.force(gap, v @ n, n, v - (v @ n) * n)
+            out[9:] += f / m[1]
+            out[6:9] -= f / m[0] if a_moves else 0
+        return out
+
+    times = np.linspace(0, end, 5)
+    bodies = [a, b] if a_moves else [b]
+    names = [f"b.{c}" for c in ("x", "y", "z", "vx", "vy", "vz")]
+    values = dict(zip(names, [*start[3:6], *start[9:]]))
+    system = mb.System(*bodies, make(a.point(0, 0, 0), b.point(0, 0, 0)), mb.Gravity(*g)) if not a_moves else mb.System(
+        *bodies, make(a.point(0, 0, 0), b.point(0, 0, 0)))
+    scene = mb.Scene(system, values, times, {n: getattr(b, n[2:]) for n in names})
+    known = marched(rates, lambda y: [gap for gap, _ in touching(y[3:6] - y[:3])], start, times)
+    return scene, known[:, [3, 4, 5, 9, 10, 11]]
+
+
+def sphere(rng):
+    inside = rng.uniform() < 0.4
+    ra, rb = (0.6, 0.2) if inside else rng.uniform(0.1, 0.3, 2)
+    law = Law(rng.uniform() < 0.5)
+
+    def touching(d):
+        dist = np.linalg.norm(d)
+        return [(ra - dist - rb, -d / dist) if inside else (dist - ra - rb, d / dist)]
+
+    n = rng.normal(size=3)
+    n /= np.linalg.norm(n)
+    start = np.zeros(12)
+    start[3:6] = n * (0.1 if inside else 1.1 * (ra + rb))
+    start[9:] = -n * rng.uniform(0.5, 1.5) + rng.uniform(-0.3, 0.3, 3)
+    make = lambda a, b: mb.SphereContact("c", a, b, ra, rb, law.law, law.friction, inside)  # noqa: E731
+    return particles(rng, law, True, touching, make, start)
+
+
+def box(rng):
+    half, r, law = rng.uniform(0.2, 0.5, 3), rng.uniform(0.05, 0.2), Law(rng.uniform() < 0.5)
+
+    def touching(d):
+        e = d - np.clip(d, -half, half)
+        dist = max(np.linalg.norm(e), 1e-12)
+        return [(dist - r, e / dist)]
+
+    start = np.zeros(12)
+    start[3:6] = [*rng.uniform(-1.1, 1.1, 2) * half[:2], half[2] + r + rng.uniform(0.05, 0.2)]
+    start[9:] = rng.uniform(-0.5, 0.5, 3)
+    make = lambda a, b: mb.BoxContact("c", a, tuple(2 * half), b, law.law, r, friction=law.friction)  # noqa: E731
+    return particles(rng, law, False, touching, make, start)
+
+
+def corners(rng):
+    half, law, m = rng.uniform(0.1, 0.3, 2), Law(rng.uniform() < 0.5), 1.0
+    J = m / 3 * float(half @ half)
+    body = mb.Body("b", m, J, mb.Planar())
+    tilt = rng.uniform(-0.3, 0.3)
+    n = turned(tilt, np.array([0, 1.0]))
+    arms = [half * s for s in ((-1, -1), (-1, 1), (1, -1), (1, 1))]
+
+    def touching(y):
+        return [(y[:2] + turned(y[2], arm)) @ n for arm in arms]
+
+    def rates(t, y):
+        out = np.array([*y[3:], 0, -5.0, 0])
+        for arm in arms:
+            e = turned(y[2], arm)
+            gap = (y[:2] + e) @ n
+            # Friction acts at the foot of the corner on the plane.
+            foot = e - gap * n
+            v, at = (y[3:5] + y[5] * np.array([-p[1], p[0]]) for p in (e, foot))
+            f = hertz(-gap, -(v @ n), law.chi)
+            drag = f * coulomb(at - (at @ n) * n) if law.lossy else np.zeros(2)
+            out[3:5] += (f * n + drag) / m
+            out[5] += (cross(e, f * n) + cross(foot, drag)) / J
+        return out
+
+    start = np.array([0, half.sum() + 0.2, rng.uniform(0, 3), *rng.uniform(-0.5, 0.5, 2), rng.uniform(-2, 2)])
+    names = ["x", "y", "theta", "vx", "vy", "omega"]
+    times = np.linspace(0, 0.6, 4)
+    contact = mb.BoxContact("c", body.point(0, 0), tuple(2 * half), mb.Ground().point(0, 0), law.law, normal=tuple(n), friction=law.friction)
+    scene = mb.Scene(mb.System(body, contact, mb.Gravity(0, -5.0)), {f"b.{n}": v for n, v in zip(names, start)}, times,
+                     {n: getattr(body, n) for n in names})
+    return scene, marched(rates, touching, start, times)
+
+
+def rope(rng):
+    k, c, m = 2e3, rng.choice([0.0, 5.0]), rng.uniform(0.5, 2)
+    p, q = np.array([-1.0, 1.0]), np.array([0.0, 1.0])
+    r = rng.choice([0.0, 0.2])
+    load, ground = mb.Body("b", m, pose=mb.Particle()), mb.Ground()
+    winch = rng.uniform(-0.2, 0.2)
+
+    def way(x):
+        """Way from p over the pulley at q to x, and the direction of its last part: tangent points are constructed."""
+        if r == 0:
+            return np.hypot(*(q - p)) + np.hypot(*(x - q)), (x - q) / np.hypot(*(x - q))
+        tangents = []
+        for point, side in ((p, 1), (x, -1)):  # clockwise round the pulley, from its top to its right
+            d = point - q
+            angle = np.arctan2(d[1], d[0]) - side * np.arccos(r / np.hypot(*d))
+            tangents.append(angle)
+        on = [q + r * np.array([np.cos(w), np.sin(w)]) for w in tangents]
+        arc = (tangents[0] - tangents[1] + np.pi) % (2 * np.pi) - np.pi
+        return np.hypot(*(on[0] - p)) + np.hypot(*(x - on[1])) + r * arc, (x - on[1]) / np.hypot(*(x - on[1]))
+
+    def stretch(t, y):
+        return way(y[:2])[0] - length0 - winch * t
+
+    def rates(t, y):
+        l, u = way(y[:2])
+        s = l - length0 - winch * t
+        pull = max(k * s + c * (u @ y[2:4] - winch), 0) if s > 0 else 0.0
+        return [*y[2:4], *(-pull * u / m + np.array([0, -9.81])), 1.0]
+
+    start = np.array([rng.uniform(0.4, 0.8), rng.uniform(0.0, 0.4), *rng.uniform(-1, 1, 2), 0.0])
+    length0 = way(start[:2])[0] * rng.uniform(1.0, 1.05)
+    times = np.linspace(0, 0.6, 4)
+    over = (ground.point(*q), -r) if r else ground.point(*q)
+    line = mb.Rope("rope", [ground.point(*p), over, load.point(0, 0)], k, length0 + winch * mb.t, c)
+    scene = mb.Scene(mb.System(load, line, mb.Gravity(0, -9.81)),
+                     dict(zip(("b.x", "b.y", "b.vx", "b.vy"), start)), times,
+                     {n: getattr(load, n) for n in ("x", "y", "vx", "vy")})
+    return scene, marched(rates, lambda y: [stretch(y[4], y)], start, times)[:, :4]
+
+
+KINDS = {f.__name__: f for f in (circle, slot, sphere, box, corners, rope)}
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("names", nargs="*", default=[])
+    parser.add_argument("--count", type=int, default=30)
+    options = parser.parse_args()
+    worst = 0.0
+    for name in options.names or KINDS:
+        errors, drifts, begin = [], [], time.perf_counter()
+        for seed in range(options.count):
+            scene, known = KINDS[name](np.random.default_rng([seed, len(name)]))
+            run = mb.simulate(scene, SOLVER)
+            errors.append(float((np.abs(run.values - known) / np.maximum(np.abs(known).max(axis=0), 1)).max()))
+            drifts.append(run.energy_drift)
+            if errors[-1] > TOLERANCE:
+                print(f"  {name} {seed}: {errors[-1]:.1e}", flush=True)
+        worst = max(worst, *errors)
+        print(f"{name:10s} error {max(errors):.1e}, median {np.median(errors):.1e}; energy drift {max(drifts):.1e}; "
+              f"{time.perf_counter() - begin:.0f} s", flush=True)
+    sys.exit(worst > TOLERANCE)
+
+
+if __name__ == "__main__":
+    main()
