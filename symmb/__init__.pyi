@@ -62,6 +62,8 @@ from .mechanics.contact_law import HuntCrossley as HuntCrossley
 from .mechanics.contact_law import KelvinVoigt as KelvinVoigt
 from .mechanics.contact_law import LankaraniNikravesh as LankaraniNikravesh
 from .mechanics.contact_law import Tabulated as Tabulated
+from .mechanics.curve import Curve as Curve
+from .mechanics.curve_contact import CurveContact as CurveContact
 from .mechanics.flexible_body import FlexibleBody as FlexibleBody
 from .mechanics.force import Bushing as Bushing
 from .mechanics.force import Damper as Damper

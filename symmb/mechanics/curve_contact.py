@@ -1,0 +1,192 @@
+"""Contacts of circles with curves, and points that are held on curves. One search finds the feet of both."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._options import is_real, number_text, shown
+from symmb._types import Expr
+from symmb.mechanics.axis_joint import Joint
+from symmb.mechanics.body import Body, Point
+from symmb.mechanics.contact import distance_and_direction, touch
+from symmb.mechanics.contact_law import ContactLaw
+from symmb.mechanics.curve import Curve, Measured
+from symmb.mechanics.element import Bind
+from symmb.mechanics.force import Action
+from symmb.mechanics.friction import FrictionLaw
+from symmb.mechanics.pose import Particle, Planar, Spatial
+from symmb.mechanics.shape_contact import ShapeContact
+from symmb.symbolic import SOFT, Kind, ddt, declare
+
+_CLOSE = 0.2
+"""Least slope of the foot's condition, as a share of that of a straight line: it is 0 at a centre of curvature."""
+_CATCH_UP = 50.0
+"""A foot that is off approaches the right one while the point moves by this share, 1 / 50, of the curve's length."""
+_AT_REST = 1e-6
+"""Speed [m/s] of a point at rest by which its foot still approaches."""
+
+
+class Foot(NamedTuple):
+    """The foot of P (2,) at the parameter s of a curve, which goes on straight beyond the ends of a part.
+
+    Attributes
+    ----------
+    offset, along : (2,)     from the place on the part to P [m], and derivative of the curve by s
+    miss, slope              minus half the rate of the squared distance by s, and its slope [m^2]
+    beyond                   whether s is beyond the ends
+    """
+
+    offset: ca.SX
+    along: ca.SX
+    miss: ca.SX
+    slope: ca.SX
+    beyond: ca.SX
+
+    @property
+    def step(self) -> ca.SX:
+        """Newton's step of s."""
+        return self.miss / self.slope
+
+
+def _foot(curve: Curve, s: ca.SX, P: ca.SX, low: float = -np.inf, high: float = np.inf) -> Foot:
+    bounded = np.isfinite(low)
+    before, behind = (s < low, s > high) if bounded else (ca.SX(0), ca.SX(0))
+    on = ca.if_else(before, low, ca.if_else(behind, high, s)) if bounded else s
+    beyond = ca.logic_or(before, behind)
+    place, along, bend = curve.at(on)
+    offset = P - place
+    straight, curved = ca.sumsqr(along), ca.dot(offset, bend)
+    slope = straight - (ca.if_else(beyond, 0, curved) if bounded else curved)
+    is_close = slope - _CLOSE * straight < -SOFT
+    slope = ca.if_else(is_close, _CLOSE * straight, slope)
+    return Foot(offset, along, ca.dot(along, offset - along * (s - on)), slope, beyond)
+
+
+def _normal(along: ca.SX, side: float) -> ca.SX:
+    """The unit normal (2,) of a curve to the left for a side of 1, to the right for -1."""
+    return side * ca.vertcat(-along[1], along[0]) / ca.norm_2(along)
+
+
+def _side(measured: Measured, inside: bool) -> float:
+    """1 if points lie to the left of the curve, -1 to the right: outside of a closed curve, unless they are inside."""
+    outside = -float(np.sign(measured.area)) if measured.curve.closed else 1.0
+    return -outside if inside else outside
+
+
+def _curve_faults(title: str, curve: object, radius: Expr) -> Iterator[str]:
+    if not isinstance(curve, Curve):
+        yield f"{title}: expected a curve, got {shown(curve)}. Use Curve(...)."
+    if is_real(radius) and not radius >= 0:
+        yield f"{title}: radius is {number_text(radius)}; it must be at least 0."
+
+
+@dataclass(frozen=True, eq=False)
+class CurveContact(ShapeContact):
+    """A circle, or a point, against a curve in the xy plane of point_a's body: a roller on a cam, a ball on a track.
+
+    The foot of the circle on the curve is a first-order state, `name.foot`, which follows the motion, one for each part
+    that bends to one side by a quarter of a turn. The nearest one counts. In a corner that the circle can lie in it
+    touches at two places, with a force at each.
+
+    Parameters
+    ----------
+    name : str
+    point_a : Point
+        where x and y of the curve are 0
+    curve : Curve
+    point_b : Point
+        centre of the circle
+    radius : Expr
+        of the circle [m]; 0 is a point
+    law : ContactLaw
+        `HuntCrossley(...)`, ...
+    friction : FrictionLaw, optional
+        `Coulomb(...)` or `Bristle(...)`
+    inside : bool
+        the circle is inside of a closed curve, or to the right of an open one. It is else outside, or to the left in
+        the direction of rising s, as above y(x)
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import symmb as mb
+    >>> bowl = mb.Curve(lambda s: (s, s**2), -2, 2)
+    >>> ball, law = mb.Body("ball", 1.0, pose=mb.Particle()), mb.KelvinVoigt(1e4)
+    >>> track = mb.CurveContact("track", mb.Ground().point(0, 0), bowl, ball.point(0, 0), 0.1, law)
+    >>> scene = mb.Scene(mb.System(ball, track, mb.Gravity(0, -10.0)), {"ball.x": 0.0}, equilibrium=True)
+    >>> mb.simulate(scene)["ball.y"].round(6)
+    array([0.099])
+    """
+
+    name: str
+    point_a: Point
+    curve: Curve
+    point_b: Point
+    radius: Expr
+    law: ContactLaw
+    friction: FrictionLaw | None = None
+    inside: bool = False
+
+    def faults(self) -> Iterator[str]:
+        yield from super().faults()
+        yield from _curve_faults(self.title, self.curve, self.radius)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        radius, P = self.number(bind, "radius"), self.offset[:2]
+        try:
+            measured = self.curve.measured(bind)
+            side = _side(measured, self.inside)
+            groups = measured.groups(side)
+            for group in groups:
+                measured.require_room(group, side, float(ca.evalf(bind.nominal(radius))))
+        except DeclarationError as error:
+            raise DeclarationError(f"{self.title}: {error}.") from None
+        numbers = iter(range(1, sum(map(len, groups)) + 1))
+        for k, group in enumerate(groups):
+            name = self.name if len(groups) == 1 else f"{self.name}.{k + 1}"
+            feet = []
+            for ends in group:
+                own = next(numbers)
+                foot, action = self._following(P, ends, f"{self.name}.foot{'' if len(groups[0]) == 1 == len(groups) else own}", measured)
+                feet.append(foot)
+                yield action
+            height, normal = _nearest(feet, side)
+            axis, rate = ca.vertcat(normal, 0), ca.dot(normal, ddt(P))
+            fixed = (self.point_a.s, self.point_b.s, self._parameters)
+            yield from touch(
+                self, bind, self.point_a.body, self.point_b, radius, axis, height, *fixed, rate=rate, name=name
+            )
+
+    @property
+    def _parameters(self) -> ca.SX:
+        """The curve without its parameter, to see what else it depends on."""
+        return ca.substitute(self.curve.place, self.curve.s, 0)
+
+    def _following(self, P: ca.SX, ends: tuple[float, float], name: str, measured: Measured) -> tuple[Foot, Action]:
+        """The foot on a part of the curve, at a state that follows it."""
+        s, rate = ca.SX.sym(name), ddt(P)
+        foot = _foot(self.curve, s, P, *ends)
+        catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
+        following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
+        low, high = ends if np.isfinite(ends[0]) else (float(self.curve.start), float(self.curve.end))  # type: ignore
+        start = self.curve.nearest(P, low, high, 32, lambda s: s + _foot(self.curve, s, P, *ends).step)
+        return foot, Action((), states=declare([name], Kind.STATE, s, following, start))
+
+
+def _nearest(feet: Sequence[Foot], side: float) -> tuple[ca.SX, ca.SX]:
+    """Height of the point above the nearest foot [m], below 0 beneath the curve, and the normal there (2,)."""
+    best = None
+    for foot in feet:
+        normal = _normal(foot.along, side)
+        distance, away = distance_and_direction(foot.offset)
+        found = ca.vertcat(
+            ca.sumsqr(foot.offset),
+            ca.if_else(foot.beyond, distance, ca.dot(foot.offset, normal)),
+            ca.if_else(foot.beyond, away, normal),
+        )
+        best = found if best is None else ca.if_else(found[0] - best[0] < -SOFT, found, best)
+    return best[1], best[2:]  # type: ignore
