@@ -107,6 +107,15 @@ _INSET = 1e-12
 _MOST_PARTS = 64
 
 
+class Part(NamedTuple):
+    """A part of a curve from low to high s, and the ends of the curve or corners at its ends; infinite where it goes on."""
+
+    low: float
+    high: float
+    first: float
+    last: float
+
+
 class Measured:
     """A curve in numbers: `numbers` gives its place and first two derivatives (n, 2) at values of s (n,)."""
 
@@ -136,12 +145,12 @@ class Measured:
             breaks = sorted({start, *corners, start + self.period})
         return list(zip(breaks, breaks[1:]))
 
-    def groups(self, side: float) -> list[list[tuple[float, float]]]:
+    def groups(self, side: float) -> list[list[Part]]:
         """Parts from low to high s, in groups that touch at one place: a corner in which a point lies begins another.
 
         Points are to the left of the curve for a side of 1, to the right for -1.
         """
-        groups: list[list[tuple[float, float]]] = []
+        groups: list[list[Part]] = []
         pieces = self._pieces
         for a, b in pieces:
             parts = self._parts(a, b, side)
@@ -161,7 +170,7 @@ class Measured:
         (u, v) = self._numbers(np.array([before - inset, behind + inset]))[1]
         return side * (u[0] * v[1] - u[1] * v[0]) > 1e-6 * np.hypot(*u) * np.hypot(*v)
 
-    def _parts(self, a: float, b: float, side: float) -> list[tuple[float, float]]:
+    def _parts(self, a: float, b: float, side: float) -> list[Part]:
         """Cuts of a smooth piece where it begins to bend to the other side, and after each quarter of a turn."""
         inset = _INSET * (b - a)
         s = np.linspace(a + inset, b - inset, _SAMPLES + 1)
@@ -170,7 +179,7 @@ class Measured:
         turn, sign, cuts = 0.0, 0.0, [a + inset]
         whole = self.is_periodic and not self.curve.corners
         if whole and bend.max() <= 0:
-            return [(-np.inf, np.inf)]
+            return [Part(-np.inf, np.inf, -np.inf, np.inf)]
         for k in range(_SAMPLES):
             now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > 1e-6 else sign
             turn += abs(bend[k]) * (s[k + 1] - s[k])
@@ -182,12 +191,14 @@ class Measured:
         parts = []
         for low, high in zip(cuts, cuts[1:]):
             more = _OVERLAP * (high - low)
-            parts.append((low - more * (whole or low > cuts[0]), high + more * (whole or high < cuts[-1])))
+            first = -np.inf if whole or low > cuts[0] else low
+            last = np.inf if whole or high < cuts[-1] else high
+            parts.append(Part(max(low - more, first), min(high + more, last), first, last))
         return parts
 
-    def require_room(self, group: list[tuple[float, float]], side: float, radius: float) -> None:
+    def require_room(self, group: list[Part], side: float, radius: float) -> None:
         """DeclarationError if a circle that touches a group of parts somewhere is over its edge elsewhere."""
-        ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
+        ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b, *_ in group]
         x, d, _ = (np.vstack(part) for part in zip(*(self._numbers(np.linspace(a, b, 100)) for a, b in ends)))
         normal = side * np.column_stack([-d[:, 1], d[:, 0]]) / np.hypot(*d.T)[:, None]
         center = x + radius * normal

@@ -14,18 +14,24 @@ from symmb.mechanics.axis_joint import Joint
 from symmb.mechanics.body import Body, Point
 from symmb.mechanics.contact import distance_and_direction, touch
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.curve import Curve, Measured
+from symmb.mechanics.curve import Curve, Measured, Part
 from symmb.mechanics.element import Bind
 from symmb.mechanics.force import Action
 from symmb.mechanics.friction import FrictionLaw
 from symmb.mechanics.pose import Particle, Planar, Spatial
 from symmb.mechanics.shape_contact import ShapeContact
-from symmb.symbolic import SOFT, Kind, ddt, declare
+from symmb.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
 """Least slope of the foot's condition, as a share of that of a straight line: it is 0 at a centre of curvature."""
 _CATCH_UP = 50.0
 """A foot that is off approaches the right one while the point moves by this share, 1 / 50, of the curve's length."""
+_STEPS = 2
+"""Newton's steps from a state: they leave of its error the fourth power."""
+_SAMPLES = 32
+"""Places on a part from which the search of its foot at the start chooses."""
+_FAR = 1e9
+"""An end of a part that is none."""
 _AT_REST = 1e-6
 """Speed [m/s] of a point at rest by which its foot still approaches."""
 
@@ -52,8 +58,8 @@ class Foot(NamedTuple):
         return self.miss / self.slope
 
 
-def _foot(curve: Curve, s: ca.SX, P: ca.SX, low: float = -np.inf, high: float = np.inf) -> Foot:
-    bounded = np.isfinite(low)
+def _foot(curve: Curve, s: ca.SX, P: ca.SX, low: Expr = -np.inf, high: Expr = np.inf) -> Foot:
+    bounded = not (is_real(low) and low == -np.inf)
     before, behind = (s < low, s > high) if bounded else (ca.SX(0), ca.SX(0))
     on = ca.if_else(before, low, ca.if_else(behind, high, s)) if bounded else s
     beyond = ca.logic_or(before, behind)
@@ -145,18 +151,16 @@ class CurveContact(ShapeContact):
                 measured.require_room(group, side, float(ca.evalf(bind.nominal(radius))))
         except DeclarationError as error:
             raise DeclarationError(f"{self.title}: {error}.") from None
-        numbers = iter(range(1, sum(map(len, groups)) + 1))
+        count = sum(map(len, groups))
+        numbers = iter(range(1, count + 1))
         for k, group in enumerate(groups):
-            name = self.name if len(groups) == 1 else f"{self.name}.{k + 1}"
-            feet = []
-            for ends in group:
-                own = next(numbers)
-                foot, action = self._following(P, ends, f"{self.name}.foot{'' if len(groups[0]) == 1 == len(groups) else own}", measured)
-                feet.append(foot)
-                yield action
-            height, normal = _nearest(feet, side)
+            names = [f"{self.name}.foot" if count == 1 else f"{self.name}.foot_{next(numbers)}" for _ in group]
+            parts = [self._following(P, part, name, measured) for part, name in zip(group, names, strict=True)]
+            yield Action((), states=tuple(state for *_, state in parts))
+            height, normal = self._surface(P, group, parts, side)
             axis, rate = ca.vertcat(normal, 0), ca.dot(normal, ddt(P))
             fixed = (self.point_a.s, self.point_b.s, self._parameters)
+            name = self.name if len(groups) == 1 else f"{self.name}.{k + 1}"
             yield from touch(
                 self, bind, self.point_a.body, self.point_b, radius, axis, height, *fixed, rate=rate, name=name
             )
@@ -166,27 +170,37 @@ class CurveContact(ShapeContact):
         """The curve without its parameter, to see what else it depends on."""
         return ca.substitute(self.curve.place, self.curve.s, 0)
 
-    def _following(self, P: ca.SX, ends: tuple[float, float], name: str, measured: Measured) -> tuple[Foot, Action]:
-        """The foot on a part of the curve, at a state that follows it."""
-        s, rate = ca.SX.sym(name), ddt(P)
+    def _following(self, P: ca.SX, part: Part, name: str, measured: Measured) -> tuple[ca.SX, ca.SX, Symbol]:
+        """The state that follows the foot on a part of the curve, the squared distance there, and its record."""
+        s, rate, ends = ca.SX.sym(name), ddt(P), part[:2]
         foot = _foot(self.curve, s, P, *ends)
         catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
         following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
-        low, high = ends if np.isfinite(ends[0]) else (float(self.curve.start), float(self.curve.end))  # type: ignore
-        start = self.curve.nearest(P, low, high, 32, lambda s: s + _foot(self.curve, s, P, *ends).step)
-        return foot, Action((), states=declare([name], Kind.STATE, s, following, start))
+        low, high = ends if np.isfinite(part.low) else (float(self.curve.start), float(self.curve.end))  # type: ignore
+        start = self.curve.nearest(P, low, high, _SAMPLES, lambda s: s + _foot(self.curve, s, P, *ends).step)
+        (state,) = declare([name], Kind.STATE, s, following, start)
+        return s, ca.sumsqr(foot.offset), state
 
+    def _surface(
+        self, P: ca.SX, group: Sequence[Part], parts: Sequence[tuple[ca.SX, ca.SX, Symbol]], side: float
+    ) -> tuple[ca.SX, ca.SX]:
+        """Height of the point above the nearest foot [m], below 0 beneath the curve, and the normal there (2,).
 
-def _nearest(feet: Sequence[Foot], side: float) -> tuple[ca.SX, ca.SX]:
-    """Height of the point above the nearest foot [m], below 0 beneath the curve, and the normal there (2,)."""
-    best = None
-    for foot in feet:
+        States choose the foot. Newton's steps make it exact.
+        """
+        ends = np.clip([[part.first, part.last] for part in group], -_FAR, _FAR)
+        choice = None
+        for (s, squared, _), own in zip(parts, ends, strict=True):
+            found = ca.vertcat(squared, s, *own)
+            choice = found if choice is None else ca.if_else(found[0] - choice[0] < -SOFT, found, choice)
+        _, s, first, last = ca.vertsplit(choice)
+        bounds = (first, last) if (np.abs(ends) < _FAR).any() else ()
+        for _ in range(_STEPS):
+            s += _foot(self.curve, s, P, *bounds).step
+        foot = _foot(self.curve, s, P, *bounds)
         normal = _normal(foot.along, side)
+        height = ca.dot(foot.offset, normal)
+        if not bounds:
+            return height, normal
         distance, away = distance_and_direction(foot.offset)
-        found = ca.vertcat(
-            ca.sumsqr(foot.offset),
-            ca.if_else(foot.beyond, distance, ca.dot(foot.offset, normal)),
-            ca.if_else(foot.beyond, away, normal),
-        )
-        best = found if best is None else ca.if_else(found[0] - best[0] < -SOFT, found, best)
-    return best[1], best[2:]  # type: ignore
+        return ca.if_else(foot.beyond, distance, height), ca.if_else(foot.beyond, away, normal)

@@ -280,7 +280,124 @@ def rope(rng):
     return scene, marched(rates, lambda y: [stretch(y[4], y)], start, times)[:, :4]
 
 
-KINDS = {f.__name__: f for f in (circle, slot, sphere, box, corners, rope)}
+def nearest(c, low, high, closed, side):
+    """d -> height and normal on the curve c(s) -> place, first, second derivative, (2, n) each; ends are points."""
+    samples = np.linspace(low, high, 400)
+    places = c(samples)[0]
+
+    def foot(d):
+        s = samples[((places - d[:, None]) ** 2).sum(axis=0).argmin()]
+        for _ in range(30):
+            x, u, w = (part[:, 0] for part in c(np.array([s])))
+            slope = u @ u - (d - x) @ w
+            step = (d - x) @ u / (slope if slope > 0.1 * (u @ u) else u @ u)
+            new = s + step if closed else min(max(s + step, low), high)
+            if abs(new - s) < 1e-15 * (high - low):
+                break
+            s = new
+        x, u, _ = (part[:, 0] for part in c(np.array([s])))
+        e = d - x
+        if not closed and (s <= low or s >= high):
+            return np.hypot(*e), e / np.hypot(*e)
+        n = side * np.array([-u[1], u[0]]) / np.hypot(*u)
+        return e @ n, n
+
+    return foot
+
+
+def polar(r0, a, n):
+    """r(s) = r0 + a cos(n s): for NumPy and for CasADi."""
+    import casadi as ca
+
+    def c(s):
+        r, dr, ddr = r0 + a * np.cos(n * s), -a * n * np.sin(n * s), -a * n * n * np.cos(n * s)
+        e, f = np.array([np.cos(s), np.sin(s)]), np.array([-np.sin(s), np.cos(s)])
+        return r * e, dr * e + r * f, (ddr - r) * e + 2 * dr * f
+
+    return c, mb.Curve(lambda s: ((r0 + a * ca.cos(n * s)) * ca.cos(s), (r0 + a * ca.cos(n * s)) * ca.sin(s)), 0, 2 * np.pi, True)
+
+
+def cam(rng):
+    """A roller beside or in a lobed cam; both bodies are free."""
+    inside, n = rng.uniform() < 0.4, int(rng.integers(1, 4))
+    r0, r = (0.7, 0.1) if inside else (0.3, rng.uniform(0.05, 0.1))
+    a = rng.uniform(0.2, 0.8) * r0 / (n * n + 1) * (0.5 if inside else 1)
+    c, curve = polar(r0, a, n)
+    law = Law(rng.uniform() < 0.5)
+    foot = nearest(c, 0, 2 * np.pi, True, 1 if inside else -1)
+    at = rng.uniform(-0.2, 0.2, 2) if inside else (r0 + a + r + 0.05) * turned(rng.uniform(0, 6.28), np.array([1.0, 0]))
+    aim = rng.uniform(-0.6, 0.6, 2) if inside else None
+    make = lambda p, q, w: mb.CurveContact("c", p, curve, q, r, w.law, w.friction, inside)  # noqa: E731
+    return two_bodies(rng, make, lambda d: [(*foot(d), r)], law, at, aim)
+
+
+def spline(rng):
+    """A roller beside a cam of points."""
+    from scipy.interpolate import CubicSpline
+
+    n, r = 12, 0.08
+    w = np.arange(n) * 2 * np.pi / n
+    points = ((0.3 + rng.uniform(-0.02, 0.02, n)) * np.array([np.cos(w), np.sin(w)])).T
+    around = np.vstack([points, points[:1]])
+    u = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(around, axis=0).T))])
+    f = CubicSpline(u, around, bc_type="periodic")
+    foot = nearest(lambda s: tuple(f(s % u[-1], k).T for k in range(3)), 0, u[-1], True, -1)
+    curve, law = mb.Curve(points, closed=True), Law(rng.uniform() < 0.5)
+    at = 0.5 * turned(rng.uniform(0, 6.28), np.array([1.0, 0]))
+    make = lambda p, q, w: mb.CurveContact("c", p, curve, q, r, w.law, w.friction)  # noqa: E731
+    return two_bodies(rng, make, lambda d: [(*foot(d), r)], law, at)
+
+
+def polygon(rng):
+    """A roller beside a polygon, whose corners are convex, or in one, whose corners are concave."""
+    inside, n, r = rng.uniform() < 0.5, int(rng.integers(3, 6)), 0.1
+    w = (np.arange(n) + rng.uniform(-0.2, 0.2, n)) * 2 * np.pi / n
+    size = 0.6 if inside else 0.3
+    points = size * np.array([np.cos(w), np.sin(w)]).T
+    feet = []
+    for p, q in zip(points, np.roll(points, -1, axis=0)):
+        line = lambda s, p=p, q=q: (p[:, None] + (q - p)[:, None] * s, (q - p)[:, None] + 0 * s, 0 * s + np.zeros((2, 1)))  # noqa: E731
+        feet.append(nearest(line, 0, 1, False, 1 if inside else -1))
+    curve, law = mb.Curve(points, closed=True, corners=range(n)), Law(rng.uniform() < 0.5)
+
+    def shape(d):
+        found = [foot(d) for foot in feet]
+        near = [(h, n, r) for h, n in found]
+        return near if inside else [min(near, key=lambda one: abs(one[0]))]
+
+    at = rng.uniform(-0.1, 0.1, 2) if inside else 0.5 * turned(rng.uniform(0, 6.28), np.array([1.0, 0]))
+    aim = rng.uniform(-0.6, 0.6, 2) if inside else None
+    make = lambda p, q, w: mb.CurveContact("c", p, curve, q, r, w.law, w.friction, inside)  # noqa: E731
+    return two_bodies(rng, make, shape, law, at, aim)
+
+
+def track(rng):
+    """A ball thrown over a wavy ground with two ends, on which it bounces and rolls."""
+    import casadi as ca
+
+    a, k, r, law = rng.uniform(0.02, 0.08), rng.uniform(2, 5), 0.06, Law(rng.uniform() < 0.5)
+    foot = nearest(lambda s: (np.array([s, a * np.sin(k * s)]), np.array([1 + 0 * s, a * k * np.cos(k * s)]),
+                              np.array([0 * s, -a * k * k * np.sin(k * s)])), -1.5, 1.5, False, 1)
+    curve = mb.Curve(lambda s: (s, a * ca.sin(k * s)), -1.5, 1.5)
+    m, J = 1.0, 0.4 * r * r
+    ball = mb.Body("b", m, J, mb.Planar())
+    contact = mb.CurveContact("c", mb.Ground().point(0, 0), curve, ball.point(0, 0), r, law.law, law.friction)
+
+    def rates(t, y):
+        h, n = foot(y[:2])
+        e = -h * n
+        v = y[3:5] + y[5] * np.array([-e[1], e[0]])
+        f = law.force(h - r, v @ n, n, v - (v @ n) * n)
+        return np.array([*y[3:], *(f / m + [0, -5.0]), cross(e, f) / J])
+
+    start = np.array([rng.uniform(-1, -0.5), 0.4, 0, rng.uniform(0.5, 2.5), rng.uniform(-1, 1), rng.uniform(-3, 3)])
+    names, times = ["x", "y", "theta", "vx", "vy", "omega"], np.linspace(0, 1.0, 5)
+    scene = mb.Scene(mb.System(ball, contact, mb.Gravity(0, -5.0)), {f"b.{n}": v for n, v in zip(names, start)}, times,
+                     {n: getattr(ball, n) for n in names})
+    return scene, marched(rates, lambda y: [foot(y[:2])[0] - r], start, times)
+
+
+KINDS = {f.__name__: f for f in (circle, slot, sphere, box, corners, rope, cam, spline, polygon, track)}
 
 
 def main():
