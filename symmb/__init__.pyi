@@ -64,6 +64,7 @@ from .mechanics.contact_law import LankaraniNikravesh as LankaraniNikravesh
 from .mechanics.contact_law import Tabulated as Tabulated
 from .mechanics.curve import Curve as Curve
 from .mechanics.curve_contact import CurveContact as CurveContact
+from .mechanics.curve_contact import PointOnCurve as PointOnCurve
 from .mechanics.flexible_body import FlexibleBody as FlexibleBody
 from .mechanics.force import Bushing as Bushing
 from .mechanics.force import Damper as Damper
@@ -77,6 +78,7 @@ from .mechanics.friction import Bristle as Bristle
 from .mechanics.friction import Coulomb as Coulomb
 from .mechanics.friction import Friction as Friction
 from .mechanics.impact import Impact as Impact
+from .mechanics.joint import CamFollower as CamFollower
 from .mechanics.joint import Cylindrical as Cylindrical
 from .mechanics.joint import Distance as Distance
 from .mechanics.joint import Gear as Gear

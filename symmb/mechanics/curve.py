@@ -72,7 +72,7 @@ class Curve:
         return tuple(ca.substitute([self.place, first, ca.jacobian(first, self.s)], [self.s], [s]))  # type: ignore
 
     def nearest(self, P: ca.SX, low: float, high: float, samples: int, follow: Callable[[ca.SX], ca.SX]) -> ca.SX:
-        """The s next to P (2,): the nearest of some samples, and Newton's steps from there."""
+        """The s next to P (2,): the nearest of some samples, and steps of Newton's from there."""
         ends = low, high - (high - low) / samples * self.closed
         best = squared = None
         for value in np.linspace(*ends, samples).tolist():
@@ -93,7 +93,7 @@ class Curve:
         return Measured(self, lambda s: batch(f, s[:, None], np.array(values)))
 
 
-_STEPS = 6
+_STEPS = 4
 """Newton's steps from a sample: the error of a step is about the square of the last one's."""
 _SAMPLES = 400
 """Samples of a smooth piece that show how it bends. Feet on parts of it follow exactly, wherever they are cut."""
@@ -178,7 +178,7 @@ class Measured:
         bend = side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / (d**2).sum(axis=1)  # radians for each s
         turn, sign, cuts = 0.0, 0.0, [a + inset]
         whole = self.is_periodic and not self.curve.corners
-        if whole and bend.max() <= 0:
+        if whole and callable(self.curve.shape) and bend.max() <= 0:  # splines have two seams only
             return [Part(-np.inf, np.inf, -np.inf, np.inf)]
         for k in range(_SAMPLES):
             now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > 1e-6 else sign

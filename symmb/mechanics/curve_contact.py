@@ -204,3 +204,65 @@ class CurveContact(ShapeContact):
             return height, normal
         distance, away = distance_and_direction(foot.offset)
         return ca.if_else(foot.beyond, distance, height), ca.if_else(foot.beyond, away, normal)
+
+
+@dataclass(frozen=True, eq=False)
+class PointOnCurve(Joint):
+    """Point b, or the centre of a roller about it, is held on a curve in the xy plane of point_a's body: a groove cam.
+
+    Its one multiplier is minus the force on body b along the normal of the curve, which is to its left, or out of it if
+    it is closed [N]. There is no friction.
+
+    Parameters
+    ----------
+    name : str
+    point_a : Point
+        where x and y of the curve are 0
+    point_b : Point
+    curve : Curve
+    radius : Expr
+        of a roller that rolls on the curve [m]; 0 holds the point itself on it
+    inside : bool
+        the roller is inside of a closed curve, or to the right of an open one
+    unilateral : bool
+        a doubt tells from when on the curve would have to pull, so that a roller on a cam would lift off
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    >>> wire = mb.PointOnCurve("wire", mb.Ground().point(0, 0), bead.point(0, 0), mb.Curve(lambda s: (s, s**2), -2, 2))
+    >>> system = mb.System(bead, wire, mb.Gravity(0, -10.0))
+    >>> run = mb.simulate(mb.Scene(system, {"bead.x": 1.0}, [0.0, 0.5], guess={"bead.y": 1.0}))
+    >>> (run["bead.y"] - run["bead.x"] ** 2).round(9)
+    array([0., 0.])
+    """
+
+    poses: ClassVar = ((Planar, Spatial), (Planar, Spatial, Particle))
+    without: ClassVar[str] = "Use coordinates and points of its bodies."
+
+    curve: Curve
+    radius: Expr = field(default=0.0, kw_only=True)
+    inside: bool = field(default=False, kw_only=True)
+    unilateral: bool = field(default=False, kw_only=True)
+
+    def faults(self) -> Iterator[str]:
+        yield from super().faults()
+        yield from _curve_faults(self.title, self.curve, self.radius)
+        if isinstance(self.curve, Curve) and self.curve.corners:
+            yield f"{self.title}: its curve has corners, where no motion can turn at once. Use CurveContact."
+
+    def position_rows(self, bind: Bind) -> ca.SX:
+        curve, P = self.curve, (self.point_a.body.frame.R.T @ self.d)[:2]
+        try:
+            side = _side(curve.measured(bind), self.inside)
+        except DeclarationError as error:
+            raise DeclarationError(f"{self.title}: {error}.") from None
+        radius = bind(self.radius, f"{self.title}: radius")
+        range_of_s = float(curve.start), float(curve.end)  # type: ignore
+        s = curve.nearest(P, *range_of_s, 2 * _SAMPLES, lambda s: s + _foot(curve, s, P).step)
+        foot = _foot(curve, s, P)
+        return ca.dot(foot.offset, _normal(foot.along, side)) - radius
+
+    def pressure(self, lam: ca.SX) -> ca.SX:
+        return -lam[0]
