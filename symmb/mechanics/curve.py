@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import casadi as ca
 import numpy as np
@@ -56,7 +56,9 @@ class Curve:
         if callable(self.shape):
             place = vector(law_value(self.shape, "Curve", self.s), "the place of a Curve")[:2]
             if not (is_finite_number(self.start) and is_finite_number(self.end) and self.start < self.end):  # type: ignore
-                raise DeclarationError(f"Curve: start {self.start!r} and end {self.end!r} must be numbers that increase.")
+                raise DeclarationError(
+                    f"Curve: start {self.start!r} and end {self.end!r} must be numbers that increase."
+                )
         else:
             place, end, corners = _spline(self.shape, self.closed, corners, self.s)
             object.__setattr__(self, "start", 0.0)
@@ -65,6 +67,11 @@ class Curve:
             raise DeclarationError(f"Curve: corners {shown(self.corners)} are not on it.")
         object.__setattr__(self, "corners", tuple(np.unique(corners).tolist()))
         object.__setattr__(self, "place", place)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest s."""
+        return float(self.start), float(cast(float, self.end))
 
     def at(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Place (2,) and its first two derivatives by s."""
@@ -121,7 +128,7 @@ class Measured:
 
     def __init__(self, curve: Curve, numbers: Callable[[Array], tuple[Array, ...]]) -> None:
         self.curve, self._numbers = curve, numbers
-        start, end = float(curve.start), float(curve.end)  # type: ignore
+        start, end = curve.ends
         self.period = end - start
         s = np.linspace(start, end, 4 * _SAMPLES + 1)
         x, d, _ = numbers(s)

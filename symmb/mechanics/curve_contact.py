@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import ClassVar, NamedTuple
 
 import casadi as ca
@@ -24,12 +25,10 @@ from symmb.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
 """Least slope of the foot's condition, as a share of that of a straight line: it is 0 at a centre of curvature."""
-_CATCH_UP = 50.0
-"""A foot that is off approaches the right one while the point moves by this share, 1 / 50, of the curve's length."""
-_STEPS = 2
-"""Newton's steps from a state: they leave of its error the fourth power."""
-_SAMPLES = 32
-"""Places on a part from which the search of its foot at the start chooses."""
+_CATCH_UP = 100.0
+"""A foot that is off comes e times nearer while the point moves by this share, 1 / 100, of the curve's length."""
+_SAMPLES, _ALL_SAMPLES = 12, 64
+"""Places on a part, and on a curve, from which the search of a foot chooses."""
 _FAR = 1e9
 """An end of a part that is none."""
 _AT_REST = 1e-6
@@ -58,15 +57,30 @@ class Foot(NamedTuple):
         return self.miss / self.slope
 
 
-def _foot(curve: Curve, s: ca.SX, P: ca.SX, low: Expr = -np.inf, high: Expr = np.inf) -> Foot:
-    bounded = not (is_real(low) and low == -np.inf)
-    before, behind = (s < low, s > high) if bounded else (ca.SX(0), ca.SX(0))
-    on = ca.if_else(before, low, ca.if_else(behind, high, s)) if bounded else s
-    beyond = ca.logic_or(before, behind)
+class Bounds(NamedTuple):
+    """Ends of a part, and whether its foot is beyond them."""
+
+    low: ca.SX
+    high: ca.SX
+    before: ca.SX
+    behind: ca.SX
+
+    @classmethod
+    def of(cls, s: ca.SX, low: Expr, high: Expr) -> "Bounds":
+        """Those at the parameter s."""
+        return cls(ca.SX(low), ca.SX(high), s < low, s > high)
+
+
+def _foot(curve: Curve, s: ca.SX, P: ca.SX, bounds: Bounds | None = None) -> Foot:
+    """The foot of P (2,) at s, on the curve, or on the tangents at the ends of a part."""
+    on, beyond = s, ca.SX(0)
+    if bounds is not None:
+        on = ca.if_else(bounds.before, bounds.low, ca.if_else(bounds.behind, bounds.high, s))
+        beyond = ca.logic_or(bounds.before, bounds.behind)
     place, along, bend = curve.at(on)
     offset = P - place
     straight, curved = ca.sumsqr(along), ca.dot(offset, bend)
-    slope = straight - (ca.if_else(beyond, 0, curved) if bounded else curved)
+    slope = straight - (curved if bounds is None else ca.if_else(beyond, 0, curved))
     is_close = slope - _CLOSE * straight < -SOFT
     slope = ca.if_else(is_close, _CLOSE * straight, slope)
     return Foot(offset, along, ca.dot(along, offset - along * (s - on)), slope, beyond)
@@ -155,9 +169,9 @@ class CurveContact(ShapeContact):
         numbers = iter(range(1, count + 1))
         for k, group in enumerate(groups):
             names = [f"{self.name}.foot" if count == 1 else f"{self.name}.foot_{next(numbers)}" for _ in group]
-            parts = [self._following(P, part, name, measured) for part, name in zip(group, names, strict=True)]
-            yield Action((), states=tuple(state for *_, state in parts))
-            height, normal = self._surface(P, group, parts, side)
+            feet = [self._following(P, part, name, measured) for part, name in zip(group, names, strict=True)]
+            yield Action((), states=tuple(state for *_, state in feet))
+            height, normal = _nearest([foot for foot, _ in feet], side)
             axis, rate = ca.vertcat(normal, 0), ca.dot(normal, ddt(P))
             fixed = (self.point_a.s, self.point_b.s, self._parameters)
             name = self.name if len(groups) == 1 else f"{self.name}.{k + 1}"
@@ -170,40 +184,38 @@ class CurveContact(ShapeContact):
         """The curve without its parameter, to see what else it depends on."""
         return ca.substitute(self.curve.place, self.curve.s, 0)
 
-    def _following(self, P: ca.SX, part: Part, name: str, measured: Measured) -> tuple[ca.SX, ca.SX, Symbol]:
-        """The state that follows the foot on a part of the curve, the squared distance there, and its record."""
-        s, rate, ends = ca.SX.sym(name), ddt(P), part[:2]
-        foot = _foot(self.curve, s, P, *ends)
+    def _following(self, P: ca.SX, part: Part, name: str, measured: Measured) -> tuple[Foot, Symbol]:
+        """The foot on a part of the curve, and the record of the state that follows it."""
+        s, rate, bounded = ca.SX.sym(name), ddt(P), bool(np.isfinite(part.low))
+
+        def foot_at(s: ca.SX) -> Foot:
+            return _foot(self.curve, s, P, Bounds.of(s, part.low, part.high) if bounded else None)
+
+        foot = foot_at(s)
         catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
         following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
-        low, high = ends if np.isfinite(part.low) else (float(self.curve.start), float(self.curve.end))  # type: ignore
-        start = self.curve.nearest(P, low, high, _SAMPLES, lambda s: s + _foot(self.curve, s, P, *ends).step)
+        low, high, samples = (*part[:2], _SAMPLES) if bounded else (*self.curve.ends, _ALL_SAMPLES)
+        start = self.curve.nearest(P, low, high, samples, lambda s: s + foot_at(s).step)
         (state,) = declare([name], Kind.STATE, s, following, start)
-        return s, ca.sumsqr(foot.offset), state
+        # The state only chooses the foot: Newton's steps make it exact.
+        on = Bounds.of(s, *np.clip([part.first, part.last], -_FAR, _FAR).tolist())
+        ends = on if np.isfinite([part.first, part.last]).any() else None
+        near = _foot(self.curve, at := s + foot.step, P, ends)
+        return _foot(self.curve, at + near.step, P, ends), state
 
-    def _surface(
-        self, P: ca.SX, group: Sequence[Part], parts: Sequence[tuple[ca.SX, ca.SX, Symbol]], side: float
-    ) -> tuple[ca.SX, ca.SX]:
-        """Height of the point above the nearest foot [m], below 0 beneath the curve, and the normal there (2,).
 
-        States choose the foot. Newton's steps make it exact.
-        """
-        ends = np.clip([[part.first, part.last] for part in group], -_FAR, _FAR)
-        choice = None
-        for (s, squared, _), own in zip(parts, ends, strict=True):
-            found = ca.vertcat(squared, s, *own)
-            choice = found if choice is None else ca.if_else(found[0] - choice[0] < -SOFT, found, choice)
-        _, s, first, last = ca.vertsplit(choice)
-        bounds = (first, last) if (np.abs(ends) < _FAR).any() else ()
-        for _ in range(_STEPS):
-            s += _foot(self.curve, s, P, *bounds).step
-        foot = _foot(self.curve, s, P, *bounds)
+def _nearest(feet: Sequence[Foot], side: float) -> tuple[ca.SX, ca.SX]:
+    """Height of the point above the nearest foot [m], below 0 beneath the curve, and the normal there (2,)."""
+    found = []
+    for foot in feet:
         normal = _normal(foot.along, side)
-        height = ca.dot(foot.offset, normal)
-        if not bounds:
-            return height, normal
-        distance, away = distance_and_direction(foot.offset)
-        return ca.if_else(foot.beyond, distance, height), ca.if_else(foot.beyond, away, normal)
+        height, squared = ca.dot(foot.offset, normal), ca.sumsqr(foot.offset)
+        if not foot.beyond.is_constant():
+            distance, away = distance_and_direction(foot.offset)
+            height, normal = ca.if_else(foot.beyond, distance, height), ca.if_else(foot.beyond, away, normal)
+        found.append(ca.vertcat(squared, height, normal))
+    best = reduce(lambda a, b: ca.if_else(b[0] - a[0] < -SOFT, b, a), found)
+    return best[1], best[2:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,8 +271,7 @@ class PointOnCurve(Joint):
         except DeclarationError as error:
             raise DeclarationError(f"{self.title}: {error}.") from None
         radius = bind(self.radius, f"{self.title}: radius")
-        range_of_s = float(curve.start), float(curve.end)  # type: ignore
-        s = curve.nearest(P, *range_of_s, 2 * _SAMPLES, lambda s: s + _foot(curve, s, P).step)
+        s = curve.nearest(P, *curve.ends, _ALL_SAMPLES, lambda s: s + _foot(curve, s, P).step)
         foot = _foot(curve, s, P)
         return ca.dot(foot.offset, _normal(foot.along, side)) - radius
 

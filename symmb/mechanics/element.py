@@ -27,7 +27,6 @@ class Bind(Protocol):
         ...
 
 
-
 class Element(ABC):
     """A constraint or a force, with its name, its bodies and the faults of its declaration."""
 

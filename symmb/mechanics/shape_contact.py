@@ -294,7 +294,9 @@ class BoxContact(ShapeContact):
         distance, outward = distance_and_direction(ca.vertcat(beside, *flat))
         out = ca.vertsplit(ca.fabs(d[:n]) - sizes)  # from the planes of the faces
         is_next = [
-            reduce(ca.logic_and, [out[k] > other if i < k else out[k] >= other for i, other in enumerate(out) if i != k])
+            reduce(
+                ca.logic_and, [out[k] > other if i < k else out[k] >= other for i, other in enumerate(out) if i != k]
+            )
             for k in range(n)
         ]
         face = ca.vertcat(*[ca.if_else(test, ca.sign(d[k]), 0) for k, test in enumerate(is_next)], *flat)

@@ -86,7 +86,10 @@ def planar(shape, law, m, J):
         out = np.concatenate([y[6:], np.zeros(6)])
         for gap, n, h in touching(y):
             foot = y[3:5] - h * n
-            v = [y[i + 6 : i + 8] + y[i + 8] * np.array([-(foot - y[i : i + 2])[1], (foot - y[i : i + 2])[0]]) for i in (0, 3)]
+            v = [
+                y[i + 6 : i + 8] + y[i + 8] * np.array([-(foot - y[i : i + 2])[1], (foot - y[i : i + 2])[0]])
+                for i in (0, 3)
+            ]
             slip = v[1] - v[0]
             f = law.force(gap, slip @ n, n, slip - (slip @ n) * n)
             for i, sign in ((0, -1), (3, 1)):
@@ -107,10 +110,14 @@ def two_bodies(rng, make, shape, law, b_at, aim=None, end=1.0):
     toward = aim - b_at
     start[9:11] = toward / max(np.linalg.norm(toward), 0.2) * rng.uniform(0.5, 1.5) + rng.uniform(-0.2, 0.2, 2)
     start[[8, 11]] = rng.uniform(-1.5, 1.5, 2)
-    names = [f"{n}.{c}" for n in "ab" for c in ("x", "y", "theta")] + [f"{n}.{c}" for n in "ab" for c in ("vx", "vy", "omega")]
+    names = [f"{n}.{c}" for n in "ab" for c in ("x", "y", "theta")] + [
+        f"{n}.{c}" for n in "ab" for c in ("vx", "vy", "omega")
+    ]
     times = np.linspace(0, end, 5)
     system = mb.System(a, b, make(a.point(0, 0), b.point(0, 0), law))
-    scene = mb.Scene(system, dict(zip(names, start.tolist())), times, {n: getattr(a if n[0] == "a" else b, n[2:]) for n in names})
+    scene = mb.Scene(
+        system, dict(zip(names, start.tolist())), times, {n: getattr(a if n[0] == "a" else b, n[2:]) for n in names}
+    )
     return scene, marched(*planar(shape, law, m, J), start, times)
 
 
@@ -125,7 +132,9 @@ def circle(rng):
 
     at = rng.uniform(-0.1, 0.1, 2) if inside else (ra + rb) * 1.1 * turned(rng.uniform(0, 6.28), np.array([1.0, 0]))
     aim = rng.uniform(-0.5, 0.5, 2) if inside else None
-    return two_bodies(rng, lambda a, b, w: mb.CircleContact("c", a, b, ra, rb, w.law, w.friction, inside), shape, law, at, aim)
+    return two_bodies(
+        rng, lambda a, b, w: mb.CircleContact("c", a, b, ra, rb, w.law, w.friction, inside), shape, law, at, aim
+    )
 
 
 def slot(rng):
@@ -166,8 +175,11 @@ def particles(rng, law, a_moves, touching, make, start, end=1.0):
     bodies = [a, b] if a_moves else [b]
     names = [f"b.{c}" for c in ("x", "y", "z", "vx", "vy", "vz")]
     values = dict(zip(names, [*start[3:6], *start[9:]]))
-    system = mb.System(*bodies, make(a.point(0, 0, 0), b.point(0, 0, 0)), mb.Gravity(*g)) if not a_moves else mb.System(
-        *bodies, make(a.point(0, 0, 0), b.point(0, 0, 0)))
+    system = (
+        mb.System(*bodies, make(a.point(0, 0, 0), b.point(0, 0, 0)), mb.Gravity(*g))
+        if not a_moves
+        else mb.System(*bodies, make(a.point(0, 0, 0), b.point(0, 0, 0)))
+    )
     scene = mb.Scene(system, values, times, {n: getattr(b, n[2:]) for n in names})
     known = marched(rates, lambda y: [gap for gap, _ in touching(y[3:6] - y[:3])], start, times)
     return scene, known[:, [3, 4, 5, 9, 10, 11]]
@@ -234,9 +246,15 @@ def corners(rng):
     start = np.array([0, half.sum() + 0.2, rng.uniform(0, 3), *rng.uniform(-0.5, 0.5, 2), rng.uniform(-2, 2)])
     names = ["x", "y", "theta", "vx", "vy", "omega"]
     times = np.linspace(0, 0.6, 4)
-    contact = mb.BoxContact("c", body.point(0, 0), tuple(2 * half), mb.Ground().point(0, 0), law.law, normal=tuple(n), friction=law.friction)
-    scene = mb.Scene(mb.System(body, contact, mb.Gravity(0, -5.0)), {f"b.{n}": v for n, v in zip(names, start)}, times,
-                     {n: getattr(body, n) for n in names})
+    contact = mb.BoxContact(
+        "c", body.point(0, 0), tuple(2 * half), mb.Ground().point(0, 0), law.law, normal=tuple(n), friction=law.friction
+    )
+    scene = mb.Scene(
+        mb.System(body, contact, mb.Gravity(0, -5.0)),
+        {f"b.{n}": v for n, v in zip(names, start)},
+        times,
+        {n: getattr(body, n) for n in names},
+    )
     return scene, marched(rates, touching, start, times)
 
 
@@ -274,9 +292,12 @@ def rope(rng):
     times = np.linspace(0, 0.6, 4)
     over = (ground.point(*q), -r) if r else ground.point(*q)
     line = mb.Rope("rope", [ground.point(*p), over, load.point(0, 0)], k, length0 + winch * mb.t, c)
-    scene = mb.Scene(mb.System(load, line, mb.Gravity(0, -9.81)),
-                     dict(zip(("b.x", "b.y", "b.vx", "b.vy"), start)), times,
-                     {n: getattr(load, n) for n in ("x", "y", "vx", "vy")})
+    scene = mb.Scene(
+        mb.System(load, line, mb.Gravity(0, -9.81)),
+        dict(zip(("b.x", "b.y", "b.vx", "b.vy"), start)),
+        times,
+        {n: getattr(load, n) for n in ("x", "y", "vx", "vy")},
+    )
     return scene, marched(rates, lambda y: [stretch(y[4], y)], start, times)[:, :4]
 
 
@@ -314,7 +335,9 @@ def polar(r0, a, n):
         e, f = np.array([np.cos(s), np.sin(s)]), np.array([-np.sin(s), np.cos(s)])
         return r * e, dr * e + r * f, (ddr - r) * e + 2 * dr * f
 
-    return c, mb.Curve(lambda s: ((r0 + a * ca.cos(n * s)) * ca.cos(s), (r0 + a * ca.cos(n * s)) * ca.sin(s)), 0, 2 * np.pi, True)
+    return c, mb.Curve(
+        lambda s: ((r0 + a * ca.cos(n * s)) * ca.cos(s), (r0 + a * ca.cos(n * s)) * ca.sin(s)), 0, 2 * np.pi, True
+    )
 
 
 def cam(rng):
@@ -356,7 +379,11 @@ def polygon(rng):
     points = size * np.array([np.cos(w), np.sin(w)]).T
     feet = []
     for p, q in zip(points, np.roll(points, -1, axis=0)):
-        line = lambda s, p=p, q=q: (p[:, None] + (q - p)[:, None] * s, (q - p)[:, None] + 0 * s, 0 * s + np.zeros((2, 1)))  # noqa: E731
+        line = lambda s, p=p, q=q: (
+            p[:, None] + (q - p)[:, None] * s,
+            (q - p)[:, None] + 0 * s,
+            0 * s + np.zeros((2, 1)),
+        )  # noqa: E731
         feet.append(nearest(line, 0, 1, False, 1 if inside else -1))
     curve, law = mb.Curve(points, closed=True, corners=range(n)), Law(rng.uniform() < 0.5)
 
@@ -376,8 +403,17 @@ def track(rng):
     import casadi as ca
 
     a, k, r, law = rng.uniform(0.02, 0.08), rng.uniform(2, 5), 0.06, Law(rng.uniform() < 0.5)
-    foot = nearest(lambda s: (np.array([s, a * np.sin(k * s)]), np.array([1 + 0 * s, a * k * np.cos(k * s)]),
-                              np.array([0 * s, -a * k * k * np.sin(k * s)])), -1.5, 1.5, False, 1)
+    foot = nearest(
+        lambda s: (
+            np.array([s, a * np.sin(k * s)]),
+            np.array([1 + 0 * s, a * k * np.cos(k * s)]),
+            np.array([0 * s, -a * k * k * np.sin(k * s)]),
+        ),
+        -1.5,
+        1.5,
+        False,
+        1,
+    )
     curve = mb.Curve(lambda s: (s, a * ca.sin(k * s)), -1.5, 1.5)
     m, J = 1.0, 0.4 * r * r
     ball = mb.Body("b", m, J, mb.Planar())
@@ -392,8 +428,12 @@ def track(rng):
 
     start = np.array([rng.uniform(-1, -0.5), 0.4, 0, rng.uniform(0.5, 2.5), rng.uniform(-1, 1), rng.uniform(-3, 3)])
     names, times = ["x", "y", "theta", "vx", "vy", "omega"], np.linspace(0, 1.0, 5)
-    scene = mb.Scene(mb.System(ball, contact, mb.Gravity(0, -5.0)), {f"b.{n}": v for n, v in zip(names, start)}, times,
-                     {n: getattr(ball, n) for n in names})
+    scene = mb.Scene(
+        mb.System(ball, contact, mb.Gravity(0, -5.0)),
+        {f"b.{n}": v for n, v in zip(names, start)},
+        times,
+        {n: getattr(ball, n) for n in names},
+    )
     return scene, marched(rates, lambda y: [foot(y[:2])[0] - r], start, times)
 
 
@@ -416,8 +456,11 @@ def main():
             if errors[-1] > TOLERANCE:
                 print(f"  {name} {seed}: {errors[-1]:.1e}", flush=True)
         worst = max(worst, *errors)
-        print(f"{name:10s} error {max(errors):.1e}, median {np.median(errors):.1e}; energy drift {max(drifts):.1e}; "
-              f"{time.perf_counter() - begin:.0f} s", flush=True)
+        print(
+            f"{name:10s} error {max(errors):.1e}, median {np.median(errors):.1e}; energy drift {max(drifts):.1e}; "
+            f"{time.perf_counter() - begin:.0f} s",
+            flush=True,
+        )
     sys.exit(worst > TOLERANCE)
 
 

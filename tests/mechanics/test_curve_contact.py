@@ -102,7 +102,10 @@ def test_a_roller_on_an_eccentric_disc_lifts_off_at_speed():
     e, reach, w = 0.02, 0.06, 25.0
     disc, rod, arm = (mb.Body(name, 1.0, 0.1) for name in ("disc", "rod", "arm"))
     shaft = mb.Revolute("shaft", GROUND.point(0, 0), disc.point(0, 0))
-    guides = [mb.Prismatic(f"{b.name}.guide".replace(".", "_"), GROUND.point(0, 0), b.point(0, 0), (0, 1, 0)) for b in (rod, arm)]
+    guides = [
+        mb.Prismatic(f"{b.name}.guide".replace(".", "_"), GROUND.point(0, 0), b.point(0, 0), (0, 1, 0))
+        for b in (rod, arm)
+    ]
     curve = mb.Curve(lambda s: (e + 0.05 * ca.cos(s), 0.05 * ca.sin(s)), 0, 2 * np.pi, closed=True)
     lift = lambda a: e * ca.sin(a) + ca.sqrt(reach**2 - (e * ca.cos(a)) ** 2)  # noqa: E731
     on = mb.PointOnCurve("on", disc.point(0, 0), rod.point(0, 0), curve, radius=0.01, unilateral=True)

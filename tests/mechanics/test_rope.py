@@ -24,7 +24,10 @@ def test_a_slack_rope_has_no_force_and_catches_its_load():
     phase = np.pi - np.arctan2(v / w, m * g / k)  # where the rope has its length again
     taut = 2 * phase / w
     times = [0.0, 0.5, 0.5 + taut / 2, 0.5 + taut, 0.7 + taut]
-    run = mb.simulate(hanging([GROUND.point(0, 1.25)], k, 1.25 + 1.25, start={"load.y": 0.0}, times=times), mb.DormandPrince(rtol=1e-11))
+    run = mb.simulate(
+        hanging([GROUND.point(0, 1.25)], k, 1.25 + 1.25, start={"load.y": 0.0}, times=times),
+        mb.DormandPrince(rtol=1e-11),
+    )
     deepest = -1.25 - m * g / k - np.hypot(v / w, m * g / k)
     assert_allclose(run["y"], [0, -1.25, deepest, -1.25, -1.25 + 0.2 * v - 0.2], atol=1e-6)
     assert_allclose(run["vy"][[1, 3]], [-v, v], atol=1e-6)
@@ -33,7 +36,9 @@ def test_a_slack_rope_has_no_force_and_catches_its_load():
 
 def test_damping_never_pushes():
     """A load that flies up from a stretched rope: the damper would push it down."""
-    run = mb.simulate(hanging([GROUND.point(0, 0)], 1e-3, 1.0, 50.0, start={"load.y": -1.2, "load.vy": 4.0}, times=[0, 0.1]))
+    run = mb.simulate(
+        hanging([GROUND.point(0, 0)], 1e-3, 1.0, 50.0, start={"load.y": -1.2, "load.vy": 4.0}, times=[0, 0.1])
+    )
     assert_allclose(run["vy"][-1], 3.0, atol=1e-6)
 
 
@@ -42,7 +47,10 @@ def test_a_rope_round_a_pulley_is_as_long_as_a_belt():
     r = 0.3
     load = mb.Body("load", 1.0, pose=mb.Particle())
     rope = mb.Rope(
-        "rope", [GROUND.point(-1, r), (GROUND.point(0, 0), -r), (GROUND.point(2 * r, -1), r), load.point(0, 0)], 1.0, 0.0
+        "rope",
+        [GROUND.point(-1, r), (GROUND.point(0, 0), -r), (GROUND.point(2 * r, -1), r), load.point(0, 0)],
+        1.0,
+        0.0,
     )
     system = mb.System(load, rope)
     pull = ca.Function("pull", [system.q], [system.Q])(ca.vertcat(2.0, -1 - r, 0)).full().ravel()
