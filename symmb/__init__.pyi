@@ -98,9 +98,9 @@ from .mechanics.parameter import Parameters as Parameters
 from .mechanics.pose import Particle as Particle
 from .mechanics.pose import Planar as Planar
 from .mechanics.pose import Spatial as Spatial
+from .mechanics.rope import Rope as Rope
 from .mechanics.rotation import rotation as rotation
 from .mechanics.sampled import Sampled as Sampled
-from .mechanics.rope import Rope as Rope
 from .mechanics.shape_contact import BoxContact as BoxContact
 from .mechanics.shape_contact import CircleContact as CircleContact
 from .mechanics.shape_contact import SlotContact as SlotContact

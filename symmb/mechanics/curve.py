@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple, cast
 
 import casadi as ca
@@ -115,7 +116,7 @@ _MOST_PARTS = 64
 
 
 class Part(NamedTuple):
-    """A part of a curve from low to high s, and the ends of the curve or corners at its ends; infinite where it goes on."""
+    """A part of a curve from low to high s. `first` and `last` are ends of the curve or corners there, else infinite."""
 
     low: float
     high: float
@@ -150,7 +151,7 @@ class Measured:
             breaks = [*corners, corners[0] + self.period]
         else:
             breaks = sorted({start, *corners, start + self.period})
-        return list(zip(breaks, breaks[1:]))
+        return list(pairwise(breaks))
 
     def groups(self, side: float) -> list[list[Part]]:
         """Parts from low to high s, in groups that touch at one place: a corner in which a point lies begins another.
@@ -159,13 +160,12 @@ class Measured:
         """
         groups: list[list[Part]] = []
         pieces = self._pieces
-        for a, b in pieces:
+        for k, (a, b) in enumerate(pieces):
             parts = self._parts(a, b, side)
-            if groups and not self._is_concave(last, a, side):
+            if groups and not self._is_concave(pieces[k - 1][1], a, side):
                 groups[-1] += parts
             else:
                 groups.append(parts)
-            last = b
         if self.curve.closed and len(groups) > 1 and not self._is_concave(pieces[-1][1], pieces[0][0], side):
             groups[0] = groups.pop() + groups[0]
         if sum(map(len, groups)) > _MOST_PARTS:
@@ -196,7 +196,7 @@ class Measured:
             sign = now
         cuts.append(b - inset)
         parts = []
-        for low, high in zip(cuts, cuts[1:]):
+        for low, high in pairwise(cuts):
             more = _OVERLAP * (high - low)
             first = -np.inf if whole or low > cuts[0] else low
             last = np.inf if whole or high < cuts[-1] else high
@@ -206,7 +206,8 @@ class Measured:
     def require_room(self, group: list[Part], side: float, radius: float) -> None:
         """DeclarationError if a circle that touches a group of parts somewhere is over its edge elsewhere."""
         ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b, *_ in group]
-        x, d, _ = (np.vstack(part) for part in zip(*(self._numbers(np.linspace(a, b, 100)) for a, b in ends)))
+        sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
+        x, d, _ = (np.vstack(part) for part in zip(*sampled, strict=True))
         normal = side * np.column_stack([-d[:, 1], d[:, 0]]) / np.hypot(*d.T)[:, None]
         center = x + radius * normal
         distance = np.hypot(*(center[:, None] - x[None]).transpose(2, 0, 1)).min(axis=1)
@@ -214,7 +215,7 @@ class Measured:
             place = ", ".join(f"{value:.3g}" for value in x[distance.argmin()])
             raise DeclarationError(
                 f"where its circle of radius {radius:g} touches the curve at ({place}), it is over it elsewhere: the "
-                "curve bends more tightly than the circle. Use a smaller circle, or a contact with each part of the curve"
+                "curve bends more tightly than the circle. Use a smaller circle, or one contact for each part"
             )
 
 
@@ -240,7 +241,7 @@ def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.
     smooth = closed and not at.size
     breaks = np.unique([0, *at.tolist(), len(x) - 1])
     rows = []
-    for i, j in zip(breaks, breaks[1:]):
+    for i, j in pairwise(breaks):
         piece = CubicSpline(along[i : j + 1], x[i : j + 1], bc_type="periodic" if smooth else "not-a-knot")
         rows.append(np.column_stack([along[i:j], *(piece.c[::-1, :, k].T for k in range(2))]))
     table = np.vstack(rows)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 
@@ -72,7 +73,7 @@ class Rope(ForceElement):
             yield f"{self.title}: all its points are on body {self.bodies()[0].name!r}, nothing is left to act on."
         pulleys = [radius for _, radius in wraps if radius is not None]
         if pulleys and any(isinstance(body.pose, Spatial) for body in self.bodies()):
-            yield f"{self.title}: pulleys turn in the xy plane, which spatial bodies leave. Use pose=Planar() or points."
+            yield f"{self.title}: pulleys turn in the xy plane, which spatial bodies leave. Use pose=Planar()."
         if wraps[0][1] is not None or wraps[-1][1] is not None:
             yield f"{self.title}: it begins or ends with a pulley. Give a point, where it is fixed."
         for what in ("stiffness", "length", "damping"):
@@ -108,13 +109,13 @@ def _way(places: Sequence[ca.SX], radii: Sequence[ca.SX]) -> tuple[ca.SX, list[c
     sqrt(d^2 - (r - s)^2), and it is turned from the line of the centres by an angle of sine (r - s) / |d|.
     """
     way, directions = ca.SX(0), []
-    for (a, r), (b, s) in zip(zip(places, radii, strict=True), [*zip(places, radii, strict=True)][1:]):
+    for (a, r), (b, s) in pairwise(zip(places, radii, strict=True)):
         d, across = b - a, s - r
         squared = ca.fmax(ca.sumsqr(d), MEETING**2)
         straight = ca.sqrt(squared - across**2)
         directions.append((straight * d - across * ca.cross(Z, d)) / squared)
         way += straight
-    for radius, before, behind in zip(radii[1:-1], directions, directions[1:]):
+    for radius, (before, behind) in zip(radii[1:-1], pairwise(directions), strict=True):
         if not radius.is_zero():
             # Angles from -1/4 to 3/4 of a turn: a rope that leaves its pulley has none below 0.
             side = ca.sign(radius)

@@ -12,7 +12,6 @@ import time
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import minimize_scalar
 
 import symmb as mb
 
@@ -116,7 +115,10 @@ def two_bodies(rng, make, shape, law, b_at, aim=None, end=1.0):
     times = np.linspace(0, end, 5)
     system = mb.System(a, b, make(a.point(0, 0), b.point(0, 0), law))
     scene = mb.Scene(
-        system, dict(zip(names, start.tolist())), times, {n: getattr(a if n[0] == "a" else b, n[2:]) for n in names}
+        system,
+        dict(zip(names, start.tolist(), strict=True)),
+        times,
+        {n: getattr(a if n[0] == "a" else b, n[2:]) for n in names},
     )
     return scene, marched(*planar(shape, law, m, J), start, times)
 
@@ -174,7 +176,7 @@ def particles(rng, law, a_moves, touching, make, start, end=1.0):
     times = np.linspace(0, end, 5)
     bodies = [a, b] if a_moves else [b]
     names = [f"b.{c}" for c in ("x", "y", "z", "vx", "vy", "vz")]
-    values = dict(zip(names, [*start[3:6], *start[9:]]))
+    values = dict(zip(names, [*start[3:6], *start[9:]], strict=True))
     system = (
         mb.System(*bodies, make(a.point(0, 0, 0), b.point(0, 0, 0)), mb.Gravity(*g))
         if not a_moves
@@ -251,7 +253,7 @@ def corners(rng):
     )
     scene = mb.Scene(
         mb.System(body, contact, mb.Gravity(0, -5.0)),
-        {f"b.{n}": v for n, v in zip(names, start)},
+        {f"b.{n}": v for n, v in zip(names, start, strict=True)},
         times,
         {n: getattr(body, n) for n in names},
     )
@@ -282,8 +284,8 @@ def rope(rng):
         return way(y[:2])[0] - length0 - winch * t
 
     def rates(t, y):
-        l, u = way(y[:2])
-        s = l - length0 - winch * t
+        long, u = way(y[:2])
+        s = long - length0 - winch * t
         pull = max(k * s + c * (u @ y[2:4] - winch), 0) if s > 0 else 0.0
         return [*y[2:4], *(-pull * u / m + np.array([0, -9.81])), 1.0]
 
@@ -294,7 +296,7 @@ def rope(rng):
     line = mb.Rope("rope", [ground.point(*p), over, load.point(0, 0)], k, length0 + winch * mb.t, c)
     scene = mb.Scene(
         mb.System(load, line, mb.Gravity(0, -9.81)),
-        dict(zip(("b.x", "b.y", "b.vx", "b.vy"), start)),
+        dict(zip(("b.x", "b.y", "b.vx", "b.vy"), start[:4], strict=True)),
         times,
         {n: getattr(load, n) for n in ("x", "y", "vx", "vy")},
     )
@@ -378,12 +380,11 @@ def polygon(rng):
     size = 0.6 if inside else 0.3
     points = size * np.array([np.cos(w), np.sin(w)]).T
     feet = []
-    for p, q in zip(points, np.roll(points, -1, axis=0)):
-        line = lambda s, p=p, q=q: (
-            p[:, None] + (q - p)[:, None] * s,
-            (q - p)[:, None] + 0 * s,
-            0 * s + np.zeros((2, 1)),
-        )  # noqa: E731
+    for p, q in zip(points, np.roll(points, -1, axis=0), strict=True):
+
+        def line(s, p=p, q=q):
+            return p[:, None] + (q - p)[:, None] * s, (q - p)[:, None] + 0 * s, 0 * s + np.zeros((2, 1))
+
         feet.append(nearest(line, 0, 1, False, 1 if inside else -1))
     curve, law = mb.Curve(points, closed=True, corners=range(n)), Law(rng.uniform() < 0.5)
 
@@ -430,7 +431,7 @@ def track(rng):
     names, times = ["x", "y", "theta", "vx", "vy", "omega"], np.linspace(0, 1.0, 5)
     scene = mb.Scene(
         mb.System(ball, contact, mb.Gravity(0, -5.0)),
-        {f"b.{n}": v for n, v in zip(names, start)},
+        {f"b.{n}": v for n, v in zip(names, start, strict=True)},
         times,
         {n: getattr(ball, n) for n in names},
     )
