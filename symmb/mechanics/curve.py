@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import NamedTuple, cast
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -115,13 +115,8 @@ _INSET = 1e-12
 _MOST_PARTS = 64
 
 
-class Part(NamedTuple):
-    """A part of a curve from low to high s. `first` and `last` are ends of the curve or corners there, else infinite."""
-
-    low: float
-    high: float
-    first: float
-    last: float
+Part = tuple[float, float]
+"""A part of a curve from low to high s, infinite if it has no ends."""
 
 
 class Measured:
@@ -186,7 +181,7 @@ class Measured:
         turn, sign, cuts = 0.0, 0.0, [a + inset]
         whole = self.is_periodic and not self.curve.corners
         if whole and callable(self.curve.shape) and bend.max() <= 0:  # splines have two seams only
-            return [Part(-np.inf, np.inf, -np.inf, np.inf)]
+            return [(-np.inf, np.inf)]
         for k in range(_SAMPLES):
             now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > 1e-6 else sign
             turn += abs(bend[k]) * (s[k + 1] - s[k])
@@ -198,14 +193,13 @@ class Measured:
         parts = []
         for low, high in pairwise(cuts):
             more = _OVERLAP * (high - low)
-            first = -np.inf if whole or low > cuts[0] else low
-            last = np.inf if whole or high < cuts[-1] else high
-            parts.append(Part(max(low - more, first), min(high + more, last), first, last))
+            low -= more * (whole or low > cuts[0])
+            parts.append((low, high + more * (whole or high < cuts[-1])))
         return parts
 
     def require_room(self, group: list[Part], side: float, radius: float) -> None:
         """DeclarationError if a circle that touches a group of parts somewhere is over its edge elsewhere."""
-        ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b, *_ in group]
+        ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
         sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
         x, d, _ = (np.vstack(part) for part in zip(*sampled, strict=True))
         normal = side * np.column_stack([-d[:, 1], d[:, 0]]) / np.hypot(*d.T)[:, None]

@@ -29,8 +29,6 @@ _CATCH_UP = 100.0
 """A foot that is off comes e times nearer while the point moves by this share, 1 / 100, of the curve's length."""
 _SAMPLES, _ALL_SAMPLES = 12, 64
 """Places on a part, and on a curve, from which the search of a foot chooses."""
-_FAR = 1e9
-"""An end of a part that is none."""
 _AT_REST = 1e-6
 """Speed [m/s] of a point at rest by which its foot still approaches."""
 
@@ -186,22 +184,24 @@ class CurveContact(ShapeContact):
 
     def _following(self, P: ca.SX, part: Part, name: str, measured: Measured) -> tuple[Foot, Symbol]:
         """The foot on a part of the curve, and the record of the state that follows it."""
-        s, rate, bounded = ca.SX.sym(name), ddt(P), bool(np.isfinite(part.low))
+        s, rate = ca.SX.sym(name), ddt(P)
+        bounded = bool(np.isfinite(part[0]))
 
-        def foot_at(s: ca.SX) -> Foot:
-            return _foot(self.curve, s, P, Bounds.of(s, part.low, part.high) if bounded else None)
+        def bounds_at(s: ca.SX) -> Bounds | None:
+            return Bounds.of(s, *part) if bounded else None
 
-        foot = foot_at(s)
+        def moved(s: ca.SX, bounds: Bounds | None) -> ca.SX:
+            return s + _foot(self.curve, s, P, bounds).step
+
+        bounds = bounds_at(s)
+        foot = _foot(self.curve, s, P, bounds)
         catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
         following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
-        low, high, samples = (*part[:2], _SAMPLES) if bounded else (*self.curve.ends, _ALL_SAMPLES)
-        start = self.curve.nearest(P, low, high, samples, lambda s: s + foot_at(s).step)
+        low, high, samples = (*part, _SAMPLES) if bounded else (*self.curve.ends, _ALL_SAMPLES)
+        start = self.curve.nearest(P, low, high, samples, lambda s: moved(s, bounds_at(s)))
         (state,) = declare([name], Kind.STATE, s, following, start)
-        # The state only chooses the foot: Newton's steps make it exact.
-        on = Bounds.of(s, *np.clip([part.first, part.last], -_FAR, _FAR).tolist())
-        ends = on if np.isfinite([part.first, part.last]).any() else None
-        near = _foot(self.curve, at := s + foot.step, P, ends)
-        return _foot(self.curve, at + near.step, P, ends), state
+        # The state only chooses the foot: two of Newton's steps leave of its error the fourth power.
+        return _foot(self.curve, moved(moved(s, bounds), bounds), P, bounds), state
 
 
 def _nearest(feet: Sequence[Foot], side: float) -> tuple[ca.SX, ca.SX]:
