@@ -21,7 +21,7 @@ from symmb.mechanics.force import Action
 from symmb.mechanics.friction import FrictionLaw
 from symmb.mechanics.pose import Particle, Planar, Spatial
 from symmb.mechanics.shape_contact import ShapeContact
-from symmb.symbolic import SOFT, Kind, Symbol, ddt, declare
+from symmb.symbolic import SOFT, Kind, Symbol, ddt, declare, is_zero
 
 _CLOSE = 0.2
 """Least slope of the foot's condition, as a share of that of a straight line: it is 0 at a centre of curvature."""
@@ -108,7 +108,8 @@ class CurveContact(ShapeContact):
 
     The foot of the circle on the curve is a first-order state, `name.foot`, which follows the motion, one for each part
     that bends to one side by a quarter of a turn. The nearest one counts. In a corner that the circle can lie in it
-    touches at two places, with a force at each.
+    touches at two places, with a force at each. An open curve is thin, and has two sides for a circle; a point may
+    be beneath it.
 
     Parameters
     ----------
@@ -169,7 +170,8 @@ class CurveContact(ShapeContact):
             names = [f"{self.name}.foot" if count == 1 else f"{self.name}.foot_{next(numbers)}" for _ in group]
             feet = [self._following(P, part, name, measured) for part, name in zip(group, names, strict=True)]
             yield Action((), states=tuple(state for *_, state in feet))
-            height, normal = _nearest([foot for foot, _ in feet], side)
+            has_back = not (self.curve.closed or is_zero(radius))
+            height, normal = _nearest([foot for foot, _ in feet], side, has_back)
             axis, rate = ca.vertcat(normal, 0), ca.dot(normal, ddt(P))
             fixed = (self.point_a.s, self.point_b.s, self._parameters)
             name = self.name if len(groups) == 1 else f"{self.name}.{k + 1}"
@@ -204,16 +206,17 @@ class CurveContact(ShapeContact):
         return _foot(self.curve, moved(moved(s, bounds), bounds), P, bounds), state
 
 
-def _nearest(feet: Sequence[Foot], side: float) -> tuple[ca.SX, ca.SX]:
-    """Height of the point above the nearest foot [m], below 0 beneath the curve, and the normal there (2,)."""
+def _nearest(feet: Sequence[Foot], side: float, has_back: bool) -> tuple[ca.SX, ca.SX]:
+    """Height of the point above the nearest foot [m] and the normal there (2,), which leads to the point at an end.
+
+    A curve that has a back is thin: the point is on either side of it. Beneath others heights are negative.
+    """
     found = []
     for foot in feet:
-        normal = _normal(foot.along, side)
-        height, squared = ca.dot(foot.offset, normal), ca.sumsqr(foot.offset)
-        if not foot.beyond.is_constant():
-            distance, away = distance_and_direction(foot.offset)
-            height, normal = ca.if_else(foot.beyond, distance, height), ca.if_else(foot.beyond, away, normal)
-        found.append(ca.vertcat(squared, height, normal))
+        normal, (distance, away) = _normal(foot.along, side), distance_and_direction(foot.offset)
+        beyond = ca.SX(1) if has_back else foot.beyond
+        height = ca.if_else(beyond, distance, ca.dot(foot.offset, normal))
+        found.append(ca.vertcat(ca.sumsqr(foot.offset), height, ca.if_else(beyond, away, normal)))
     best = reduce(lambda a, b: ca.if_else(b[0] - a[0] < -SOFT, b, a), found)
     return best[1], best[2:]
 
