@@ -64,7 +64,7 @@ class Curve:
             place, end, corners = _spline(self.shape, self.closed, corners, self.s)
             object.__setattr__(self, "start", 0.0)
             object.__setattr__(self, "end", end)
-        if ((corners < self.start) | (corners > self.end)).any():
+        if ((corners < self.start) | (corners > self.ends[1])).any():
             raise DeclarationError(f"Curve: corners {shown(self.corners)} are not on it.")
         object.__setattr__(self, "corners", tuple(np.unique(corners).tolist()))
         object.__setattr__(self, "place", place)
@@ -217,14 +217,11 @@ def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.
     """Place (2,) on the spline through points (n, 2), the largest s, and s at the corners."""
     from scipy.interpolate import CubicSpline
 
-    x = numbers_of(points)
-    if x is None or x.ndim != 2 or x.shape[1] != 2 or len(x) < 2 + closed or not np.isfinite(x).all():
-        raise DeclarationError("Curve: shape must be a function of s, or points (n, 2) of finite numbers.")
+    x = _points(points, closed)
     if not np.isin(corners, np.arange(len(x))).all():
         raise DeclarationError("Curve: corners are numbers of points, from 0 on.")
     at = np.unique(corners).astype(int)
     if closed:
-        x = x[:-1] if np.allclose(x[0], x[-1], rtol=0, atol=1e-12 * np.ptp(x)) else x
         first = int(at[0]) if at.size else 0
         x, at = np.roll(x, -first, axis=0), at - first
         x = np.vstack([x, x[:1]])
@@ -248,3 +245,15 @@ def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.
     u = s - begin
     place = [c[k] + u * (c[k + 1] + u * (c[k + 2] + u * c[k + 3])) for k in (0, 4)]
     return ca.vertcat(*place), float(along[-1]), along[at]
+
+
+def _points(points: object, closed: bool) -> Array:
+    """Points (n, 2); the last of a closed curve is not the first."""
+    x = numbers_of(points)
+    if x is None or x.ndim != 2 or x.shape[1] != 2 or not np.isfinite(x).all():
+        raise DeclarationError("Curve: shape must be a function of s, or points (n, 2) of finite numbers.")
+    if closed and np.allclose(x[0], x[-1], rtol=0, atol=1e-12 * np.ptp(x)):
+        x = x[:-1]
+    if len(x) < 2 + closed:
+        raise DeclarationError(f"Curve: {len(x)} points are too few. Give two or more, three or more if it is closed.")
+    return x

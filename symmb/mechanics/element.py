@@ -127,7 +127,7 @@ def law_value(law: Callable[..., Expr], title: str, *arguments: ca.SX) -> Expr:
 Law = TypeVar("Law")
 
 
-def bound(law: Law, bind: Bind, title: str) -> Law:
+def bound(law: Law, bind: Callable[[Any, str], ca.SX], title: str) -> Law:
     """A law, a dataclass, whose numbers and expressions are bound.
 
     Tables, functions where these are legal, and options that are None stay.

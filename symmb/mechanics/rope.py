@@ -71,16 +71,18 @@ class Rope(ForceElement):
         yield from pair_faults(self.title, tuple({id(body): body for body in self.bodies()}.values()))
         if len({id(body) for body in self.bodies()}) == 1:
             yield f"{self.title}: all its points are on body {self.bodies()[0].name!r}, nothing is left to act on."
-        pulleys = [radius for _, radius in wraps if radius is not None]
-        if pulleys and any(isinstance(body.pose, Spatial) for body in self.bodies()):
+        yield from self._pulley_faults([radius is not None for _, radius in wraps])
+        for what in ("length", "damping"):
+            if is_real(value := getattr(self, what)) and not value >= 0:
+                yield f"{self.title}: {what} is {number_text(value)}; it must be at least 0."
+        if is_real(self.stiffness) and not self.stiffness > 0:
+            yield f"{self.title}: stiffness is {number_text(self.stiffness)}; it must be above 0."
+
+    def _pulley_faults(self, are_pulleys: Sequence[bool]) -> Iterator[str]:
+        if any(are_pulleys) and any(isinstance(body.pose, Spatial) for body in self.bodies()):
             yield f"{self.title}: pulleys turn in the xy plane, which spatial bodies leave. Use pose=Planar()."
-        if wraps[0][1] is not None or wraps[-1][1] is not None:
+        if are_pulleys[0] or are_pulleys[-1]:
             yield f"{self.title}: it begins or ends with a pulley. Give a point, where it is fixed."
-        for what in ("stiffness", "length", "damping"):
-            value = getattr(self, what)
-            if is_real(value) and not (value > 0 if what == "stiffness" else value >= 0):
-                least = "above 0" if what == "stiffness" else "at least 0"
-                yield f"{self.title}: {what} is {number_text(value)}; it must be {least}."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radii = [bind(0 if r is None else r, f"{self.title}: radius") for _, r in map(_parts, self.points)]

@@ -53,7 +53,7 @@ def test_a_ball_flies_through_the_centre_of_a_ring():
 
 
 def test_a_ball_thrown_over_waves_lands_on_them_and_leaves_at_their_end():
-    """It never is in the ground, by distances to many points of the curve, and energy is kept."""
+    """By distances to many points it never is deeper than (5 E / 2 k)^(2 / 5) = 0.012 m, and energy is kept."""
     curve = mb.Curve(lambda s: (s, 0.08 * ca.sin(4 * s)), -1.5, 1.5)
     system = ball_on(curve, mb.HuntCrossley(1e6, 1.0, 1.0), 0.06)
     start = {"ball.x": -1.0, "ball.y": 0.5, "ball.vx": 1.2, "ball.vy": 0.0}
@@ -61,7 +61,7 @@ def test_a_ball_thrown_over_waves_lands_on_them_and_leaves_at_their_end():
     s = np.linspace(-1.5, 1.5, 3001)
     distance = np.hypot(run["ball.x"][:, None] - s, run["ball.y"][:, None] - 0.08 * np.sin(4 * s)).min(axis=1)
     over = np.abs(run["ball.x"]) < 1.4
-    assert distance.min() > 0.055 and (run["ball.y"] > 0.08 * np.sin(4 * run["ball.x"]))[over].all()
+    assert distance.min() > 0.06 - 0.012 and (run["ball.y"] > 0.08 * np.sin(4 * run["ball.x"]))[over].all()
     assert run["ball.y"][-1] < -1  # it has left the ground
     assert run.energy_drift < 1e-8
 
