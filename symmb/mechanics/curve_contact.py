@@ -136,7 +136,8 @@ class CurveContact(ShapeContact):
     >>> bowl = mb.Curve(lambda s: (s, s**2), -2, 2)
     >>> ball, law = mb.Body("ball", 1.0, pose=mb.Particle()), mb.KelvinVoigt(1e4)
     >>> track = mb.CurveContact("track", mb.Ground().point(0, 0), bowl, ball.point(0, 0), 0.1, law)
-    >>> scene = mb.Scene(mb.System(ball, track, mb.Gravity(0, -10.0)), {"ball.x": 0.0}, equilibrium=True)
+    >>> system = mb.System(ball, track, mb.Gravity(0, -10.0))
+    >>> scene = mb.Scene(system, {"ball.x": 0.0}, guess={"ball.y": 0.0995}, equilibrium=True)
     >>> mb.simulate(scene)["ball.y"].round(6)
     array([0.099])
     """
