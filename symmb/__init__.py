@@ -10,12 +10,13 @@ Bodies
     Body, Ground, Planar, Spatial, Particle, rotation, FlexibleBody, Beam, FiniteElements, Modes, Material, Section
 Joints, motors, stops
     Revolute, Prismatic, Cylindrical, Spherical, Universal, PlanarJoint, Screw, Weld, Distance, PointOnLine, Gear,
-    Motion, VelocityConstraint, Actuator, Stop, Release, Latch
+    PointOnCurve, CamFollower, Motion, VelocityConstraint, Actuator, Stop, Release, Latch
 Forces
-    Gravity, Spring, Damper, SpringDamper, TorsionSpring, Bushing, NonlinearSpring, GasSpring, Force, Torque,
+    Gravity, Spring, Damper, SpringDamper, TorsionSpring, Bushing, NonlinearSpring, GasSpring, Rope, Force, Torque,
     Orifice, Soil, Table, Sampled
 Contact, friction, impacts
-    BushContact, Contact, ToothContact, TorsionContact, Flores, HuntCrossley, KelvinVoigt, LankaraniNikravesh,
+    BushContact, Contact, CircleContact, SlotContact, SphereContact, BoxContact, Curve, CurveContact, ToothContact,
+    TorsionContact, Flores, HuntCrossley, KelvinVoigt, LankaraniNikravesh,
     Tabulated, Bristle, Coulomb, Friction, Impact
 Figures of a motion
     maximum, minimum, final, mean, first_time, value_at

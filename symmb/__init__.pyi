@@ -68,6 +68,9 @@ from .mechanics.figure import maximum as maximum
 from .mechanics.figure import mean as mean
 from .mechanics.figure import minimum as minimum
 from .mechanics.figure import value_at as value_at
+from .mechanics.curve import Curve as Curve
+from .mechanics.curve_contact import CurveContact as CurveContact
+from .mechanics.curve_contact import PointOnCurve as PointOnCurve
 from .mechanics.flexible_body import FlexibleBody as FlexibleBody
 from .mechanics.force import Bushing as Bushing
 from .mechanics.force import Damper as Damper
@@ -81,6 +84,7 @@ from .mechanics.friction import Bristle as Bristle
 from .mechanics.friction import Coulomb as Coulomb
 from .mechanics.friction import Friction as Friction
 from .mechanics.impact import Impact as Impact
+from .mechanics.joint import CamFollower as CamFollower
 from .mechanics.joint import Cylindrical as Cylindrical
 from .mechanics.joint import Distance as Distance
 from .mechanics.joint import Gear as Gear
@@ -102,8 +106,13 @@ from .mechanics.parameter import Parameters as Parameters
 from .mechanics.pose import Particle as Particle
 from .mechanics.pose import Planar as Planar
 from .mechanics.pose import Spatial as Spatial
+from .mechanics.rope import Rope as Rope
 from .mechanics.rotation import rotation as rotation
 from .mechanics.sampled import Sampled as Sampled
+from .mechanics.shape_contact import BoxContact as BoxContact
+from .mechanics.shape_contact import CircleContact as CircleContact
+from .mechanics.shape_contact import SlotContact as SlotContact
+from .mechanics.shape_contact import SphereContact as SphereContact
 from .mechanics.state import State as State
 from .mechanics.table import Table as Table
 from .mechanics.urdf import load_urdf as load_urdf

@@ -50,6 +50,10 @@ def _distance(name, a, b):
     return mb.Distance(name, a, b, 0.9)
 
 
+def _on_curve(name, a, b):
+    return mb.PointOnCurve(name, a, b, mb.Curve(lambda s: (s, 0.1 * s**2), -4, 4))
+
+
 def _gear(name, a, b, **axes):
     return mb.Gear(name, a, b, ratio=-1.5, **axes)
 
@@ -69,6 +73,7 @@ ALL_JOINTS = (
     _example(mb.Weld, 6, 3),
     JointExample("Distance", _distance, 1, 1, frozenset(ANY), frozenset(ANY), axes=()),
     _example(mb.PointOnLine, 2, 1, b=ANY, axes=(("axis", SKEW),), planar_axes=(("axis", IN_PLANE),)),
+    JointExample("PointOnCurve", _on_curve, 1, 1, frozenset(ORIENTED), frozenset(ANY), axes=()),
     JointExample("Gear", _gear, 1, 1),
     JointExample("Screw", _screw, 5, 0, frozenset(SPATIAL), frozenset(SPATIAL)),
 )

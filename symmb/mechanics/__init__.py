@@ -8,6 +8,8 @@ from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body, Ground, Inertial, Point, as_matrix, inertia_matrix
 from symmb.mechanics.constraint import Constraint, Motion
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
+from symmb.mechanics.curve import Curve
+from symmb.mechanics.curve_contact import CurveContact, PointOnCurve
 from symmb.mechanics.element import Element, law_value
 from symmb.mechanics.figure import Figure, Window, final, first_time, maximum, mean, minimum, value_at
 from symmb.mechanics.flexible_body import FlexibleBody
@@ -42,6 +44,8 @@ from symmb.mechanics.joint_event import JointEvent, Latch, Release, closed_at_st
 from symmb.mechanics.load import NonlinearSpring, Soil
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Frame, Particle, Planar, Spatial
+from symmb.mechanics.rope import Rope
 from symmb.mechanics.rotation import Rotation, rotation
 from symmb.mechanics.sampled import Sampled
+from symmb.mechanics.shape_contact import BoxContact, CircleContact, SlotContact, SphereContact
 from symmb.mechanics.state import OwnState, State

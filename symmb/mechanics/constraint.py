@@ -25,6 +25,12 @@ class Constraint(Element):
         """Cosines (n,) that are 1 in the intended assembly and -1 in the other solution of the rows."""
         return ca.SX(0, 1)
 
+    unilateral: bool = False
+
+    def pressure(self, lam: ca.SX) -> ca.SX:
+        """The force of its multipliers (n,) that a unilateral constraint can exert where it is positive [N]."""
+        return lam[0]
+
     def positive(self, bind: Bind) -> ca.SX:
         """Expressions (n,) that must be above 0, such as a length."""
         return ca.SX(0, 1)

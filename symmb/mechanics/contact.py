@@ -35,6 +35,51 @@ def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Lo
     return Action(loads(force), law.potential(penetration) if is_constant(law.stores, *fixed) else None)
 
 
+def touch(
+    element: "SurfaceContact",
+    bind: Bind,
+    a: AbstractBody,
+    point: Point,
+    radius: ca.SX,
+    axis: ca.SX,
+    height: ca.SX,
+    *fixed: ca.SX,
+    rate: ca.SX | None = None,
+    name: str = "",
+) -> Iterator[Action]:
+    """The actions of a round body of a radius [m] about a point on a surface of body a.
+
+    `axis` (3,) is the normal of the surface at the foot of the point, in the axes of body a, and `height` that of the
+    point above the foot [m]. Where the foot follows a state, `rate` gives the rate of the height [m/s]. States of
+    friction have the name of the element, or another one where it touches at several points.
+    """
+    b, law = point.body, bound(element.law, bind, element.title)
+    normal, penetration = a.frame.R @ axis, radius - height
+    rate = ddt(penetration) if rate is None else ddt(radius) - rate
+    force = law.force(penetration, rate)
+    potential = law.potential(penetration) if is_constant(law.stores, radius, *fixed) else None
+    yield Action(push(point, a, force * normal), potential)
+    if element.friction is None:
+        return
+    if isinstance(a.pose, Planar) or isinstance(b.pose, Planar):
+        tangents = ca.cross(Z, axis)
+    elif is_constant(axis):
+        tangents = triad(axis)[:, :2]
+    else:  # no two directions are tangents everywhere: those in three lose their part along the normal
+        tangents = ca.SX.eye(3) - axis @ axis.T
+    tangents = a.frame.R @ tangents
+    foot = point.r - height * normal
+    slip = tangents.T @ (velocity_at(b, foot - b.frame.r) - velocity_at(a, foot - a.frame.r))
+    drag, states = bound(element.friction, bind, element.title).resistance(name or element.name, slip, force)
+    yield Action(push(fixed_at(b, foot), a, tangents @ drag), states=states)
+
+
+def distance_and_direction(d: ca.SX, least: ca.SX | float = 0.0) -> tuple[ca.SX, ca.SX]:
+    """Length of a vector [m], not below a least one, and its direction (3,), which is 0 where the vector is."""
+    distance = ca.sqrt(ca.fmax(ca.sumsqr(d), ca.fmax(least, MEETING) ** 2))
+    return distance, d / distance
+
+
 def law_faults(title: str, law: object) -> Iterator[str]:
     """Fault of an object that is not a law of contact."""
     if not isinstance(law, ContactLaw):
@@ -44,8 +89,20 @@ def law_faults(title: str, law: object) -> Iterator[str]:
         )
 
 
+class SurfaceContact(ForceElement):
+    """A contact with a law along the normal, and perhaps friction across it."""
+
+    law: ContactLaw
+    friction: FrictionLaw | None
+
+    def faults(self) -> Iterator[str]:
+        yield from law_faults(self.title, self.law)
+        if self.friction is not None:
+            yield from friction_faults(self.title, self.friction)
+
+
 @dataclass(frozen=True, eq=False)
-class Contact(ForceElement):
+class Contact(SurfaceContact):
     """A sphere against a plane that is fixed to another body or to the ground.
 
     Parameters
@@ -90,29 +147,14 @@ class Contact(ForceElement):
         faults = list(point_faults(self.title, self.point, self.plane_point))
         yield from faults or pair_faults(self.title, self.bodies())
         yield from direction_faults(self.title, "normal", self.normal)
-        yield from law_faults(self.title, self.law)
-        if self.friction is not None:
-            yield from friction_faults(self.title, self.friction)
+        yield from super().faults()
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.plane_point.body
         axis = unit(vector(self.normal))
-        normal = a.frame.R @ axis
         radius = bind(self.radius, f"{self.title}: radius")
         height = ca.dot(axis, a.frame.R.T @ (self.point.r - self.plane_point.r))
-        law = bound(self.law, bind, self.title)
-        fixed = (self.point.s, self.plane_point.s, axis, radius)
-        yield press(law, radius - height, lambda force: push(self.point, a, force * normal), *fixed)
-        if self.friction is None:
-            return
-        b = self.point.body
-        planar = isinstance(a.pose, Planar) or isinstance(b.pose, Planar)
-        tangents = a.frame.R @ (ca.cross(Z, axis) if planar else triad(axis)[:, :2])
-        foot = self.point.r - height * normal
-        slip = tangents.T @ (velocity_at(b, foot - b.frame.r) - velocity_at(a, foot - a.frame.r))
-        normal_force = law.force(radius - height, -ddt(height))
-        force, states = bound(self.friction, bind, self.title).resistance(self.name, slip, normal_force)
-        yield Action(push(fixed_at(b, foot), a, tangents @ force), states=states)
+        yield from touch(self, bind, a, self.point, radius, axis, height, self.point.s, self.plane_point.s, axis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +201,9 @@ class BushContact(PairForce):
         clearance = bind(self.clearance, f"{self.title}: clearance")
         d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
         across = d - ca.dot(d, axis) * axis
-        # Where the axes coincide, there is no direction to the wall, and no force.
-        squared = ca.sumsqr(across)
-        apart = squared > MEETING**2
-        distance = ca.if_else(apart, ca.sqrt(ca.if_else(apart, squared, 1)), 0)
-        direction = a.frame.R @ across / ca.if_else(apart, distance, 1)
+        # Half way to the wall there is no force: the motion may stay where no direction leads to the wall.
+        distance, outward = distance_and_direction(across, clearance / 2)
+        direction = a.frame.R @ outward
         law = bound(self.law, bind, self.title)
         fixed = (self.point_a.s, self.point_b.s, axis, clearance)
         yield press(law, distance - clearance, lambda force: push(self.point_b, a, -force * direction), *fixed)

@@ -4,20 +4,27 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
-from typing import Any, TypeVar, cast, get_args, get_origin
+from typing import Any, Protocol, TypeVar, cast, get_args, get_origin
 
 import casadi as ca
 
 from symmb._errors import DeclarationError, text_of
 from symmb._options import is_real, number_text, python_number, shown
-from symmb._types import Expr
+from symmb._types import Array, Expr
 from symmb.mechanics.body import AbstractBody, Ground, Point
 from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
 from symmb.mechanics.table import Table
 from symmb.symbolic import has_irregular_constant, is_zero, vector
 
-Bind = Callable[[Any, str], ca.SX]
-"""Converts an expression (number, SX or SymPy) into SX. The text names its owner in error messages."""
+
+class Bind(Protocol):
+    """Converts an expression (number, SX or SymPy) into SX. The text names its owner in error messages."""
+
+    def __call__(self, law: Any, what: str, /) -> ca.SX: ...
+
+    def nominal(self, expression: ca.SX, /) -> Array:
+        """Values of an expression of parameters at the nominal ones."""
+        ...
 
 
 class Element(ABC):
@@ -120,7 +127,7 @@ def law_value(law: Callable[..., Expr], title: str, *arguments: Any) -> Expr:
 Law = TypeVar("Law")
 
 
-def bound(law: Law, bind: Bind, title: str) -> Law:
+def bound(law: Law, bind: Callable[[Any, str], ca.SX], title: str) -> Law:
     """A law, a dataclass, whose numbers and expressions are bound.
 
     Tables, functions where these are legal, and options that are None stay.

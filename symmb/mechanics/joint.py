@@ -4,19 +4,20 @@ Rows are differences b - a. Axes are vectors in the frame of point_a's body, and
 `axis_b` says otherwise.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
 import casadi as ca
 
-from symmb._options import is_real
+from symmb._options import is_real, shown
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.axis_joint import ORIENTED, AxisJoint, Joint, SlidingJoint, TurningJoint
 from symmb.mechanics.body import AbstractBody, Ground
-from symmb.mechanics.element import Bind
+from symmb.mechanics.constraint import Constraint
+from symmb.mechanics.element import Bind, Element, law_value
 from symmb.mechanics.pose import Particle, Planar, Pose, Spatial
 from symmb.symbolic import Symbol, is_zero, vector
 
@@ -252,9 +253,8 @@ class Spherical(Joint):
 class Distance(Joint):
     """Massless rod of the given length [m], not zero, between the points; its multiplier is the pull in the rod [N].
 
-    The rod pulls and pushes. It stands for a rope only while its multiplier stays positive: make
-    `system.lam("name")[0]` an output and look at its sign. A `NonlinearSpring` pulls only, with a law such as
-    `lambda d, v: ca.fmax(k * (d - length), 0)`.
+    The rod pulls and pushes. It stands for a rope only while its multiplier stays positive: with `unilateral=True` a
+    doubt of a run tells from when on it pushes. A `Rope` pulls only.
 
     Examples
     --------
@@ -270,6 +270,7 @@ class Distance(Joint):
     poses: ClassVar = (_ANY, _ANY)
 
     length: Expr
+    unilateral: bool = field(default=False, kw_only=True)
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
@@ -322,3 +323,66 @@ class Gear(AxisJoint):
 
     def assembly_cosines(self) -> ca.SX:
         return ca.SX(0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class CamFollower(Constraint):
+    """A follower that a cam moves by a law of lift: its displacement or angle is the lift at the angle of the cam.
+
+    The lift of a cam is given over its angle for the follower that it has, flat or with a roller. The row is exact, and
+    smooth where the lift is. The multiplier is minus the force of the cam on the follower [N, N m]: a doubt of a run
+    tells from when on the cam would have to pull.
+
+    Parameters
+    ----------
+    name : str
+    cam, follower : Joint
+        Revolute, Prismatic, ...: joints that turn and move cam and follower
+    lift : callable
+        of the cam's angle [rad], SX, that returns the follower's displacement [m] or angle [rad]; a `Table` is one
+    unilateral : bool
+        False: the cam has a groove, and pulls as well
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import symmb as mb
+    >>> ground, disc = mb.Ground(), mb.Body("disc", 1.0, 0.1, mb.Planar())
+    >>> rod = mb.Body("rod", 0.5, 0.1, mb.Planar())
+    >>> shaft = mb.Revolute("shaft", ground.point(0, 0), disc.point(0, 0))
+    >>> guide = mb.Prismatic("guide", ground.point(0, 0), rod.point(0, 0), axis=(0, 1, 0))
+    >>> valve = mb.CamFollower("valve", shaft, guide, lambda angle: 0.01 * (1 - ca.cos(angle)))
+    >>> system = mb.System(disc, rod, shaft, guide, valve)
+    >>> run = mb.simulate(mb.Scene(system, {"shaft.angle": ca.pi, "shaft.angle_rate": 0.0}))
+    >>> run(guide.displacement).round(6)
+    array([0.02])
+    """
+
+    name: str
+    cam: Joint
+    follower: Joint
+    lift: Callable[[ca.SX], Expr]
+    unilateral: bool = field(default=True, kw_only=True)
+
+    def bodies(self) -> tuple[AbstractBody, ...]:
+        return (*self.cam.bodies(), *self.follower.bodies())
+
+    def parts(self) -> tuple[Element, ...]:
+        return (self.cam, self.follower)
+
+    def faults(self) -> Iterator[str]:
+        for joint in self.parts():
+            if not isinstance(joint, Joint):
+                yield f"{self.title}: expected a joint, got {shown(joint)}. Give what Revolute(...) returns."
+            elif joint.coordinate is None:
+                yield f"{self.title}: {joint.title} does not move by one coordinate. {joint.without}"
+        if not callable(self.lift):
+            yield f"{self.title}: lift {shown(self.lift)} is no law. Give a function of the cam's angle, or a Table."
+
+    def position_rows(self, bind: Bind) -> ca.SX:
+        angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (self.cam, self.follower))
+        title = f"{self.title}: lift"
+        return moved - bind(law_value(self.lift, title, angle), title)
+
+    def pressure(self, lam: ca.SX) -> ca.SX:
+        return -lam[0]

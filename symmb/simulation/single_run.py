@@ -1,7 +1,7 @@
 """One run of a scene, by a solver that pilot runs choose if none is given."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import overload
 
@@ -16,6 +16,7 @@ from symmb._types import Array, Expr
 from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
 from symmb.integrate import Run, Solver, SwitchPasses, stiffness
+from symmb.mechanics import Constraint
 from symmb.model import Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
@@ -51,6 +52,8 @@ _CROWDED = 0.1
 """Share of fixed steps with a switch from which errors are visible: those of a motor on pulses are a tenth of it."""
 _BELOW = 1e-6
 """Share of the length of the scene by which a gap may be below 0: that of a closed contact is rounding."""
+_ROUNDING = 1e-9
+"""Share of the largest force of a constraint that may be an error of the run."""
 _SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
 _STICKS = f"where it sticks to one, {_SMOOTH}"
 
@@ -191,7 +194,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
     trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, trajectory)
-    doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver))
+    doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
@@ -308,6 +311,21 @@ def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
         return ()
     name = dae.impacts.names[i]
     return (f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: an impact is missed.",)
+
+
+def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
+    """Unilateral constraints whose force has the wrong sign at an output time."""
+    for constraint in scene.system.elements:
+        if not (isinstance(constraint, Constraint) and constraint.unilateral):
+            continue
+        force = np.ravel(trajectory(constraint.pressure(scene.system.lam(constraint.name))))
+        wrong = force < -_ROUNDING * np.abs(force).max(initial=0.0)
+        if wrong.any():
+            k = int(wrong.argmax())
+            yield (
+                f"{constraint.title}: what it stands for lets go at t = {trajectory.t[k]:.6g} s, where its force has "
+                f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
+            )
 
 
 def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[str, ...]:

@@ -41,7 +41,7 @@ from symmb.symbolic.linear import (
 )
 from symmb.symbolic.nodes import with_nodes
 from symmb.symbolic.pickling import reduction
-from symmb.symbolic.pieces import Entry, Pieces, Sides, applied, called
+from symmb.symbolic.pieces import Entry, Pieces, Sides, Smooth, applied, called
 from symmb.symbolic.ranges import ranges_along
 from symmb.symbolic.switching import SOFT, Branches, On, branches, has_kinks, laws, switching, with_common_expressions
 from symmb.symbolic.symbols import Kind, Symbol, TruthValueError, ddt, declare, is_time, lookup, rate, symbols_in, t

@@ -139,7 +139,11 @@ class _Nearest(Pieces):
     """Numbers of parts, which jump where a step on a side has gone too far."""
 
 
-_KINDS: dict[str, type[Pieces]] = {"Pieces": Pieces, "Sides": Sides, "Nearest": _Nearest}
+class Smooth(Pieces):
+    """Pieces of a spline, whose curvature has no jumps: steps need not end where they meet."""
+
+
+_KINDS: dict[str, type[Pieces]] = {"Pieces": Pieces, "Smooth": Smooth, "Sides": Sides, "Nearest": _Nearest}
 
 
 def _from_data(kind: str, data: Array) -> Pieces:

@@ -13,7 +13,7 @@ import numpy as np
 
 from symmb.symbolic.common import common
 from symmb.symbolic.instructions import interpret
-from symmb.symbolic.pieces import Entry, applied
+from symmb.symbolic.pieces import Entry, Smooth, applied
 from symmb.symbolic.switching import is_soft
 
 _INFINITE = ca.SX.inf()
@@ -134,7 +134,9 @@ def _entry(entry: Entry, group: SymbolicRange, at: SymbolicRange) -> SymbolicRan
     are_near = both[1][-1] - both[0][-1] <= 1
     ends = [float(end(pieces.data[2 + column])) for end in (np.min, np.max)]
     sides = [SymbolicRange(*(ca.if_else(are_near, values[column], end) for end in ends)) for values in both]
-    return _hull(*sides[0][:2], *sides[1][:2])._replace(parts=_SplitRange(at, own, *sides))
+    found = _hull(*sides[0][:2], *sides[1][:2])
+    # Many places of splines may be in one expression: both sides of all of them would be too many combinations.
+    return found if isinstance(pieces, Smooth) else found._replace(parts=_SplitRange(at, own, *sides))
 
 
 _MET: dict[tuple[Any, ...], Any] = {}

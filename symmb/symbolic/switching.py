@@ -119,13 +119,14 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
 
     def operation(code: Any, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
-        if on > On.PARAMETERS and code in _KINKS and not any(_is_guard(a.sx) for a in arguments):
+        is_kink = code in _KINKS and not any(_is_guard(a.sx) or is_soft(a.sx) for a in arguments)
+        if on > On.PARAMETERS and is_kink:
             name, of = _KINKS[code]
             kinks.add(name)
             switch = of(*(a.sx for a in arguments))
             key = switch.element_hash()
             switches.setdefault(key, switch)
-            located[key] = located.get(key, False) or (code in _ON_A_SIDE and not any(is_soft(a.sx) for a in arguments))
+            located[key] = located.get(key, False) or code in _ON_A_SIDE
         if on > On.PARAMETERS and isinstance(code, Entry) and type(code.pieces) in (Pieces, Sides):
             kinks.add("table")
             sides = code.pieces if isinstance(code.pieces, Sides) else code.pieces.sided[0]

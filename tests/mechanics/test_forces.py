@@ -31,6 +31,15 @@ def normal_of(a, b):
     return (0.6, 0.8, 0) if planar else (0.3, -0.5, 0.8)
 
 
+def sides_of(a, b):
+    return (0.4, 0.3) if axis_of(a, b) == (0, 0, 1) else (0.4, 0.3, 0.35)
+
+
+def a_rope(a, b, *law):
+    end, over = points(a, b)
+    return mb.Rope("s", [end, over, mb.Ground().point(0.1, 0.3), a.point(0.1, 0.3)], *law)
+
+
 HERTZ = mb.HuntCrossley(30.0, 1.0, 1.0)
 LINEAR = mb.KelvinVoigt(30.0)
 LOSSY = mb.HuntCrossley(30.0, 0.9, 5.0)
@@ -44,6 +53,18 @@ CONSERVATIVE = {
     "bush contact": lambda a, b: mb.BushContact("s", *points(a, b), axis_of(a, b), 0.05, HERTZ),
     "tooth contact": lambda a, b: mb.ToothContact("s", *points(a, b), normal_of(a, b), 0.02, LINEAR),
     "soil": lambda a, b: mb.Soil("s", *points(a, b)[::-1], normal_of(a, b), LINEAR, 7.0),
+    "circle contact": lambda a, b: mb.CircleContact("s", *points(a, b), 2.0, 1.5, HERTZ),
+    "circle in a circle": lambda a, b: mb.CircleContact("s", *points(a, b), 0.3, 0.2, HERTZ, inside=True),
+    "slot contact": lambda a, b: mb.SlotContact("s", *points(a, b), normal_of(a, b), 0.1, 0.2, 0.1, HERTZ),
+    "sphere contact": lambda a, b: mb.SphereContact("s", *points(a, b), 2.0, 1.5, HERTZ),
+    "box and sphere": lambda a, b: mb.BoxContact("s", points(a, b)[0], sides_of(a, b), points(a, b)[1], HERTZ, 4.0),
+    "point in a box": lambda a, b: mb.BoxContact(
+        "s", points(a, b)[0], np.multiply(20, sides_of(a, b)), points(a, b)[1], HERTZ
+    ),
+    "box on a plane": lambda a, b: mb.BoxContact(
+        "s", points(a, b)[0], sides_of(a, b), b.point(*np.multiply(4, normal_of(a, b))), HERTZ, normal=normal_of(a, b)
+    ),
+    "rope": lambda a, b: a_rope(a, b, 30.0, 0.1),
 }
 PAIRS = [
     *(("Planar", b) for b in ("Planar", "Ground")),
@@ -104,6 +125,12 @@ INTERNAL = {
     "bush contact": lambda a, b: mb.BushContact("s", *points(a, b), axis_of(a, b), 0.05, LOSSY),
     "tooth contact": lambda a, b: mb.ToothContact("s", *points(a, b), normal_of(a, b), 0.02, LOSSY),
     "torsion contact": lambda a, b: mb.TorsionContact("s", a, b, 0.02, LINEAR, axis=axis_of(a, b)),
+    "circle contact": lambda a, b: mb.CircleContact("s", *points(a, b), 2.0, 1.5, LOSSY, mb.Coulomb(0.3, 0.1)),
+    "sphere contact": lambda a, b: mb.SphereContact("s", *points(a, b), 2.0, 1.5, LOSSY, mb.Bristle(0.3, 10.0, 1.0)),
+    "box and sphere": lambda a, b: mb.BoxContact(
+        "s", points(a, b)[0], sides_of(a, b), points(a, b)[1], LOSSY, 4.0, friction=mb.Coulomb(0.3, 0.1)
+    ),
+    "taut rope": lambda a, b: mb.Rope("s", [*points(a, b), a.point(0, 0), b.point(0, 0)], 30.0, 0.1, 2.0),
     "friction": lambda a, b: mb.Friction("s", *points(a, b), normal_of(a, b), 5.0, mb.Coulomb(0.3, 0.1)),
     "nonlinear spring": lambda a, b: mb.NonlinearSpring("s", *points(a, b), lambda d, v: 3 * d**2 + v),
     "soil": lambda a, b: mb.Soil("s", *points(a, b), normal_of(a, b), mb.KelvinVoigt(30.0, 2.0), 7.0, 1.0, 2.0, 0.5),
