@@ -187,7 +187,7 @@ def _critical_shape(A: Array) -> tuple[Array, float, bool]:
     if none == 1:
         return vectors[-1], float(sizes[0]), False
     values, vectors = np.linalg.eig(A)
-    on_axis = (np.abs(values.real) <= _ON_AXIS * np.abs(values).max()) & (values.imag > 0)
+    on_axis = (np.abs(np.real(values)) <= _ON_AXIS * np.abs(values).max()) & (np.imag(values) > 0)
     if none or np.count_nonzero(on_axis) != 1:
         raise ValueError
     k = int(on_axis.argmax())

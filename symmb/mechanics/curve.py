@@ -82,13 +82,12 @@ class Curve:
     def nearest(self, P: ca.SX, low: float, high: float, samples: int, follow: Callable[[ca.SX], ca.SX]) -> ca.SX:
         """The s next to P (2,): the nearest of some samples, and steps of Newton's from there."""
         ends = low, high - (high - low) / samples * self.closed
-        best = squared = None
-        for value in np.linspace(*ends, samples).tolist():
+        best, squared = ca.SX(low), ca.sumsqr(P - ca.substitute(self.place, self.s, ca.SX(low)))
+        for value in np.linspace(*ends, samples).tolist()[1:]:
             s = ca.SX(value)
             distance = ca.sumsqr(P - ca.substitute(self.place, self.s, s))
-            is_next = None if squared is None else distance - squared < -SOFT
-            best = s if best is None else ca.if_else(is_next, s, best)
-            squared = distance if squared is None else ca.if_else(is_next, distance, squared)
+            is_next = distance - squared < -SOFT
+            best, squared = ca.if_else(is_next, s, best), ca.if_else(is_next, distance, squared)
         for _ in range(_STEPS):
             best = follow(best)
         return best

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import is_finite_number, shown
 from symmb._types import Expr
+from symmb.symbolic import EXAMPLE
 
 Window = tuple[float | None, float | None] | None
 """First and last time [s]. None stands for the begin or the end of the run."""
@@ -36,11 +36,11 @@ class Figure:
         if isinstance(self.expression, Figure) or isinstance(self.condition, Figure):
             raise DeclarationError(f"{self.kind}: it takes expressions over time, and a figure is one number.")
         if self.kind in ("first_time", "value_at") and self.condition is None:
-            raise DeclarationError(f"{self.kind}: it needs a condition. {_EXAMPLE}")
+            raise DeclarationError(f"{self.kind}: it needs a condition. {EXAMPLE}")
         if self.kind != "first_time" and self.expression is None:
             raise DeclarationError(f"{self.kind}: it needs an expression, such as ball.y.")
         if isinstance(self.condition, bool | np.bool_):
-            raise DeclarationError(f"{self.kind}: the condition is {self.condition} at all times. {_EXAMPLE}")
+            raise DeclarationError(f"{self.kind}: the condition is {self.condition} at all times. {EXAMPLE}")
         window = self.window
         if window is None:
             return
@@ -54,9 +54,6 @@ class Figure:
     def __repr__(self) -> str:
         parts = [str(part) for part in (self.expression, self.condition) if part is not None]
         return f"{self.kind}({', '.join([*parts, *([f'window={self.window}'] if self.window else [])])})"
-
-
-_EXAMPLE = "Compare expressions, as in ball.y <= 0."
 
 
 def maximum(expression: Expr, window: Window = None) -> Figure:
@@ -165,42 +162,3 @@ def value_at(expression: Expr, condition: Expr, window: Window = None) -> Figure
     0.903047
     """
     return Figure("value_at", expression, condition, window)
-
-
-@dataclass(frozen=True)
-class Margin:
-    """A condition as an expression that is not positive where it holds.
-
-    Attributes
-    ----------
-    value : SX
-    is_strict : bool     whether equality does not fulfil it
-    """
-
-    value: ca.SX
-    is_strict: bool
-
-
-def margin_of(condition: ca.SX) -> Margin:
-    """The margin of a comparison, or of several.
-
-    Raises
-    ------
-    DeclarationError       if it is none
-    """
-    fault = f"the condition is no comparison, or the same at all times. {_EXAMPLE}"
-    if condition.numel() != 1 or condition.is_constant() or condition.is_symbolic():
-        raise DeclarationError(fault)
-    code = condition.op()
-    if code in (ca.OP_LT, ca.OP_LE):
-        return Margin(ca.densify(condition.dep(0) - condition.dep(1)), code == ca.OP_LT)
-    if code == ca.OP_NOT:
-        inner = margin_of(condition.dep(0))
-        return Margin(-inner.value, not inner.is_strict)
-    if code in (ca.OP_AND, ca.OP_OR):
-        a, b = margin_of(condition.dep(0)), margin_of(condition.dep(1))
-        both = ca.fmax if code == ca.OP_AND else ca.fmin
-        return Margin(both(a.value, b.value), a.is_strict or b.is_strict)
-    if code == ca.OP_EQ:
-        raise DeclarationError("an equality holds at single instants only. Write <= or >=.")
-    raise DeclarationError(fault)

@@ -7,9 +7,10 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Expr
-from symmb.mechanics import Figure, margin_of
+from symmb.mechanics import Figure
 from symmb.model.system import System
 from symmb.model.units import units_of
+from symmb.symbolic import margin_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ class Typeset(ABC):
 
 def scene_html(
     text: str,
-    outputs: Mapping[str, tuple[str, ca.SX]],
+    outputs: Mapping[str, tuple[str, object]],
     start: Mapping[str, Expr],
     parameters: Mapping[str, float],
     intervals: Mapping[str, tuple[float, float]],

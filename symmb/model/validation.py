@@ -31,7 +31,7 @@ from symmb.mechanics import (
 from symmb.model.binding import Binding
 from symmb.model.box import Box
 from symmb.model.multipliers import joint_reaction
-from symmb.symbolic import is_zero, margin
+from symmb.symbolic import is_zero, margin_of
 
 
 def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]:
@@ -193,9 +193,9 @@ def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.
         condition = law_value(condition, event.title, joint_reaction(event.joint, ca.vertcat(*rows), lam))
     condition = bind(condition, what, {s.element_hash() for s in ca.vertsplit(lam)})
     try:
-        value = margin(condition)
+        value = margin_of(condition).value
     except DeclarationError as error:
-        raise DeclarationError(f"{what}: {error}") from None
+        raise DeclarationError(f"{event.title}: {error}") from None
     if all(bind.is_parameter(s) for s in ca.symvar(value)):
         raise DeclarationError(
             f"{event.title}: the condition never changes. Write a comparison of coordinates, velocities or mb.t, such "

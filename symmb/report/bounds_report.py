@@ -128,8 +128,8 @@ def _title(bounds: Bounds) -> str:
 
 def _prepared(bounds: Bounds) -> DAESimulator | None:
     """The prepared scene of bounds that hold one."""
-    simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
-    return bounds.study.prepared if isinstance(simulator, SceneSimulator) else None
+    study = bounds.study
+    return study.prepared if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator) else None
 
 
 def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:

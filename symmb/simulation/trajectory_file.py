@@ -127,5 +127,6 @@ def _event(record: Record) -> Event:
     numbers = {name: record.number(name) for name in ("time", "before", "after", "work")}
     depends = record.plain.get("depends_on_order") is True
     impulse = tuple(record.array("impulse", None).tolist()) if "impulse" in record else ()
-    kinds = {"name": record.text("name"), "what": record.text("what")}
-    return Event(**kinds, **numbers, depends_on_order=depends, impulse=impulse)
+    return Event(
+        name=record.text("name"), what=record.text("what"), depends_on_order=depends, impulse=impulse, **numbers
+    )

@@ -156,7 +156,7 @@ def test_a_condition_that_never_holds_fails_the_run():
     ("outputs", "message"),
     [
         (lambda ball: {"f": mb.first_time(ball.y)}, "the condition is no comparison"),
-        (lambda ball: {"f": mb.first_time(ball.y == 0)}, "an equality holds at single instants only"),
+        (lambda ball: {"f": mb.first_time(ball.y == 0)}, "the condition asks for equality"),
         (lambda ball: {"f": mb.first_time(True)}, "first_time: the condition is True at all times"),
         (lambda ball: {"f": mb.first_time(None)}, "first_time: it needs a condition"),
         (lambda ball: {"f": mb.maximum(None)}, "maximum: it needs an expression"),
