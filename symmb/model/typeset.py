@@ -88,7 +88,7 @@ def scene_html(
     return html.page(html.text(text), shown, *tables)
 
 
-def _output_rows(outputs: Mapping[str, tuple[str, ca.SX]]) -> list[list[str]]:
+def _output_rows(outputs: Mapping[str, tuple[str, object]]) -> list[list[str]]:
     return [[name, unit, _cell(expression)] for name, (unit, expression) in outputs.items()]
 
 
