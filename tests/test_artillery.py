@@ -66,6 +66,7 @@ def test_energy_of_the_shot_balances(shot):
     assert shot.energy_drift < 1e-4
 
 
+@pytest.mark.long
 def test_angle_does_not_depend_on_the_tolerance(shot, simulator):
     tighter = simulator.solved_by(mb.DormandPrince(rtol=1e-8)).run(np.zeros((1, 2))).Y[0]
     angle = tighter[:, simulator.outputs.index("muzzle_vertical")]

@@ -6,7 +6,6 @@ remainder in a frame, which is proved afterwards.
 
 from symmb.enclosures.boxes import Enclosure, enclose
 from symmb.enclosures.outputs import EXTRA_NODES
-from symmb.enclosures.problem import Problem
+from symmb.enclosures.problem import SINGULAR, Problem
 from symmb.enclosures.scene_problem import problem_of
 from symmb.enclosures.start import NO_START
-from symmb.enclosures.step import SINGULAR

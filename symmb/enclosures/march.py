@@ -18,7 +18,7 @@ from symmb.enclosures.passes import Crossing, Scaled, crossing, off, window
 from symmb.enclosures.problem import Change, Problem
 from symmb.enclosures.rounding import above, grain_of
 from symmb.enclosures.start import first_front
-from symmb.enclosures.step import SINGULAR, Proof, is_regular, prove, unshown
+from symmb.enclosures.step import Proof, is_regular, prove, unshown
 from symmb.enclosures.transitions import drifted, mapped, require_known
 
 TIME_TERMS, FRAME_TERMS = 20, 11
@@ -133,7 +133,7 @@ def march(
         try:
             place, h = _next_place(course, place, grain_of(end))
         except ProofError as error:
-            course.why = str(error)
+            course.why = _why(place, str(error))
             return
         course.end, course.until = place, place.front.t
         progress(course.until)
@@ -143,8 +143,28 @@ def march(
         if share > largest:
             return
         if share > _LOST and place.control.h < _CRAWL * longest:
-            course.why = "the deviations from the polynomials grow too fast"
+            course.why = _why(place, "the deviations from the polynomials grow too fast")
             return
+
+
+def _why(place: Place, reason: str) -> str:
+    """Why a proof ends at a place: there may be a singular position ahead.
+
+    It is told if a determinant of the loops would be 0 after some steps like the last one, if it went on to change like
+    that.
+    """
+    problem, front, h = place.problem, place.front, place.control.h
+    if problem.regular is None or not problem.closing or problem.why_singular in reason:
+        return reason
+    x, p = front.x.reshape(problem.n, -1)[:, 0], problem.middle
+    ahead = x + h * problem.rates(x, p, front.t).full().ravel()
+    now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
+    is_near = (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
+    return f"{reason}; {problem.why_singular}" if is_near.any() else reason
+
+
+_STEPS_AHEAD = 40
+"""Steps become short before a singular position."""
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
@@ -360,7 +380,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         except ProofError as error:
             reason, h = str(error), 0.5 * h
             if step is not None and not is_regular(step, np.zeros(problem.n), Choice().patches):
-                reason = SINGULAR
+                reason = problem.why_singular
     raise ProofError(reason or "the motion changes too fast for the shortest step")
 
 

@@ -32,6 +32,7 @@ class Problem:
     phase : the equations on all sides of their switches; None: they have none
     valid : (x, p, t) -> (m,), all above 0 as long as the rates are those of the scene; None: always
     regular : (x, p, t) -> (m,), none of which is 0 where the rates are those of the scene; None: everywhere
+    closing : names of the joints that close loops
     refused : for each output the operations that have no remainder; its expression is then not a number
     change : to other states; None: these serve to the end
     """
@@ -48,6 +49,7 @@ class Problem:
     phase: Phase | None = None
     valid: ca.Function | None = None
     regular: ca.Function | None = None
+    closing: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     change: "Change | None" = None
 
@@ -74,6 +76,12 @@ class Problem:
     def d(self) -> int:
         """Number of uncertain parameters."""
         return max(self.variables, default=-1) + 1
+
+    @property
+    def why_singular(self) -> str:
+        """Why rows of loops may not determine velocities, with the names of the joints that close them."""
+        names = ", ".join(repr(name) for name in self.closing[:_NAMED]) + ", ..." * (len(self.closing) > _NAMED)
+        return f"{SINGULAR} of {names}" if names else SINGULAR
 
     @property
     def is_refused(self) -> Mask:
@@ -138,6 +146,11 @@ class Problem:
     def sensitivity_tape(self) -> Tape:
         """(x, p, t) -> y, and its Jacobian (n_y, n) in column-major order."""
         return with_jacobian(self.outputs)
+
+
+SINGULAR = "a loop may come to a singular position, such as a dead centre"
+_NAMED = 4
+"""Joints that a sentence names."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,6 @@
 """The initial value problem of a scene's simulator, or the reason why there is none."""
 
+from collections.abc import Sequence
 from functools import cache
 from typing import cast
 
@@ -84,7 +85,8 @@ def _of_equations(
     problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0],
                       form.dae.state_sizes[equations.kept], _start(form, equations),
                       phase=_phase(form.dae, rates, outputs, times, equations.kept),
-                      regular=regular and _later(regular, times[0]), refused=refused, change=change)  # fmt: skip
+                      regular=regular and _later(regular, times[0]), refused=refused, change=change,
+                      closing=_joints(form.dae.row_names))  # fmt: skip
     if problem.phase is not None:  # sides are those of the states, as soon as these are known
         problem = problem.on_sides(problem.phase.sides, np.zeros(problem.n), problem.middle, 0.0)
     _require_tapes(method, problem)
@@ -248,7 +250,12 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     binds = residuals.max(axis=0) > _VANISHES * max(1.0, residuals.max())
     names = system.collected.row_names
     left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
-    return ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in left))
+    return ", ".join(_joints(left))
+
+
+def _joints(rows: Sequence[str]) -> tuple[str, ...]:
+    """The names of the joints that rows belong to."""
+    return tuple(dict.fromkeys(name.rpartition(".")[0] for name in rows))
 
 
 def _points_of(middle: Array, radius: Array) -> Array:

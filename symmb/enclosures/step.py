@@ -81,14 +81,10 @@ def _prove(step: TimeStep, w0: Array, control: Control) -> Proof:
             break
         if stays(end, W):
             if not is_regular(step, e, patches):
-                raise ProofError(SINGULAR)
+                raise ProofError(step.problem.why_singular)
             return Proof(W, end)
         W = above(np.maximum(W, 1.01 * end))
     raise ProofError("the deviations from the polynomials grow too fast")
-
-
-SINGULAR = "a loop may be in a singular position, such as a dead centre"
-"""Why rows of loops may not determine velocities."""
 
 
 def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:

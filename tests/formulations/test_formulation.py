@@ -55,7 +55,9 @@ SCENES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name == "redundant loop")) for name in SCENES]
+)
 def test_samples_run_alike_in_both_coordinates(name):
     scene = SCENES[name]()
     bodies, joints = (mb.DAESimulator(replace(scene, coordinates=c), TIGHT) for c in ("body", "joint"))

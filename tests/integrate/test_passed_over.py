@@ -46,7 +46,7 @@ ACTS = {
 
 
 @pytest.mark.parametrize("solver", [None, mb.CVODES()], ids=["chosen", "CVODES"])
-@pytest.mark.parametrize("rate", [2 * np.pi, -9.1])
+@pytest.mark.parametrize("rate", [pytest.param(2 * np.pi, marks=pytest.mark.long), -9.1])
 @pytest.mark.parametrize("act", ACTS.values(), ids=ACTS)
 def test_a_wheel_that_turns_evenly_acts_in_each_turn(act, rate, solver):
     run = mb.simulate(wheel(act, rate, 5.3), solver)

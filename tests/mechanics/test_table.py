@@ -89,7 +89,7 @@ ARGUMENTS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("points", [10, 1_000, 100_000])
+@pytest.mark.parametrize("points", [*(pytest.param(n, marks=pytest.mark.long) for n in (10, 100_000)), 1_000])
 @pytest.mark.parametrize("argument", ARGUMENTS)
 def test_runs_are_driven_by_tables_of_any_size(argument, points):
     of, known = ARGUMENTS[argument]

@@ -297,7 +297,10 @@ def test_springs_and_gears_count_the_turns_of_listed_angles():
     assert_allclose(run.energy.potential[0], (12.0 - 5.0) ** 2, atol=1e-10)
 
 
-@pytest.mark.parametrize(("turns", "tilt"), [(-3, -0.4668), (1, 3.0), (2, -2.9)])
+@pytest.mark.parametrize(
+    ("turns", "tilt"),
+    [pytest.param(-3, -0.4668, marks=pytest.mark.long), (1, 3.0), pytest.param(2, -2.9, marks=pytest.mark.long)],
+)
 def test_listed_angles_beyond_half_a_turn_keep_the_assembly_of_loops(turns, tilt):
     """A crank that is turned by whole turns is where it was. The assembly is that of the guess, in closed form."""
     p, ground, length = mb.Parameters(b=0.9), mb.Ground(), 0.45
@@ -333,7 +336,9 @@ def test_listed_angles_beyond_half_a_turn_keep_the_assembly_of_loops(turns, tilt
         np.testing.assert_allclose(at, expected, atol=2e-3)
 
 
-@pytest.mark.parametrize(("turns", "begin"), [(0, 4.2), (2, -2.5), (-1, 0.5)])
+@pytest.mark.parametrize(
+    ("turns", "begin"), [(0, 4.2), *(pytest.param(*case, marks=pytest.mark.long) for case in ((2, -2.5), (-1, 0.5)))]
+)
 def test_drives_beyond_half_a_turn_keep_the_assembly_of_loops(turns, begin):
     """The law of a crank is at any angle when it starts, and the guess has the rotation alone."""
     p, ground, a, b, c, d = mb.Parameters(b=0.9), mb.Ground(), 0.4, 0.9, 0.9, 0.95

@@ -163,7 +163,7 @@ def rates_of_least_energy(pinned):
 
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("speed", [0.0, 7.0])
-@pytest.mark.parametrize("bar", [0, 1, 3])
+@pytest.mark.parametrize("bar", [0, *(pytest.param(bar, marks=pytest.mark.long) for bar in (1, 3))])
 def test_loops_move_with_least_kinetic_energy_relative_to_what_carries_them(unit, speed, bar):
     scene = five_bar(speed, unit, f"bar{bar}.omega", 1.3)
     omega = rates_of_least_energy((bar, 1.3))

@@ -72,6 +72,7 @@ def test_a_limit_inside_of_the_box():
     assert found.binding.side == "lower"
 
 
+@pytest.mark.long
 def test_the_box_of_a_four_bar_keeps_its_limits_in_many_runs():
     scene = four_bar.scene()
     limit = {"coupler_angle": (0.47, None)}
