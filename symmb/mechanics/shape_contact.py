@@ -142,8 +142,8 @@ class SphereContact(RoundContact):
     >>> a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
     >>> hit = mb.SphereContact("hit", a.point(0, 0), b.point(0, 0), 0.1, 0.1, mb.HuntCrossley(1e7, 1.0, 1.0))
     >>> run = mb.simulate(mb.Scene(mb.System(a, b, hit), {"b.x": 0.5, "b.vx": -1.0}, [0.0, 0.4]))
-    >>> run["a.vx"].round(6), run["b.vx"].round(6)
-    (array([ 0., -1.]), array([-1., -0.]))
+    >>> float((run["b.vx"] - run["a.vx"])[-1].round(6))
+    1.0
     """
 
     name: str
