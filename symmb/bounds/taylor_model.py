@@ -47,8 +47,8 @@ class TaylorModel(Method):
     expressions. The states of loops are all coordinates, and velocities that give the others by the rows of the loops.
     Where a nominal run finds other velocities better, the states change to these.
     Frequencies and damping of a `ModalSimulator` are proved as long as no two may cross in the box. Values of
-    `critical` are proved as values at which one eigenvalue is imaginary, or 0. Both need an equilibrium, or a steady
-    motion in coordinates that do not turn.
+    `critical` are proved as values at which one eigenvalue is imaginary, or 0. That no other one is before them is only
+    checked at a few points of the box. Both need an equilibrium, or a steady motion in coordinates that do not turn.
     Reactions and accelerations are outputs as others are; multipliers of redundant rows are those of least norm.
     Steps end at the instants of sampled values. Kinks and jumps of forces are passed where all of the box passes them
     once, transversally and alone. Impacts, and rows that depend on others for some parameters only, are refused. Where

@@ -59,8 +59,8 @@ def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1
 
 def fit(values: Array, lengths: Sequence[int]) -> Array:
     """Coefficients (..., lengths) of values at nodes (..., m0, m1, ...), cut after the interpolation."""
-    return along([coefficients_from_nodes(m)[:n] for m, n in zip(values.shape[-len(lengths) :], lengths, strict=True)],
-                 values)  # fmt: skip
+    counts = values.shape[values.ndim - len(lengths) :]  # none without parameters
+    return along([coefficients_from_nodes(m)[:n] for m, n in zip(counts, lengths, strict=True)], values)
 
 
 @dataclass(frozen=True)

@@ -229,7 +229,8 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     """
     problem, front, control = place.problem, place.front, place.control
     if ahead.why or not ahead.first > 0:
-        raise ProofError(ahead.why or "it may be passed at this time itself")
+        at_once = "it may be passed at this time itself" if front.t else "the motion may begin on it"
+        raise ProofError(ahead.why or at_once)
     begin, about = front.t, window(problem, ahead)
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:

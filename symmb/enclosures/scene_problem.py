@@ -126,13 +126,35 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
             f"{method!r}: at a critical {simulator.outputs[0]} more than one eigenvalue is imaginary or 0, which is "
             "not proved. Use PolynomialChaos()."
         ) from None
-    samples = _points_of(*intervals[:2])
-    shares = batch(start.states, start.solve(samples), samples)[0]
-    for k, value in enumerate(values.tolist()):
-        whole = np.insert(samples, simulator.number, value + (high - low) * shares[:, k], axis=1)
-        _require_fixed(method, linear, simulator, whole)
+    middle, inner = intervals[0], _points_of(*intervals[:2])
+    corners = middle + intervals[1] * np.sign(inner - middle)
+    samples = np.unique(np.vstack([inner[:_INNER], corners[:_CORNERS]]), axis=0)
+    followed = values + (high - low) * batch(start.states, start.solve(samples), samples)[0]
+    for k in range(len(values)):
+        _require_fixed(method, linear, simulator, np.insert(samples, simulator.number, followed[:, k], axis=1))
+    _require_first(method, simulator, samples, followed)
     x = ca.SX.sym("x", len(values))
     return _still_problem(method, start, x, values + (high - low) * x, intervals)
+
+
+def _require_first(method: object, simulator: CriticalSimulator, samples: Array, followed: Array) -> None:
+    """Refuse limits (N, m) that are followed over the box, where stability changes at others for some samples (N, n_p).
+
+    Another eigenvalue may become imaginary before. The one that is followed stays simple then.
+    """
+    low, high = simulator.range
+    is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= _SAME_LIMIT * (high - low)).all(axis=1)
+    if is_other.any():
+        p = samples[is_other.argmax()]
+        where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(simulator.parameters, p, strict=True))
+        raise PropagationError(
+            f"{method!r}: at {where}, stability changes at other values in the range than the proof follows from the "
+            "nominal ones. Use smaller intervals, or PolynomialChaos()."
+        )
+
+
+_INNER, _CORNERS, _SAME_LIMIT = 4, 8, 1e-6
+"""Samples at which critical values are compared, and the distance over the range up to which they are the same."""
 
 
 def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:

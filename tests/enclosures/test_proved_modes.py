@@ -124,3 +124,27 @@ def test_flutter_of_two_rods_under_a_follower_force(damping):
     assert [bounds.lower.item(), bounds.upper.item()] == pytest.approx([min(ends), max(ends)], rel=1e-7)
     assert bounds.lower.item() <= min(ends) + 1e-11
     assert bounds.upper.item() >= max(ends) - 1e-11
+
+
+def two_rods():
+    """One falls over at load = a, the other one begins to swing at load = b."""
+    p = mb.Parameters(load=1.0, a=4.0, b=6.0)
+    elements = []
+    for name, stiffness, damping in (("falls", p.a - p.load, 1.0), ("swings", 50.0, p.b - p.load)):
+        rod = mb.Body(name, mass=1.0, inertia=1.0)
+        pin = mb.Revolute(f"pin_{name}", mb.Ground().point(0, 0), rod.point(0, 0))
+        elements += [rod, pin, mb.Torque(f"torque_{name}", rod, -stiffness * rod.theta - damping * rod.omega)]
+    return mb.critical(mb.Scene(mb.System(*elements, parameters=p)), "load", (0.0, 10.0))
+
+
+def test_a_limit_that_another_one_precedes_in_a_part_of_the_box():
+    limit = two_rods()
+    with pytest.raises(mb.PropagationError, match=r"at a = .*, b = .*, stability changes at other values"):
+        mb.propagate(limit, mb.TaylorModel(3), mb.Box(a=(3.5, 6.5), b=(3.0, 8.0)))
+    bounds = mb.propagate(limit, mb.TaylorModel(3), mb.Box(a=(3.5, 4.5), b=(5.0, 8.0)))
+    np.testing.assert_allclose([bounds.lower.item(), bounds.upper.item()], [3.5, 4.5], rtol=1e-6)
+
+
+def test_intervals_without_width():
+    bounds = mb.propagate(two_rods(), mb.TaylorModel(3), mb.Box(a=(4.5, 4.5)))
+    np.testing.assert_allclose([bounds.lower.item(), bounds.upper.item()], 4.5, rtol=1e-9)
