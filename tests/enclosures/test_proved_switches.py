@@ -124,7 +124,7 @@ def test_switches_that_are_passed_together():
         # two places are one for some parameters
         (lambda p, x, v, t: (x > p.a) + ca.if_else(x > 0.5, 2, 0), {"a": 0.5}, {"a": (0.49, 0.51)}, 0.49, "(a-m.x)"),
         # the motion begins on the switch
-        (lambda p, x, v, t: p.F * ca.if_else(x > 0, 1, 2), {"F": 1.0}, {"F": (0.9, 1.1)}, 0.0, "the motion may begin on it"),
+        (lambda p, x, v, t: p.F * ca.if_else(x > 0, 1, 2), {"F": 1.0}, {"F": (0.9, 1.1)}, 0.0, "may begin on it"),
     ],
     ids=["sticks", "grazes", "together", "begins"],
 )  # fmt: skip
