@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import casadi as ca
 
+from symmb._errors import DeclarationError
 from symmb._options import is_real, number_text, shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
@@ -57,10 +58,15 @@ class Rope(ForceElement):
     damping: Expr = 0.0
 
     def bodies(self) -> tuple[AbstractBody, ...]:
-        return tuple(_parts(wrap)[0].body for wrap in self.points)
+        return tuple(point.body for point, _ in self._wraps)
+
+    @property
+    def _wraps(self) -> list[tuple[Point, Expr | None]]:
+        """The points with the radii of pulleys; none if `points` is no sequence."""
+        return [_parts(wrap) for wrap in self.points] if isinstance(self.points, list | tuple) else []
 
     def faults(self) -> Iterator[str]:
-        wraps = [_parts(wrap) for wrap in self.points] if isinstance(self.points, list | tuple) else []
+        wraps = self._wraps
         if len(wraps) < 2:
             yield f"{self.title}: points {shown(self.points)} are no way. Give a list of two points or more."
             return
@@ -85,8 +91,12 @@ class Rope(ForceElement):
             yield f"{self.title}: it begins or ends with a pulley. Give a point, where it is fixed."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        radii = [bind(0 if r is None else r, f"{self.title}: radius") for _, r in map(_parts, self.points)]
-        points = [point for point, _ in map(_parts, self.points)]
+        radii = [bind(0 if r is None else r, f"{self.title}: radius") for _, r in self._wraps]
+        points = [point for point, _ in self._wraps]
+        for (a, r), (b, s) in pairwise(zip(points, radii, strict=True)):
+            room = ca.sumsqr(b.s - a.s) - (s - r) ** 2
+            if a.body is b.body and float(ca.evalf(bind.nominal(room))) < 0:
+                raise DeclarationError(f"{self.title}: two of its points are closer than the radius of their pulley.")
         length = bind(self.length, f"{self.title}: length")
         way, directions = _way([point.r for point in points], radii)
 
@@ -113,7 +123,7 @@ def _way(places: Sequence[ca.SX], radii: Sequence[ca.SX]) -> tuple[ca.SX, list[c
     way, directions = ca.SX(0), []
     for (a, r), (b, s) in pairwise(zip(places, radii, strict=True)):
         d, across = b - a, s - r
-        squared = ca.fmax(ca.sumsqr(d), MEETING**2)
+        squared = ca.fmax(ca.sumsqr(d), MEETING**2 + across**2)  # in a pulley the straight part has no length
         straight = ca.sqrt(squared - across**2)
         directions.append((straight * d - across * ca.cross(Z, d)) / squared)
         way += straight

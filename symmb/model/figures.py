@@ -53,8 +53,9 @@ def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], 
         if expression.numel() != 1:
             raise DeclarationError(f"{what}: has {expression.numel()} components; give each its own name.")
     if figure.condition is not None:
+        bound = bind(figure.condition, what)
         try:
-            condition = margin_of(bind(figure.condition, what))
+            condition = margin_of(bound)
         except DeclarationError as error:
             raise DeclarationError(f"{what}: {error}") from None
         margin, is_strict = condition.value, condition.is_strict

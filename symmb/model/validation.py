@@ -48,6 +48,8 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
         fault = name_fault(e.name, without=".[] ")
         if fault:
             faults.append(f"{type(e).__name__} {shown(e.name)}: {fault}")
+        elif e.name in names and isinstance(e, JointEvent):
+            faults.append(f"{e.title}: there are two. Join their conditions by casadi.logic_or.")
         elif e.name in names:
             faults.append(f"{type(e).__name__} {shown(e.name)}: the name is used twice. Choose another.")
         else:

@@ -73,11 +73,11 @@ def failure_texts(
     """
     texts = []
     for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
-        values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(form.dae.p_names, P[k], strict=True))
+        values = "".join(f", {n} = {v:.6g}" for n, v in zip(form.dae.p_names, P[k], strict=True))
         near = None
         if len(texts) < NAMED_SAMPLES:
             near = form.singularity(*states(k), P[k])
-        texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}{f'; {near}' if near else ''}")
+        texts.append(f"t = {t_failed[k]:g} s{values}: {reasons[k]}{f'; {near}' if near else ''}")
     return tuple(texts)
 
 

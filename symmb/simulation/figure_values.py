@@ -56,6 +56,8 @@ class Curves:
     def _figure(self, rule: Rule) -> Array:
         panels, e = self.panels, rule.expression
         values = np.full(len(self.sizes), np.nan)
+        if not panels.sample.size:
+            return values
         samples, first = np.unique(panels.sample, return_index=True)
         if rule.kind == "final":
             values[samples] = panels.nodes[e, 0, 2, np.append(first[1:], len(panels.sample)) - 1]

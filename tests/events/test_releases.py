@@ -300,3 +300,10 @@ def test_faults_of_declarations():
     gear = mb.Gear("gear", mb.Ground().point(0, 0), rod.point(0, 0), ratio=2.0)
     with pytest.raises(mb.DeclarationError, match="no Gear can close"):
         mb.System(rod, pin, gear, mb.Latch(gear, mb.t > 1))
+
+
+def test_two_releases_of_a_joint_are_told():
+    bob = mb.Body("bob", mass=1.0, pose=mb.Particle())
+    sling = mb.Distance("sling", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
+    with pytest.raises(mb.DeclarationError, match=r"Release 'sling': there are two. Join their conditions"):
+        mb.System(bob, sling, mb.Release(sling, bob.x < 0), mb.Release(sling, bob.y < 0))

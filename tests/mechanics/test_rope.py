@@ -93,3 +93,22 @@ def test_faults(points, k, length, fault):
     load = mb.Body("load", 1.0, pose=mb.Particle())
     with pytest.raises(mb.DeclarationError, match=f"Rope 'rope': .*{fault}"):
         mb.System(load, mb.Rope("rope", [load.point(0, 0) if p == "load" else p for p in points], k, length))
+
+
+def test_what_is_no_way_is_told():
+    body = mb.Body("body", 1.0, pose=mb.Particle())
+    ground = mb.Ground()
+    rope = mb.Rope("rope", body.point(0, 0), 1e4, 1.0)
+    with pytest.raises(mb.DeclarationError, match="Give a list of two points or more"):
+        mb.System(body, rope)
+    rope = mb.Rope("rope", [ground.point(0, 0), (ground.point(0.05, 0), 0.1), body.point(0, 0)], 1e4, 1.0)
+    with pytest.raises(mb.DeclarationError, match="closer than the radius"):
+        mb.simulate(mb.Scene(mb.System(body, rope), {"body.x": 1.0}, [0.0, 0.1]))
+
+
+def test_a_load_in_its_pulley_is_a_run_that_ends():
+    body = mb.Body("body", 1.0, pose=mb.Particle())
+    ground = mb.Ground()
+    rope = mb.Rope("rope", [ground.point(-1, 0), (ground.point(0, 0), 0.1), body.point(0, 0)], 1e4, 3.0)
+    run = mb.simulate(mb.Scene(mb.System(body, rope), {"body.x": 0.05, "body.vx": 0.2}, [0.0, 1.0]))
+    assert run["body.x"][-1] == pytest.approx(0.25, abs=1e-9)

@@ -232,3 +232,28 @@ def test_panels_are_exact_for_polynomials_of_degree_five():
     x = np.linspace(0, 1, 7)
     at = t[0] + 0.6 * x
     assert values_at(panel.bernstein(0), x) == pytest.approx(at**5 - at, abs=1e-13)
+
+
+def test_a_speed_that_starts_at_rest_has_figures():
+    def outputs(ball):
+        speed = ca.sqrt(ball.vx**2 + ball.vy**2)
+        return {"mean": mb.mean(speed), "peak": mb.maximum(speed), "there": mb.value_at(speed, ball.y <= -0.5)}
+
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    run = mb.simulate(mb.Scene(mb.System(ball, mb.Gravity(0, -G)), times=[0.0, 1.0], outputs=outputs(ball)))
+    assert (run["mean"], run["peak"], run["there"]) == pytest.approx((G / 2, G, np.sqrt(G)), abs=1e-8)
+
+
+def test_runs_that_all_fail_are_told():
+    p = mb.Parameters(a=1.0)
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    outputs = {"end": mb.final(p.a / ball.y), "mean": mb.mean(p.a / ball.y)}
+    scene = mb.Scene(mb.System(ball, mb.Gravity(0, -G), parameters=p), times=[0.0, 1.0], outputs=outputs)
+    with pytest.raises(mb.SimulationError, match="t = 0 s, a = 1: an output is not finite"):
+        mb.simulate(scene)
+
+
+def test_an_unknown_text_in_a_condition_is_told_once():
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    with pytest.raises(mb.DeclarationError, match=r"^output 'a': 'ball.x > 0' is no number"):
+        mb.Scene(mb.System(ball), times=[0.0, 1.0], outputs={"a": mb.first_time("ball.x > 0")})
