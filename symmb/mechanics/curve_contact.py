@@ -227,7 +227,7 @@ class PointOnCurve(Joint):
     """Point b, or the centre of a roller about it, is held on a curve in the xy plane of point_a's body: a groove cam.
 
     Its one multiplier is minus the force on body b along the normal of the curve, which is to its left, or out of it if
-    it is closed [N]. There is no friction.
+    it is closed [N]. There is no friction. An open curve goes on straight beyond its ends.
 
     Parameters
     ----------
@@ -275,8 +275,14 @@ class PointOnCurve(Joint):
         except DeclarationError as error:
             raise DeclarationError(f"{self.title}: {error}.") from None
         radius = bind(self.radius, f"{self.title}: radius")
-        s = curve.nearest(P, *curve.ends, _ALL_SAMPLES, lambda s: s + _foot(curve, s, P).step)
-        foot = _foot(curve, s, P)
+        low, high = curve.ends
+
+        def foot_at(s: ca.SX) -> Foot:
+            """The foot at s. Rows and their slopes go over the ends of an open curve without a jump."""
+            bounds = Bounds(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT)
+            return _foot(curve, s, P, None if curve.closed else bounds)
+
+        foot = foot_at(curve.nearest(P, low, high, _ALL_SAMPLES, lambda s: s + foot_at(s).step))
         return ca.dot(foot.offset, _normal(foot.along, side)) - radius
 
     def pressure(self, lam: ca.SX) -> ca.SX:

@@ -1,7 +1,7 @@
 """Figures of a motion: outputs that are one number a run, such as a peak, a mean or the range at landing."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -50,6 +50,11 @@ class Figure:
         begin, end = ends
         if begin is not None and end is not None and not begin < end:
             raise DeclarationError(f"{self.kind}: the window {shown(window)} ends before it begins.")
+
+    def _refuse(self, *_: object) -> Any:
+        raise DeclarationError(f"{self.kind}: a figure is one number a run, with which outputs cannot calculate.")
+
+    __neg__ = __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
 
     def __repr__(self) -> str:
         parts = [str(part) for part in (self.expression, self.condition) if part is not None]

@@ -157,3 +157,15 @@ def test_faults_of_contacts(curve, radius, fault):
 def test_faults_of_curves(make, fault):
     with pytest.raises(mb.DeclarationError, match=f"Curve: .*{fault}"):
         make()
+
+
+@pytest.mark.parametrize("x", [2.0, -3.0])
+def test_an_open_curve_goes_on_straight_beyond_its_ends(x):
+    """A bead that slides down the tangent of y = x^2 at x = 1 or -1, with the acceleration g sin(63.4 deg)."""
+    bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    wire = mb.PointOnCurve("wire", GROUND.point(0, 0), bead.point(0, 0), mb.Curve(lambda s: (s, s**2), -1, 1))
+    system = mb.System(bead, wire, mb.Gravity(0, -1.0))
+    run = mb.simulate(mb.Scene(system, {"bead.x": x}, [0.0, 1.0], guess={"bead.y": x**2}))
+    along = abs(x) - 0.4 * np.array([0.0, 0.5])
+    assert_allclose(np.abs(run["bead.x"]), along, atol=1e-9)
+    assert_allclose(run["bead.y"], 2 * along - 1, atol=1e-9)

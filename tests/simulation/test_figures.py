@@ -257,3 +257,11 @@ def test_an_unknown_text_in_a_condition_is_told_once():
     ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
     with pytest.raises(mb.DeclarationError, match=r"^output 'a': 'ball.x > 0' is no number"):
         mb.Scene(mb.System(ball), times=[0.0, 1.0], outputs={"a": mb.first_time("ball.x > 0")})
+
+
+def test_outputs_cannot_calculate_with_figures():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    with pytest.raises(mb.DeclarationError, match="maximum: a figure is one number a run"):
+        mb.maximum(ball.x) - mb.minimum(ball.x)
+    with pytest.raises(mb.DeclarationError, match="final: a figure is one number a run"):
+        2.0 * mb.final(ball.x)
