@@ -77,6 +77,7 @@ GROUPS = {
     "Joints, motors, stops": "joints",
     "Forces": "declaring",
     "Contact, friction, impacts": "contact",
+    "Figures of a motion": "figures",
     "Runs": "sweeps drawing",
     "Solvers": "solvers",
     "Bounds and their methods": "methods",
