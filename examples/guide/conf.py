@@ -93,8 +93,8 @@ GROUPS = {
 OPTIONS_ALONE = {"Solvers"}
 """Subjects whose classes have members for contributors alone."""
 _OF_ELEMENTS = (
-    "actions assembly_cosines bodies faults flag holding impacts lam loads opens parts place position_rows positive "
-    "rows states title turn_states velocity_rows"
+    "actions assembly_cosines bodies faults flag holding impacts lam loads measured nearest number offset opens parts "
+    "place position_rows positive pressure round rows sizes states title turn_states velocity_rows"
 )
 FOR_CONTRIBUTORS = {
     "Joints, motors, stops": _OF_ELEMENTS,

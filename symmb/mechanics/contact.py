@@ -99,6 +99,8 @@ class SurfaceContact(ForceElement):
         yield from law_faults(self.title, self.law)
         if self.friction is not None:
             yield from friction_faults(self.title, self.friction)
+        if not isinstance(inside := getattr(self, "inside", False), bool):
+            yield f"{self.title}: inside must be True or False, got {shown(inside)}."
 
 
 @dataclass(frozen=True, eq=False)

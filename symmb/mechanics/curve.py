@@ -51,8 +51,8 @@ class Curve:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "s", ca.SX.sym("s"))
-        corners = numbers_of(list(self.corners))
-        if corners is None:
+        corners = numbers_of(self.corners if isinstance(self.corners, list | tuple | range | np.ndarray) else "")
+        if corners is None or corners.ndim != 1:
             raise DeclarationError(f"Curve: corners {shown(self.corners)} are no numbers.")
         if callable(self.shape):
             place = vector(law_value(self.shape, "Curve", self.s), "the place of a Curve")[:2]

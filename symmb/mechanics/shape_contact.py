@@ -69,8 +69,9 @@ class RoundContact(ShapeContact):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         yield from self.sizes("radius_a", "radius_b")
-        if self.inside and is_real(self.radius_a) and is_real(self.radius_b) and not self.radius_b < self.radius_a:
-            yield f"{self.title}: radius_b is not below radius_a, so that it does not fit inside."
+        if self.inside is True and is_real(self.radius_a) and is_real(self.radius_b):
+            if not self.radius_b < self.radius_a:
+                yield f"{self.title}: radius_b is not below radius_a, so that it does not fit inside."
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,8 +209,9 @@ class SlotContact(ShapeContact):
         yield from super().faults()
         yield from direction_faults(self.title, "axis", self.axis)
         yield from self.sizes("length", "radius_a", "radius_b")
-        if self.inside and is_real(self.radius_a) and is_real(self.radius_b) and not self.radius_b < self.radius_a:
-            yield f"{self.title}: radius_b is not below radius_a, so that the pin does not fit into the slot."
+        if self.inside is True and is_real(self.radius_a) and is_real(self.radius_b):
+            if not self.radius_b < self.radius_a:
+                yield f"{self.title}: radius_b is not below radius_a, so that the pin does not fit into the slot."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d, axis, length = self.offset, unit(vector(self.axis)), self.number(bind, "length")

@@ -21,8 +21,8 @@ RESULTS = {
 }  # fmt: skip
 """What symmb makes and nobody else does; its methods are called."""
 BETWEEN_ROOMS = {
-    "another_way", "around", "bounds", "carried", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "planned_runs", "position_rows", "positive", "remembered", "response", "retract",
-    "run_seconds", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
+    "another_way", "around", "bounds", "carried", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "measured", "nearest", "number", "planned_runs", "position_rows", "positive", "pressure", "remembered", "response", "retract",
+    "round", "run_seconds", "sizes", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
 }  # fmt: skip
 """Methods that one room calls of another; the guide and the docstrings of public names do not mention them."""
 INTERNAL = frozenset(RESULTS | BETWEEN_ROOMS | {"view", "stability"})
