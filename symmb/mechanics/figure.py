@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import is_finite_number, shown
+from symmb._options import is_finite_number, numbers_of, shown
 from symmb._types import Expr
-from symmb.symbolic import EXAMPLE, given, is_sympy
+from symmb.symbolic import EXAMPLE, is_sympy
 
 Window = tuple[float | None, float | None] | None
 """First and last time [s]. None stands for the begin or the end of the run."""
@@ -41,9 +41,9 @@ class Figure:
         if self.kind != "first_time" and self.expression is None:
             raise DeclarationError(f"{self.kind}: it needs an expression, such as ball.y.")
         for part in (self.expression, self.condition):
-            if not (part is None or isinstance(part, bool | np.bool_ | ca.SX) or is_sympy(part)):
-                number = given(part)
-                if number is None or number.numel() != 1 or not number.is_regular():
+            if not (part is None or isinstance(part, bool | np.bool_ | ca.SX | ca.DM) or is_sympy(part)):
+                number = numbers_of(part)
+                if number is None or number.size != 1 or not np.isfinite(number).all():
                     raise DeclarationError(f"{self.kind}: expected an expression over time, got {shown(part)}.")
         if isinstance(self.condition, bool | np.bool_):
             raise DeclarationError(f"{self.kind}: the condition is {self.condition} at all times. {EXAMPLE}")
