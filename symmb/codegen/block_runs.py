@@ -232,7 +232,7 @@ class BlockRuns:
         after = events.meet(blocks, self._x[:, lanes].T, p.T, t, contact)
         self._x[:, lanes] = x = after.x.T
         self._c[:, lanes] = c = self._switches.settle(x, self._c[:, lanes], t, lanes)
-        self._switches.lift_slow(lanes, after.slow.T)
+        self._switches.lift(lanes, after.lift.T)
         self._slope[:, lanes] = self._rates(c, blocks)(x, t)
         steps.h[blocks] = np.minimum(steps.h[blocks], after.soon)
         fails[lanes] = lost = after.failure >= 0

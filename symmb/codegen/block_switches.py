@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.c_source import c_number
-from symmb.codegen.contacts import ROUNDING, Contacts
+from symmb.codegen.contacts import Contacts
 from symmb.codegen.engine import StepEnds
 from symmb.schemes import first_pass, interpolated, roots
 
@@ -22,6 +22,7 @@ _STOP_MARGIN, _REVERSAL, LATE, BEYOND = (
     c_number("switches", name) for name in ("STOP_MARGIN", "REVERSAL", "LATE", "BEYOND")
 )
 _FORCE_SHARE = c_number("switches", "FORCE_SHARE")
+_LEAST = float(np.finfo(float).tiny)
 _SETTLINGS, _FORCE_PARTS = (int(c_number("switches", name)) for name in ("SETTLINGS", "FORCE_PARTS"))
 
 
@@ -111,9 +112,9 @@ class BlockSwitches:
         self._raised[:, lanes], self._u[:, lanes] = raised, u
         return c
 
-    def lift_slow(self, lanes: Lanes, slow: Mask) -> None:
-        """Raise the gaps (n, L) that open so slowly that rounding may turn them back."""
-        m, lift = len(self._sides), 8 * ROUNDING * cast(Contacts, self._contacts).length * slow
+    def lift(self, lanes: Lanes, lift: Array) -> None:
+        """Raise gaps, and margins of joints, by `lift` (n, L)."""
+        m = len(self._sides)
         for values in (self._raised, self._u):
             part = values[:, lanes]
             part[self.n_sided : m] += lift
@@ -143,6 +144,9 @@ class BlockSwitches:
         u[:m] -= np.where(beyond, raised, 0.0)
         self._begin, self._raised[:, lanes] = u, np.where(beyond, 0.0, raised)
         raised = self._raised[:, lanes]
+        n_gaps = len(self._contacts.closed) if self._contacts else 0
+        gap, fall = u[self.n_sided : self.n_sided + n_gaps], u[m + self.n_sided : m + self.n_sided + n_gaps]
+        gap[(gap == 0) & (fall < 0)] = -_LEAST  # its change may be lost in rounding: it closes at once
         self._u[:, lanes] = self._on_sides(x_new, c, t_new, sides, raised)
 
         def values(x: Array, theta: Array, some: Indices) -> Array:

@@ -32,13 +32,13 @@ class PostImpact:
     rows : list              events, see `EVENT`
     failure : (N,)           FailureCode, -1 without
     soon : (N,)              time after which a contact may close again [s]
-    slow : (N, n)            contacts that open so slowly that rounding may turn them back, none of joints
+    lift : (N, n)            raises gaps that open so slowly that rounding may turn them back [m], 0 for joints
     """
 
     def __init__(self, x: Array, n: int) -> None:
         N = len(x)
         self.x, self.work, self.failure = x.copy(), np.zeros(N), np.full(N, -1)
-        self.soon, self.slow = np.full(N, np.inf), np.zeros((N, n), dtype=bool)
+        self.soon, self.lift = np.full(N, np.inf), np.zeros((N, n))
         self.rows: list[tuple[float, ...]] = []
 
     def note(self, sample: int, contact: int, what: int, t: float, *numbers: float) -> None:

@@ -115,7 +115,7 @@ class ImpactLaws:
         """Faults of samples at the start of a run of some span [s]: gaps below 0, restitutions out of their range."""
         at = self._arguments(x, p, t)
         started = np.isfinite(x).all(axis=1, keepdims=True)
-        gap, rate = evaluate_padded(self._impacts.gaps, *at)
+        gap, rate, _ = evaluate_padded(self._impacts.gaps, *at)
         way = np.abs(rate) * span + evaluate_padded(self._impacts.forces, *at)[2] * span**2 / 2
         rounding = np.maximum(_PENETRATION * self._dae.scales.length, _SHORT_WAY * way)
         e = evaluate_padded(self._impacts.impulses, *at)[3]
@@ -151,14 +151,15 @@ class ImpactLaws:
         contact = np.where(contact >= n_all, contact - n_all + n, np.where(contact < n, contact, -1))
         closed_before = self._closed(x)
         at = self._arguments(x, p, t)
-        gap, rate = evaluate_padded(impacts.gaps, *at)
+        gap, rate, reach = evaluate_padded(impacts.gaps, *at)
+        rounding = 8 * ROUNDING * (self._dae.scales.length + reach)
         force, _, size, inertia = evaluate_padded(impacts.forces, *at)
         every = np.arange(n)
         released = (contact[:, None] == n + every) | ((contact >= n)[:, None] & (force + _SMALL * size * inertia < 0))
-        touching = closed_before | (gap <= 8 * ROUNDING * self._dae.scales.length) | (contact[:, None] == every)
+        touching = closed_before | (gap <= rounding) | (contact[:, None] == every)
         # Slower rates count as rest: such a rebound rises no higher than the rounding of positions.
         fastest = np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True)
-        resting_rate = np.maximum(np.sqrt(2 * ROUNDING * self._dae.scales.length * size), _SMALL * fastest)
+        resting_rate = np.maximum(np.sqrt(2 * rounding * size), _SMALL * fastest)
         rate = self._apply_impulses(after, at, rate, touching, resting_rate)
         slow = touching & (np.abs(rate) <= resting_rate)
         acceleration, dependent = self._close_contacts(after.x, p, t, slow, closed_before & released)
@@ -169,7 +170,7 @@ class ImpactLaws:
                 after.note(i, k, what, float(t[i]))
         flying = touching & ~closed_after & (rate > resting_rate) & (acceleration < 0)
         flight = np.where(flying, 2 * rate / np.where(flying, -acceleration, 1.0), np.inf)
-        after.soon[:], after.slow[:, :n] = 1.5 * flight.min(axis=1), slow & ~closed_after
+        after.soon[:], after.lift[:, :n] = 1.5 * flight.min(axis=1), rounding * (slow & ~closed_after)
         return after
 
     def _apply_impulses(

@@ -62,7 +62,7 @@ def with_gaps(
     frozen = frozen or SwitchedProblem(problem, ca.SX(0, 1), StepEnds())
     problem, m, joints = frozen.problem, len(frozen.ends.hysteresis), impacts.joints
     x, p, t = problem.x, problem.p[: len(dae.p_names)], problem.t
-    gap, rate = impacts.gaps(*dae.arguments(x, p, t))
+    gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
     is_closed = x[(dae.n_q + dae.n_v + impacts.closed).tolist()] > 0.5
     gap, rate = ca.if_else(is_closed, 1, gap), ca.if_else(is_closed, 0, rate)
     rounding = (0.0,) * len(impacts.names)

@@ -29,7 +29,7 @@ class Impacts:
     names : tuple of n str
     closed : (n,) indices       of the states s for closed contacts
     joints : JointEvents        of joints that open and close, None without any
-    gaps                        -> gaps (n,) and their rates (n,)
+    gaps                        -> gaps (n,), their rates (n,), and the sizes of the coordinates in the gaps (n,)
     forces                      -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the
                                 sizes of the terms in these sums (n,), and effective inertias 1 / D_kk (n,)
     impulses                    -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
@@ -193,11 +193,12 @@ class ContactEquations:
         force = self.force
         acceleration = self.W @ free + self._zeta + self._D @ force
         size = ca.fabs(self.W) @ ca.fabs(free) + ca.fabs(self._zeta)
+        reach = ca.fabs(ca.jacobian(self.gap, system.q)) @ ca.fabs(system.q)
         return Impacts(
             names=tuple(name for name, *_ in c.impacts),
             closed=np.array(self.closed, dtype=np.intp),
             joints=joints() if c.joint_events else None,
-            gaps=function("gaps", gap=self.gap, rate=self.rate),
+            gaps=function("gaps", gap=self.gap, rate=self.rate, reach=reach),
             forces=function("forces", force=force, acceleration=acceleration, size=size, inertia=1 / ca.diag(self._D)),
             impulses=function("impulses", W=self.W, B=self.B, at_rest=self.at_rest, restitution=self.restitution),
             project=function(

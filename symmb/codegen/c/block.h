@@ -63,7 +63,7 @@ typedef struct {
   long steps, iterations, most;
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 #if N_G > 0
-  V gap[SIZE(2 * N_I)], force[SIZE(4 * N_I)], law[SIZE(2 * N_I * (N_V + 1))]; /* values of the functions of contacts, see
+  V gap[SIZE(3 * N_I)], force[SIZE(4 * N_I)], law[SIZE(2 * N_I * (N_V + 1))]; /* values of the functions of contacts, see
                                                                               impacts.h */
   V margin[SIZE(2 * N_E)], closing[SIZE(N_PLACE)], jumped[N_V + N_ROWS + 1];  /* and of joints */
   double crowd_start;     /* events follow each other at once from there */

@@ -6,7 +6,7 @@
    keeps where the joint closes.
 
    A block is one sample here, since velocities of each jump at times of its own. The model gives gaps(x, c, t, out), with
-   their rates behind them; forces(x, c, t, out): forces in closed contacts, accelerations of gaps, sizes of the terms of
+   their rates and the sizes of the coordinates in them behind them; forces(x, c, t, out): forces in closed contacts, accelerations of gaps, sizes of the terms of
    these and effective inertias; impulses(x, c, t, out): W (N_I, N_V) and B (N_V, N_I) by columns, rates of gaps at rest and
    restitutions; held(x, c, t, out), the state moved into its closed contacts; margins(x, c, t, out), with their rates behind
    them; places(x, c, t, out), the values of place_state; and jump(x, c, t, out): velocities after the jump, impulses of the
@@ -232,20 +232,21 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
   Part *a = b->part;
   const double span = s->times[s->n_t - 1] - s->times[0];
   int before[SIZE(N_I)], slow[SIZE(N_I)], released[SIZE(N_I)], now[SIZE(N_I)];
-  double fastest = 0.0, flight = INFINITY;
+  double fastest = 0.0, flight = INFINITY, rounding[SIZE(N_I)];
   Instant c;
   move_joints(b, s, contact < N_G ? contact - N_I : -1);
   gaps(a->x, a->c, each(b->t), b->gap);
   forces(a->x, a->c, each(b->t), b->force);
   for (int k = 0; k < N_I; ++k) {
     const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
+    rounding[k] = 8.0 * ROUNDING * (LENGTH + b->gap[2 * N_I + k][0]);
     before[k] = is_closed(a, k);
     released[k] = before[k] && (contact == N_G + k || (contact >= N_G && b->force[k][0] + slack < 0.0));
-    c.touching[k] = before[k] || contact == k || b->gap[k][0] <= 8.0 * ROUNDING * LENGTH;
+    c.touching[k] = before[k] || contact == k || b->gap[k][0] <= rounding[k];
     c.rate[k] = b->gap[N_I + k][0];
     if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
   }
-  for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * ROUNDING * LENGTH * b->force[2 * N_I + k][0]), SMALL * fastest);
+  for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), SMALL * fastest);
   if (!apply_impulses(&c, b, s)) return 0;
   for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && fabs(c.rate[k]) <= c.rest[k];
   const int closes = close_contacts(b, slow, released);
@@ -261,8 +262,8 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
     if (now[k] || !c.touching[k]) continue;
     if (c.rate[k] > c.rest[k] && acceleration < 0.0) flight = fmin(flight, -2.0 * c.rate[k] / acceleration);
     if (!slow[k]) continue;
-    a->raised[i] += 8.0 * ROUNDING * LENGTH; /* it leaves so slowly that rounding may turn it back */
-    a->u[i] += 8.0 * ROUNDING * LENGTH;
+    a->raised[i] += rounding[k]; /* it leaves so slowly that rounding may turn it back */
+    a->u[i] += rounding[k];
   }
   b->soon = fmax(1.5 * flight, CONTACT_STEP * span);
   if (!is_endless(b, span)) return 1;

@@ -120,6 +120,9 @@ PRIVATE void bound_state(Part *a, int row, double share, V x, V dx, V x_end, V d
   box[3 * N_X] = v_larger(first, last) + v_larger(zero(), bend) + slope_off;
 }
 
+/* Whether switch k is the gap of a contact. */
+PRIVATE int is_gap(int k) { return k >= N_S - N_G && k < N_S - N_G + N_I; }
+
 /* Whether switch k is the margin of a joint that opens by its force. */
 PRIVATE int is_by_force(int k) {
 #if N_E > 0
@@ -283,15 +286,17 @@ PRIVATE double first_release(Block *b, double first) {
 }
 
 /* The first switch that each lane passes: the share of the step, and the switch. One that jumped below 0 at the begin of
-   the step is passed there. Parts of the step are halved until ranges along the interpolant leave nothing open but what
+   the step is passed there, and so is a gap that is 0 and closes: its change may be lost in rounding. Parts of the step are halved until ranges along the interpolant leave nothing open but what
    their ends tell. Returns the least share; if it is that of no lane, nothing is known behind it, and 2 without a pass. */
 PRIVATE double first_pass(Block *b) {
   double first = 2.0, low = 0.0, share = 1.0;
   int parts = 0;
   EACH_PART(b) {
     a->when = each(2.0);
+    if (N_I) rates_on_sides(a, a->x, each(between_stops(b, b->t)), a->du);
     for (int k = 0; k < N_S; ++k) {
-      const M jumped = (M)(a->u[k] < 0.0) & (M)(a->when > 1.0);
+      const M closes = is_gap(k) ? (M)(a->u[k] == 0.0) & (M)(a->du[k] < 0.0) : (M)zero();
+      const M jumped = ((M)(a->u[k] < 0.0) | closes) & (M)(a->when > 1.0);
       a->when = blend(jumped, each(AT_ONCE), a->when);
       a->which = blend(jumped, each((double)k), a->which);
       first = none(jumped) ? first : AT_ONCE;
