@@ -86,16 +86,14 @@ def test_bouncing_ends_in_a_contact_that_stays_closed():
 
 @pytest.mark.parametrize("shift", [0.0, 2.0, -1e3])
 def test_bouncing_ends_beside_a_pendulum_wherever_the_origin_is(shift):
-    """The projection of the pendulum ends steps of the ball at a gap of 0, where the last flights are lost in rounding."""
+    """The projection of the pendulum ends steps at a gap of 0, and the last flights of the ball are lost in rounding."""
     ground, ball, bob = mb.Ground(), *(mb.Body(name, 1.0, pose=mb.Particle()) for name in ("ball", "bob"))
     rod = mb.Distance("rod", ground.point(0, 0), bob.point(0, 0), 1.0)
     system = mb.System(ball, bob, rod, mb.Gravity(0, -10), mb.Impact("floor", ball.y + shift, 0.5))
     run = mb.simulate(mb.Scene(system, {"ball.y": 2 - shift, "bob.x": 1.0, "bob.y": 0.0}, [0.0, 2.5]), check=False)
     assert run.events[-1].what == "closes"
-    rounding = np.finfo(float).eps * (1 + abs(shift))
-    assert_allclose(
-        run.events[-1].time, 3 * np.sqrt(0.4), rtol=10 * np.sqrt(rounding)
-    )  # flights in rounding are not made
+    rounding = np.finfo(float).eps * (1 + abs(shift))  # flights in it are not made
+    assert_allclose(run.events[-1].time, 3 * np.sqrt(0.4), rtol=10 * np.sqrt(rounding))
     assert_allclose(run["ball.y"][-1], -shift, atol=4 * rounding)
 
 
