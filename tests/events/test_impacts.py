@@ -86,7 +86,7 @@ def test_bouncing_ends_in_a_contact_that_stays_closed():
 
 @pytest.mark.parametrize("shift", [0.0, 2.0, -1e3])
 def test_bouncing_ends_beside_a_pendulum_wherever_the_origin_is(shift):
-    """The projection of the pendulum ends steps at a gap of 0, and the last flights of the ball are lost in rounding."""
+    """The projection of the pendulum ends steps at a gap of 0; the last flights of the ball are lost in rounding."""
     ground, ball, bob = mb.Ground(), *(mb.Body(name, 1.0, pose=mb.Particle()) for name in ("ball", "bob"))
     rod = mb.Distance("rod", ground.point(0, 0), bob.point(0, 0), 1.0)
     system = mb.System(ball, bob, rod, mb.Gravity(0, -10), mb.Impact("floor", ball.y + shift, 0.5))
