@@ -49,7 +49,7 @@ def switched(problem: InitialValueProblem, dae: DAE, times: Array) -> SwitchedPr
         return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
     branch = branches(with_common_expressions(f), [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
     (rates,) = branch.outputs
-    ode = rates[: x.numel()]
+    ode = rates[: x.numel(), :]
 
     def slopes(values: ca.SX) -> ca.SX:
         return ca.densify(ca.jtimes(values, x, ode) + ca.jacobian(values, t))
@@ -63,7 +63,7 @@ def switched(problem: InitialValueProblem, dae: DAE, times: Array) -> SwitchedPr
     if not switches.numel():
         return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
     sides = ca.vertcat(branch.sides, ca.SX.sym("side", switches.numel() - branch.sides.numel()))
-    on_branches = replace(problem, p=ca.vertcat(p, sides), ode=ode, quad=rates[x.numel() :])
+    on_branches = replace(problem, p=ca.vertcat(p, sides), ode=ode, quad=rates[x.numel() :, :])
     ends = StepEnds(hysteresis_of(dae, switches, x, p, t, sides), stops)
     return SwitchedProblem(on_branches, ca.vertcat(switches, slopes(switches)), ends)
 

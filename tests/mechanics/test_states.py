@@ -131,6 +131,17 @@ def test_a_system_of_states_alone_is_an_initial_value_problem(solver):
     assert_allclose(simulator.run(np.array([[1.0], [4.0]])).Y[:, :, 0], expected, atol=1e-8)
 
 
+def test_a_study_of_one_state_with_a_switch():
+    p = mb.Parameters(a=0.7)
+    z = mb.State("z", rate=lambda z: ca.fabs(z - 0.5) + p.a)
+    scene = mb.Scene(mb.System(z, parameters=p), {"z": 0.1}, [0.0, 0.125, 0.25, 1.0], {"z": z.value})
+    bounds = mb.propagate(scene, mb.PolynomialChaos(), box=mb.Box(a=(0.5, 1.0)))
+    for a, edge in zip((0.5, 1.0), bounds["z"], strict=True):
+        when = np.log((a + 0.4) / a)  # z is 0.5, and grows from a
+        below, above = a + 0.5 - (a + 0.4) * np.exp(-scene.times), 0.5 - a + a * np.exp(scene.times - when)
+        assert_allclose(edge, np.where(scene.times < when, below, above), rtol=1e-7)
+
+
 def test_laws_in_sympy_know_states_by_name():
     body = cart()
     z = mb.State("z", rate=lambda z: 1.0 - z)
