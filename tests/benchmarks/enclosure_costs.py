@@ -20,7 +20,7 @@ import symmb as mb
 from symmb.enclosures import enclose, problem_of
 from symmb.simulation import DAESimulator
 
-ORDERS, MASSES, PARAMETERS = (2, 4, 6, 8, 12), (1, 2, 3, 4, 6), (1, 2, 3, 4)
+ORDERS, MASSES, PARAMETERS = (2, 4, 6, 8, 12), (1, 2, 3, 4, 6), (1, 2, 3, 4, 5, 6)
 FAR = 30.0
 """Time after which larger studies are not tried [s]."""
 
