@@ -10,16 +10,22 @@ def is_timeless(t: Sequence[float] | np.ndarray) -> bool:
     return len(t) == 1 and t[0] == 0
 
 
-def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray) -> list[list[str]]:
-    """Rows below their head, whose columns "at [s]" are left out where there are no times.
+def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = ()) -> list[list[str]]:
+    """Rows below their head, whose columns "at [s]" are left out where there are no times, or none is told.
 
     Examples
     --------
     >>> over_times([["output", "least", "at [s]"], ["x", "-1.5", "0"]], [0.0])
     [['output', 'least'], ['x', '-1.5']]
     """
-    kept = [i for i, name in enumerate(rows[0]) if name != "at [s]" or not is_timeless(t)]
+    told = [not is_timeless(t) and any(column[1:]) for column in zip(*rows, strict=True)]
+    kept = [i for i, name in enumerate(rows[0]) if name != "at [s]" or told[i]]
     return [[row[i] for i in kept] for row in rows]
+
+
+def time_text(t: Sequence[float] | np.ndarray, i: int, *values: np.ndarray) -> str:
+    """Time number i; none where values (n_t,) are the same at all times, as those of a figure of the motion."""
+    return "" if len(t) > 1 and all(np.ptp(own) == 0 for own in values) else f"{t[i]:.6g}"
 
 
 def at_time(t: Sequence[float] | np.ndarray, i: int) -> str:

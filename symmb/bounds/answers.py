@@ -65,8 +65,10 @@ class Answers(Envelope):
             lower, upper = float(self.lower[i, k]), float(self.upper[i, k])
             parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
             varied = acting.get(k, tuple(parameters))
-            about = parameters, sample.value, upper - lower, varied, len(self.t), runs.simulator
-            case = WorstCase(self.names[k], side, lower if side == "lower" else upper, float(self.t[i]), *about)
+            is_figure = self.names[k] in self.figures
+            time, times = (0.0, 1) if is_figure else (float(self.t[i]), len(self.t))
+            about = time, parameters, sample.value, upper - lower, varied, times, runs.simulator
+            case = WorstCase(self.names[k], side, lower if side == "lower" else upper, *about)
             cases.append(self._at_extreme(case, place) if case.is_short else case)
         return cases
 

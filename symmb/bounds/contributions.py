@@ -10,7 +10,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import files, plot
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
-from symmb._table import aligned, at_time
+from symmb._table import aligned, at_time, time_text
 from symmb._types import Array
 from symmb.bounds.responses import Responses
 from symmb.bounds.time_windows import ROUNDING
@@ -99,8 +99,8 @@ class Contributions(Result, files.Saved):
         """Those to output number k at time number i, or where it is widest, the largest first."""
         i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
-        is_same = len(self.t) > 1 and np.ptp(self.width[:, k]) == 0  # as of a figure of the motion
-        title = self.names[k] if is_same else f"{self.names[k]}{at_time(self.t, i)}"
+        has_times = time_text(self.t, i, self.width[:, k]) != ""
+        title = f"{self.names[k]}{at_time(self.t, i)}" if has_times else self.names[k]
         rows = [[title, "alone", "saved", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
             share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"

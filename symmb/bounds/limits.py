@@ -13,7 +13,7 @@ from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
 from symmb._names import did_you_mean
 from symmb._options import is_real, require_name, shown
-from symmb._table import aligned, over_times
+from symmb._table import aligned, over_times, time_text
 from symmb._types import Array
 from symmb.bounds.envelope import Envelope
 from symmb.bounds.time_windows import ROUNDING
@@ -115,9 +115,9 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
     def _rows(self, names: Sequence[str] = ()) -> list[list[str]]:
         rows = [["limit", "result", "why", "least margin", "at [s]"]]
         for limit in self.limits:
-            least, time = self._least(limit)
+            least, _ = self._least(limit)
             margin = f"{least:.4g}{' ' * bool(limit.unit)}{limit.unit}"
-            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{time:.6g}"])
+            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, time_text(self.t, limit.row, limit.margin)])
         return over_times(rows, self.t)
 
     def _least(self, limit: KeptLimit) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._labelled import Labelled, Named, Result
 from symmb._limits import require_memory
 from symmb._options import is_finite_number, numbers_of, shown, whole
-from symmb._table import aligned, at_time, is_timeless, over_times
+from symmb._table import aligned, at_time, is_timeless, over_times, time_text
 from symmb._types import Array
 from symmb.bounds.laws import Laws
 from symmb.bounds.responses import Responses
@@ -101,7 +101,8 @@ class Quantiles(Figures):
         rows = [["quantile", *ends]]
         for q, lower, upper, error in zip(self.levels, self.lower, self.upper, self.estimate, strict=True):
             i, j = int(lower.argmin()), int(upper.argmax())
-            values = f"{lower[i]:.6g}", f"{self.t[i]:.6g}", f"{upper[j]:.6g}", f"{self.t[j]:.6g}"
+            when = [time_text(self.t, row, lower, upper) for row in (i, j)]
+            values = f"{lower[i]:.6g}", when[0], f"{upper[j]:.6g}", when[1]
             rows.append([f"{q:g}", *values, f"≤ {error.max():.1e}"])
         return over_times(rows, self.t)
 
@@ -138,10 +139,11 @@ class Probability(Figures):
 
     def _rows(self) -> list[list[str]]:
         i = int(self.upper.argmax())
+        has_times = not is_timeless(self.t) and time_text(self.t, i, self.lower, self.upper) != ""
         largest = f"greatest,{at_time(self.t, i)}", self.lower[i], self.upper[i], self.estimate[i]
         rows = [["", "probability", "estimated error"]]
-        ever = "" if is_timeless(self.t) else "at any output time", *self.ever
-        for name, low, high, error in (ever,) if is_timeless(self.t) else (ever, largest):
+        ever = "at any output time" if has_times else "", *self.ever
+        for name, low, high, error in (ever, largest) if has_times else (ever,):
             value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
             rows.append([name, value, f"≤ {error:.1e}"])
         return rows

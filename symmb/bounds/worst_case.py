@@ -10,7 +10,7 @@ from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, texts
 from symmb._options import is_finite_number, shown
-from symmb._table import aligned, at_time, over_times
+from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array, Indices
 from symmb.black_boxes import Attained, Simulator
 from symmb.files import Record
@@ -112,7 +112,7 @@ class WorstCase:
     attained : float           value of the output in the run at this time
     width : float              of the bounds at this time
     varied : tuple of str      the parameters of the box that act on the output, which are printed
-    times : int                how many output times the bounds have: an only one of 0 is not printed
+    times : int                how many output times the bounds have, 1 of a figure: an only time of 0 is not printed
     simulator : Simulator      None if the bounds were read from a file
     """
 
@@ -234,9 +234,10 @@ def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
     rows = [["worst case", "bound", "at [s]", *varied, "attained"]]
     for case in cases:
         values = (f"{case.parameters[name] + 0.0:.6g}" if name in case.varied else "" for name in varied)
-        numbers = f"{case.value + 0.0:.6g}", f"{case.time:.6g}", *values, f"{case.attained + 0.0:.6g}"
+        when = "" if is_timeless(case._times) else f"{case.time:.6g}"
+        numbers = f"{case.value + 0.0:.6g}", when, *values, f"{case.attained + 0.0:.6g}"
         rows.append([f"{case._word} {case.output}", *numbers])
-    return over_times(rows, cases[0]._times)
+    return over_times(rows)
 
 
 def row_of(owner: str, t: Array, time: object) -> int:

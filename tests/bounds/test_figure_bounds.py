@@ -1,10 +1,12 @@
 """Bounds of figures of motions: closed forms, kinks between hills, answers, files."""
 
 import pickle
+import re
 
 import casadi as ca
 import numpy as np
 import pytest
+import scipy.stats
 
 import symmb as mb
 
@@ -103,3 +105,19 @@ def test_a_first_time_that_jumps_is_seen():
     bounds = mb.propagate(scene, mb.PolynomialChaos())
     lower, upper = 0.5 - 0.1 * np.sqrt(np.log(1.6)), 1.5 - 0.1 * np.sqrt(np.log(2))
     assert bounds["first"] == pytest.approx((lower, upper), abs=0.01 * (upper - lower))
+
+
+def test_answers_about_figures_tell_no_time():
+    p = mb.Parameters(a=1.0)
+    outputs = {"peak": mb.maximum(p.a * hill(mb.t, 0.5)), "height": p.a * hill(mb.t, 0.5)}
+    scene = mb.Scene(mb.System(parameters=p), times=[0.0, 0.5, 2.0], outputs=outputs, box=mb.Box(a=(0.8, 1.3)))
+    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    laws = {"a": scipy.stats.uniform(0.8, 0.5)}
+    for answers, times in (("peak", False), ("height", True)):
+        limit = bounds.check({answers: (None, 2.0)})
+        found = (
+            bounds.worst(answers), limit, limit.worst, bounds.quantiles(answers, [0.5], laws=laws),
+            bounds.probability(answers, above=1.2, laws=laws),
+        )  # fmt: skip
+        for answer in found:
+            assert bool(re.search(r"at \[s\]|at [\d.]+ s|output time", str(answer))) == times
