@@ -14,7 +14,7 @@ from symmb.enclosures.flow import frame, motion
 from symmb.enclosures.front import Front, entering, leaving, well_conditioned
 from symmb.enclosures.outputs import output_bounds
 from symmb.enclosures.pass_outputs import Part, bounds_about_pass
-from symmb.enclosures.passes import Crossing, Scaled, crossing, off, window
+from symmb.enclosures.passes import Crossing, Departure, Scaled, crossing, departure, off, window
 from symmb.enclosures.problem import Change, Problem
 from symmb.enclosures.rounding import above, grain_of
 from symmb.enclosures.start import first_front
@@ -96,6 +96,11 @@ class Course:
         self.lower[part], self.upper[part], self.remainder[part] = lower, upper, remainder
         self.terms, self.stored = np.maximum(self.terms, terms), behind
 
+    def join(self, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
+        """Widen the bounds at the first time."""
+        self.lower[0], self.upper[0] = np.minimum(self.lower[0], lower[0]), np.maximum(self.upper[0], upper[0])
+        self.remainder[0], self.terms = np.maximum(self.remainder[0], remainder[0]), np.maximum(self.terms, terms)
+
     def back_to(self, place: Place, times: Array) -> "Course":
         """The course up to the time of a place, from which it goes on there; times (n_t,) are those of the outputs."""
         stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
@@ -171,17 +176,23 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     """The place behind a proved step or pass, and how long it is. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, replace(place.control)
     usual, left = control.h, _left(problem, front.t, grain)
-    control.h = min(usual, left)
+    control.h, others = min(usual, left), tuple[Problem, ...]()
     try:
         step, proof = _step(problem, front, grain, control)
     except _AheadError as found:
         control.h = usual
-        try:
-            other = _passed(course, replace(place, control=control), found.ahead, grain)
-        except ProofError as error:
-            step, proof = _nearer(replace(place, control=control), found.ahead, grain, str(error))
+        if front.t == 0.0 and found.ahead.first <= grain:
+            start = _departure(place, found.ahead)
+            control.h = min(usual, left)
+            step, proof = _step(start.first, front, grain, control)
+            problem, others = start.after, start.both
         else:
-            return _changed(other, grain, course.is_done), other.front.t - front.t
+            try:
+                passed = _passed(course, replace(place, control=control), found.ahead, grain)
+            except ProofError as error:
+                step, proof = _nearer(replace(place, control=control), found.ahead, grain, str(error))
+            else:
+                return _changed(passed, grain, course.is_done), passed.front.t - front.t
     if course.steps is not None:
         course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
@@ -190,9 +201,26 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
         course.store(behind, *output_bounds(step, proof.W, times[course.stored : behind], control))
+    for other in others:  # on a switch, outputs may be those of any side
+        course.join(*output_bounds(replace(step, problem=other), proof.W, times[:1], control))
     if left < usual:
         control.h = usual
     return _changed(Place(front, control, problem), grain, course.is_done), step.h
+
+
+def _departure(place: Place, ahead: Crossing) -> Departure:
+    """The problems of a motion that begins on switches.
+
+    Raises
+    ------
+    ProofError         with the name of one, if it does not leave them at once
+    """
+    problem, front = place.problem, place.front
+    assert problem.phase is not None
+    try:
+        return departure(problem, front, ahead.which, place.control.h)
+    except ProofError as error:
+        raise ProofError(problem.phase.sentence(ahead.which[0], front.t, str(error))) from error
 
 
 class _AheadError(Exception):
@@ -229,8 +257,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     """
     problem, front, control = place.problem, place.front, place.control
     if ahead.why or not ahead.first > 0:
-        at_once = "it may be passed at this time itself" if front.t else "the motion may begin on it"
-        raise ProofError(ahead.why or at_once)
+        raise ProofError(ahead.why or "it may be passed at this time itself")
     begin, about = front.t, window(problem, ahead)
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:

@@ -49,8 +49,8 @@ _BEYOND = 1e-3
 """Time after a pass at which parts of tables are read, over that from the begin of the window to the pass."""
 _SOME = 64
 """About the patches of parameters on which a pass is proved."""
-_LITTLE = 1e-280
-"""More than nothing."""
+_LITTLE, _NOTHING = 1e-280, 1e-250
+"""More than nothing, and bounds that are 0 but for numbers that are rounded up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,6 +236,57 @@ def window(problem: Problem, ahead: Crossing) -> Window:
         surface,
         new,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Departure:
+    """A motion that begins on switches, which it leaves at once.
+
+    Attributes
+    ----------
+    first : the problem in the first step, valid as long as the rates of these switches are above 0 on their sides
+    after : the problem behind it
+    both : the problems on all combinations of sides of these switches
+    """
+
+    first: Problem
+    after: Problem
+    both: tuple[Problem, ...]
+
+
+def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> Departure:
+    """The problems of a motion that begins on some switches, and perhaps on others, of which a step of about h follows.
+
+    Raises
+    ------
+    ProofError         if the switches are not 0 for all of the box, or are not left in one direction
+    """
+    phase = problem.phase
+    assert phase is not None and problem.valid is not None and problem.valid_tape is not None
+    x, p, t = arguments = phase.symbols
+    reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
+    begin = still(problem, front.t, front.x, _LITTLE)
+    which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, reach, (1, 1))) <= _NOTHING).tolist()
+    if not set(own) <= set(which) or len(which) > _TOGETHER:
+        raise ProofError("the motion may begin on it")
+    place = front.x[(slice(None), *(0,) * problem.d)], problem.middle, front.t
+    behind = _moved(problem.rates, place, _BEYOND * h)
+    both, left = [], []
+    for signs in product((1.0, -1.0), repeat=len(which)):
+        sides = phase.sides.copy()
+        sides[which] *= signs
+        both.append(problem.on_sides(phase.settled(*place, sides, tuple(which)), *behind))
+        rates = with_slopes(problem, both[-1].valid, both[-1].rates)
+        if (rates(*place)[1].full().ravel()[which] > 0).all():
+            left.append((both[-1], rates))
+    if len(left) != 1:
+        raise ProofError("the motion may begin on it")
+    [(after, rates)] = left
+    values, slopes = rates(x, p, t)
+    conditions = [(slopes if k in which else values)[k] for k in range(len(phase.sides))]
+    valid = common("valid", [*arguments], [ca.densify(ca.vertcat(*conditions))])
+    require_known("the equations", *(f for own in both for f in (own.rates, own.outputs)), valid)
+    return Departure(replace(after, phase=None, valid=valid), after, tuple(both))
 
 
 def _moved(rates: ca.Function, place: tuple[Array, Array, float], h: float) -> tuple[Array, Array, float]:

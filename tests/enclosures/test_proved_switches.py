@@ -123,10 +123,8 @@ def test_switches_that_are_passed_together():
         (lambda p, x, v, t: -p.F + ca.fmax(x - 0.5, 0), {"F": 1.0}, {"F": (0.98, 1.02)}, 0.9, "m.x"),
         # two places are one for some parameters
         (lambda p, x, v, t: (x > p.a) + ca.if_else(x > 0.5, 2, 0), {"a": 0.5}, {"a": (0.49, 0.51)}, 0.49, "(a-m.x)"),
-        # the motion begins on the switch
-        (lambda p, x, v, t: p.F * ca.if_else(x > 0, 1, 2), {"F": 1.0}, {"F": (0.9, 1.1)}, 0.0, "may begin on it"),
     ],
-    ids=["sticks", "grazes", "together", "begins"],
+    ids=["sticks", "grazes", "together"],
 )  # fmt: skip
 def test_what_is_not_passed_by_all_of_the_box_ends_the_proof(law, nominal, box, until, message):
     bounds, text = proved(law, (0.0, 1.0), nominal, box)
@@ -134,6 +132,35 @@ def test_what_is_not_passed_by_all_of_the_box_ends_the_proof(law, nominal, box, 
     np.testing.assert_array_equal(finite, (until - 0.1 < TIMES) & finite | (TIMES <= until - 0.1))
     assert finite[TIMES <= until - 0.1].all() and not finite[TIMES >= until + 0.15].any()
     assert "the equations have kinks or jumps" in text and message in text
+
+
+@pytest.mark.parametrize(
+    ("law", "v", "a"),
+    [
+        (lambda p, x, v, t: ca.if_else(t > 0, p.F, 0), 0.0, lambda F: F),
+        (lambda p, x, v, t: p.F * ca.if_else(x > 0, 1, 2), 1.0, lambda F: F),
+        (lambda p, x, v, t: p.F * ca.if_else(x > 0, 1, 2), -1.0, lambda F: 2 * F),
+        (lambda p, x, v, t: 1.5 - p.F * ca.sign(v), 0.0, lambda F: 1.5 - F),
+        (lambda p, x, v, t: p.F * ca.fmax(x, 0) * ca.if_else(t >= 0, 0, 1) + p.F * ca.sign(v), 0.5, lambda F: F),
+    ],
+    ids=["step", "up", "down", "slips", "two"],
+)
+def test_motions_that_begin_on_switches_and_leave_them(law, v, a):
+    """x = v t + a t^2 / 2 at a time; at the first time an acceleration may be that of either side."""
+    times = np.linspace(0.0, 0.45, 10)
+    bounds, text = proved(law, (0.0, v), {"F": 1.0}, {"F": (0.9, 1.1)}, times=times)
+    assert not text
+    runs = [np.stack([v * times + a(F) * times**2 / 2, v + a(F) * times], 1) for F in (0.9, 1.0, 1.1)]
+    for own, extreme in ((bounds.lower, np.min), (bounds.upper, np.max)):
+        np.testing.assert_allclose(own[:, :2], extreme(runs, axis=0), atol=1e-12)
+    np.testing.assert_allclose(
+        [bounds.lower[1:, 2], bounds.upper[1:, 2]], np.sort([[a(0.9)], [a(1.1)]], axis=0) + 0 * times[1:]
+    )
+
+
+def test_a_motion_that_sticks_at_the_start_is_not_proved():
+    bounds, text = proved(lambda p, x, v, t: 0.5 - p.F * ca.sign(v), (0.0, 0.0), {"F": 1.0}, {"F": (0.9, 1.1)})
+    assert "the motion may begin on it" in text and not np.isfinite(bounds.upper[1:]).any()
 
 
 @pytest.mark.parametrize("seed", [0, 1002, 8, 4])
