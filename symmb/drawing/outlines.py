@@ -2,15 +2,18 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.drawing.exhibit import convex_hull
 from symmb.drawing.shapes import Drawing, Shape
 
 _TURNS, _STUB = 7, 0.12
 """Turns of a coil, and the share of its length at each end that is straight."""
+_LIGHT = np.array([-0.4, 0.6, 0.8]) / np.sqrt(1.16)
+"""Direction to the light, seen by the viewer."""
 _ROUND = np.linspace(0, 2 * np.pi, 25)
 _CIRCLE = np.stack([np.cos(_ROUND), np.sin(_ROUND)], axis=1)
 _CYLINDER = np.vstack([np.column_stack([_CIRCLE, np.full(len(_ROUND), z)]) for z in (-1.0, 1.0)])
@@ -22,12 +25,16 @@ _BALL = np.vstack(
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A polygon (n, 2) to fill, or a line of a `width` [m], in the camera's plane; `depth` grows to the viewer [m]."""
+    """A polygon (n, 2) to fill, or a line of a `width` [m], in the camera's plane; `depth` grows to the viewer [m].
+
+    With `light` (m,) the points are corners of m triangles, the last ones in front, each as bright as it tells.
+    """
 
     points: Array
     depth: float
     shape: Shape
     width: float = 0.0
+    light: Array | None = None
 
 
 class Painter:
@@ -38,7 +45,8 @@ class Painter:
 
     def outlines(self) -> list[Outline]:
         """All outlines, those at the back first."""
-        every = [outline for shape in self.drawing.shapes for outline in self._of(shape)]
+        shapes = (shape for shape in self.drawing.shapes if self.drawing.has(shape, self.k))
+        every = [outline for shape in shapes for outline in self._of(shape)]
         return sorted(every, key=lambda outline: outline.depth)
 
     def _of(self, shape: Shape) -> Iterator[Outline]:
@@ -56,6 +64,16 @@ class Painter:
         """The outline of points in space (n, 3)."""
         seen = points @ self.camera.T
         return Outline(convex_hull(seen[:, :2]), float(seen[:, 2].mean()), shape)
+
+    def triangles(self, shape: Shape, corners: Array) -> Outline:
+        """Shaded triangles by their corners in space (3 m, 3)."""
+        seen = (corners @ self.camera.T).reshape(-1, 3, 3)
+        normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals[normals[:, 2] < 0] *= -1
+        light = 0.42 + 0.48 * np.maximum(normals @ _LIGHT, 0) + 0.14 * normals[:, 2]  # as in the page
+        order = np.argsort(seen[:, :, 2].mean(axis=1))
+        return Outline(seen[order, :, :2].reshape(-1, 2), float(seen[:, :, 2].mean()), shape, light=light[order])
 
     def line(self, shape: Shape, points: Array, width: float) -> Outline:
         """A line along points in space (n, 3)."""
@@ -112,15 +130,30 @@ def _ring(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outli
 
 
 def _solid(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
+    half = R @ (shape.direction if shape.direction is not None else np.eye(3))
     points = (_BOX, _CYLINDER, _BALL)[int(shape.size[0])]
-    half = shape.direction if shape.direction is not None else np.eye(3)
-    yield p.hull(shape, at[0] + points @ (R @ half).T)
+    if shape.faint:
+        yield p.hull(shape, at[0] + points @ half.T)
+    else:
+        yield p.triangles(shape, at[0] + points[_surface(int(shape.size[0]))] @ half.T)
 
 
-def _hull(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
+@cache
+def _surface(solid: int) -> Indices:
+    """Numbers of the corners (3 m,) of the triangles of a box, a cylinder or a ball."""
+    from scipy.spatial import ConvexHull
+
+    return ConvexHull((_BOX, _CYLINDER, _BALL)[solid]).simplices.ravel()
+
+
+def _mesh(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
     corners = shape.direction if shape.direction is not None else np.zeros((0, 3))
     origin = p.drawing.pose(p.drawing.places[shape.places[0]].frame, p.k)[:, 3]
-    yield p.hull(shape, origin + corners @ R.T)
+    yield p.triangles(shape, origin + corners @ R.T)
+
+
+def _curve(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
+    yield p.line(shape, np.array(at), 2 * shape.size[0])
 
 
 def _plate(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
@@ -209,12 +242,13 @@ def _path(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outli
 
 _FORMS: dict[str, Callable[[Painter, Shape, list[Array], Array], Iterator[Outline]]] = {
     "bar": _bar,
+    "curve": _curve,
     "ball": _ball,
     "pin": _pin,
     "block": _block,
     "ring": _ring,
     "solid": _solid,
-    "hull": _hull,
+    "mesh": _mesh,
     "plate": _plate,
     "coil": _coil,
     "dashpot": _dashpot,

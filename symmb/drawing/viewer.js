@@ -100,6 +100,12 @@ function faces(polygon) {  // of a flat polygon
   const n = unit(cross(sub(polygon[1], polygon[0]), sub(polygon[2], polygon[0])));
   return polygon.slice(1, -1).flatMap((p, i) => [polygon[0], p, polygon[i + 2]].flatMap(q => [...q, ...n]));
 }
+
+function triangles([begin, rows]) {  // from corners without normals
+  const out = [];
+  for (let k = 0; k < rows; k += 3) out.push(...faces([0, 1, 2].map(i => rowAt(begin + 3 * (k + i), 3))));
+  return out;
+}
 const line = (n, point) => Array.from({ length: n + 1 }, (_, i) => point(i / n));
 
 function cube() {
@@ -207,7 +213,8 @@ const forms = {
     if (s[0] === 1) part(built.cylinder, columns(x, y, times(z, 2), sub(at[0], z)));
     else part(s[0] ? built.ball : built.box, columns(x, y, z, at[0]));
   },
-  hull: (at, s, d, m, local, run, shape) => part(shape.mesh ??= mesh(rowAt(shape.direction[0], 6 * shape.direction[1])), m),
+  mesh: (at, s, d, m, local, run, shape) => part(shape.mesh ??= mesh(triangles(shape.direction)), m),
+  curve: (at, s) => dynamic(tube(at, s[0])),
   plate: at => dynamic(faces(at)),
   coil: (at, s) => coil(at[0], at[1], s[0], s[1]),
   dashpot: (at, s) => dashpot(at[0], at[1], s[0], s[1]),
@@ -247,6 +254,7 @@ function arrange(k) {  // all parts of picture k
     for (const shape of run.shapes) {
       if (number && ["guide", "load"].includes(shape.colour)) continue;
       if (shape.kind === INERTIA && !$("solids").checked) continue;
+      if (shape.present && row(shape.present, k, 1)[0] < 0.5) continue;
       current = { run: number, shape };
       const m = matrices[run.places[shape.places[0]].frame];
       const at = shape.places.map(p => moved(matrices[run.places[p].frame], localPosition(run, p, k, scale)));
@@ -319,7 +327,7 @@ function fit() {
         for (const place of shape.places) {
           const tip = shape.form === "arrow" ? row(shape.direction, k, 3) : [0, 0, 0], p = add(position(run, place, k), tip);
           include(p, shape.form === "solid" ? Math.hypot(...row(shape.direction, 0, 9)) / 1.2
-            : ["ball", "ring", "hull"].includes(shape.form) ? shape.size[0] : 4 * first.unit);
+            : ["ball", "ring", "mesh"].includes(shape.form) ? shape.size[0] : 4 * first.unit);
         }
   }
   for (let i = 0, r = page.region; i < r?.points[1] * r?.count; i++) include(rowAt(r.points[0] + 3 * i, 3), 0.6 * first.unit);
