@@ -53,10 +53,11 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     survey.down = -_right_and_up(g, all(isinstance(b.pose, Planar) for b in survey.bodies[1:]))[1]
     size = _size(survey, bodies)
     unit = _unit(size, bodies)
-    shapes = _shapes(survey, bodies, given, sketches, unit)
+    shapes = _shapes(survey, bodies, sketches, unit)
+    planar = _is_planar(survey, g, size)
+    shapes += [shape for own in given for shape in own.shapes()]  # which may lie beside the plane of the motion
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
-    planar = _is_planar(survey, g, size)
     return Drawing(
         name=run.name,
         t=run.t,
@@ -105,7 +106,6 @@ def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
 def _shapes(
     survey: Survey,
     bodies: Sequence[BodySketch],
-    given: Sequence[BodyShapes],
     sketches: Sequence[tuple[Element, Build | None]],
     unit: float,
 ) -> list[Shape]:
@@ -117,7 +117,7 @@ def _shapes(
         for shape in build(unit)
     ]
     of_bodies = [shape for body in bodies for shape in body.shapes(unit)]
-    return of_bodies + [shape for own in given for shape in own.shapes()] + _once(of_elements)
+    return of_bodies + _once(of_elements)
 
 
 def _once(shapes: Sequence[Shape]) -> list[Shape]:

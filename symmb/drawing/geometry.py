@@ -70,7 +70,8 @@ class BodyShapes:
                 center = (corners.min(axis=0) + corners.max(axis=0)) / 2
                 size = float(np.linalg.norm(corners - center, axis=1).max())
                 place = self.survey.fixed(self.frame, center)
-                yield Shape(form, places=(place,), size=(size,), direction=corners, **more)
+                corners, closed = outward(corners)
+                yield Shape(form, places=(place,), size=(size, float(closed)), direction=corners, **more)
             else:
                 place = self.survey.fixed(self.frame, at)
                 yield Shape("solid", places=(place,), size=(_SOLIDS[form],), direction=half, **more)
@@ -83,3 +84,14 @@ def shapes_of_bodies(survey: Survey, elements: Sequence[object]) -> list[BodySha
     bodies = [body for body in (*grounds.values(), *survey.bodies[1:]) if body.shapes]
     meshes = sum(isinstance(shape, Mesh) for body in bodies for shape in body.shapes)
     return [BodyShapes(body, survey, MOST_TRIANGLES // max(meshes, 1) or 1) for body in bodies]
+
+
+def outward(corners: Array) -> tuple[Array, bool]:
+    """Corners (3 m, 3) of triangles, anticlockwise from outside if they make a closed surface, and whether they do."""
+    _, number = np.unique(corners, axis=0, return_inverse=True)
+    triangles = number.reshape(-1, 3)
+    edges = np.vstack([triangles[:, [i, k]] for i, k in ((0, 1), (1, 2), (2, 0))]) @ [1, len(corners)]
+    back = np.vstack([triangles[:, [k, i]] for i, k in ((0, 1), (1, 2), (2, 0))]) @ [1, len(corners)]
+    closed = np.array_equal(np.sort(edges), np.sort(back))
+    volume = np.linalg.det(corners.reshape(-1, 3, 3) - corners.mean(axis=0)).sum()
+    return (corners[::-1] if volume < 0 else corners), closed

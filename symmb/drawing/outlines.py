@@ -17,10 +17,13 @@ _LIGHT = np.array([-0.4, 0.6, 0.8]) / np.sqrt(1.16)
 _ROUND = np.linspace(0, 2 * np.pi, 25)
 _CIRCLE = np.stack([np.cos(_ROUND), np.sin(_ROUND)], axis=1)
 _CYLINDER = np.vstack([np.column_stack([_CIRCLE, np.full(len(_ROUND), z)]) for z in (-1.0, 1.0)])
+_FINE = np.linspace(0, 2 * np.pi, 49)
+_DRUM = np.vstack([np.stack([np.cos(_FINE), np.sin(_FINE), np.full(len(_FINE), z)], axis=1) for z in (-1.0, 1.0)])
 _BOX = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 _BALL = np.vstack(
     [np.column_stack([_CIRCLE * np.sin(a), np.full(len(_ROUND), np.cos(a))]) for a in np.linspace(0, np.pi, 13)]
 )
+_SOLIDS = _BOX, _DRUM, _BALL
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +68,18 @@ class Painter:
         seen = points @ self.camera.T
         return Outline(convex_hull(seen[:, :2]), float(seen[:, 2].mean()), shape)
 
-    def triangles(self, shape: Shape, corners: Array) -> Outline:
-        """Shaded triangles by their corners in space (3 m, 3)."""
+    def triangles(self, shape: Shape, corners: Array, *, closed: bool) -> Outline:
+        """Shaded triangles by their corners in space (3 m, 3); of a closed surface those that face the viewer."""
         seen = (corners @ self.camera.T).reshape(-1, 3, 3)
         normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        if closed:
+            seen, normals = seen[normals[:, 2] > 0], normals[normals[:, 2] > 0]
         normals[normals[:, 2] < 0] *= -1
         light = 0.42 + 0.48 * np.maximum(normals @ _LIGHT, 0) + 0.14 * normals[:, 2]  # as in the page
         order = np.argsort(seen[:, :, 2].mean(axis=1))
-        return Outline(seen[order, :, :2].reshape(-1, 2), float(seen[:, :, 2].mean()), shape, light=light[order])
+        depth = float((corners @ self.camera[2]).mean())
+        return Outline(seen[order, :, :2].reshape(-1, 2), depth, shape, light=light[order])
 
     def line(self, shape: Shape, points: Array, width: float) -> Outline:
         """A line along points in space (n, 3)."""
@@ -131,25 +137,31 @@ def _ring(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outli
 
 def _solid(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
     half = R @ (shape.direction if shape.direction is not None else np.eye(3))
-    points = (_BOX, _CYLINDER, _BALL)[int(shape.size[0])]
+    points = _SOLIDS[int(shape.size[0])]
     if shape.faint:
         yield p.hull(shape, at[0] + points @ half.T)
     else:
-        yield p.triangles(shape, at[0] + points[_surface(int(shape.size[0]))] @ half.T)
+        corners = points[_surface(int(shape.size[0]))] @ half.T
+        yield p.triangles(shape, at[0] + (corners if np.linalg.det(half) > 0 else corners[::-1]), closed=True)
 
 
 @cache
 def _surface(solid: int) -> Indices:
-    """Numbers of the corners (3 m,) of the triangles of a box, a cylinder or a ball."""
+    """Numbers of the corners (3 m,) of the triangles of a box, a cylinder or a ball, anticlockwise from outside."""
     from scipy.spatial import ConvexHull
 
-    return ConvexHull((_BOX, _CYLINDER, _BALL)[solid]).simplices.ravel()
+    points = _SOLIDS[solid]
+    numbers = ConvexHull(points).simplices
+    a, b, c = (points[numbers[:, k]] for k in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0
+    numbers[inward] = numbers[inward][:, ::-1]
+    return numbers.ravel()
 
 
 def _mesh(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
     corners = shape.direction if shape.direction is not None else np.zeros((0, 3))
     origin = p.drawing.pose(p.drawing.places[shape.places[0]].frame, p.k)[:, 3]
-    yield p.triangles(shape, origin + corners @ R.T)
+    yield p.triangles(shape, origin + corners @ R.T, closed=bool(shape.size[1]))
 
 
 def _curve(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:

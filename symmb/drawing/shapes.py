@@ -43,7 +43,7 @@ class Shape:
     block    a            axis of the first side                            sides
     ring     a            axis                                              radius, radius of the tube
     solid    a            half axes as columns, (3, 3)                      0: box, 1: cylinder along the third, 2: ball
-    mesh     a            corners of triangles, (3 m, 3), from the frame     radius about a
+    mesh     a            corners of triangles, (3 m, 3), from the frame     radius about a; 1: a closed surface
     plate    a, b, c ...  -                                                 thickness; a convex polygon in order
     coil     a, b         -                                                 radius, offset across
     dashpot  a, b         -                                                 radius, offset across

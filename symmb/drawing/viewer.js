@@ -125,8 +125,9 @@ function meshes() {
     const [c, s] = circle(u), angle = Math.PI * v;
     return [c * Math.sin(angle), s * Math.sin(angle), -Math.cos(angle)];
   };
+  const drum = n => mesh([...surface(n, 1, side, u => [...circle(u), 0]), ...disc(0, -1, n), ...disc(1, 1, n)]);
   return {
-    cylinder: mesh([...surface(18, 1, side, u => [...circle(u), 0]), ...disc(0, -1, 18), ...disc(1, 1, 18)]),
+    cylinder: drum(18), drum: drum(48),
     cone: mesh([...surface(20, 1, (u, v) => [...times([...circle(u), 0], 1 - v).slice(0, 2), v],
                            u => [...circle(u), 0.5]), ...disc(0, -1, 20)]),
     ball: mesh(surface(24, 12, ball, ball)), cap: mesh(surface(14, 8, ball, ball)),
@@ -210,7 +211,7 @@ const forms = {
   },
   solid: (at, s, d, m, local) => {
     const [x, y, z] = [0, 1, 2].map(j => turned(m, local.slice(3 * j, 3 * j + 3)));
-    if (s[0] === 1) part(built.cylinder, columns(x, y, times(z, 2), sub(at[0], z)));
+    if (s[0] === 1) part(built.drum, columns(x, y, times(z, 2), sub(at[0], z)));
     else part(s[0] ? built.ball : built.box, columns(x, y, z, at[0]));
   },
   mesh: (at, s, d, m, local, run, shape) => part(shape.mesh ??= mesh(triangles(shape.direction)), m),
