@@ -101,7 +101,7 @@ def _(cam: CamFollower, survey: Survey) -> Build:
         c, p = survey.track(center)[0], survey.track(tip)[0]
         if rocker.coordinate == "displacement":
             if np.linalg.norm(p - along * lift - c) < 2 * u:
-                p = c + along * (lift + 2 * max(np.ptp(h), 2 * u))
+                p = c + along * (lift + 2 * max(np.nanmax(h) - np.nanmin(h), 2 * u))
             tips = p + (h - lift)[:, None] * along
         else:
             foot = _tip_of_rocker(c, p, along)
@@ -110,7 +110,7 @@ def _(cam: CamFollower, survey: Survey) -> Build:
             cam_now = np.array([c + _turned(q - c, axis, angle - v) for q, v in zip(tips, values, strict=True)])
         else:
             cam_now = tips - (values - angle)[:, None] * axis
-        outline = [_fixed(survey, frames[0], q) for q in cam_now]
+        outline = [_fixed(survey, frames[0], q) for q in cam_now if np.isfinite(q).all()]
         yield shape_of(cam, "curve", JOINT, tuple(outline), (0.5 * u,))
         yield shape_of(cam, "ball", JOINT, (_fixed(survey, frames[1], p),), (1.2 * u,))
         if rocker.coordinate == "angle" or survey.track(tip)[0] is not p:

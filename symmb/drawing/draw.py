@@ -9,7 +9,7 @@ from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
 from symmb.drawing.bodies import BodySketch
 from symmb.drawing.elements import GUIDE, Build, sketch
-from symmb.drawing.geometry import BodyShapes, shapes_of_bodies
+from symmb.drawing.geometry import shapes_of_bodies
 from symmb.drawing.shapes import Drawing, Shape
 from symmb.drawing.survey import Survey
 from symmb.mechanics import Element, Gravity, Joint, OwnState, Planar, Point
@@ -42,7 +42,9 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
     survey = Survey(run, scene)
     elements = scene.system.elements
-    sketches = [(element, sketch(survey.acting(element), survey)) for element in elements if isinstance(element, Element)]
+    sketches = [
+        (element, sketch(survey.acting(element), survey)) for element in elements if isinstance(element, Element)
+    ]
     gravity = next((survey.ask([e.gx, e.gy, e.gz]) for e in elements if isinstance(e, Gravity)), None)
     given = shapes_of_bodies(survey, elements)
     of = {id(own.body): own for own in given}
@@ -104,14 +106,13 @@ def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
 
 
 def _shapes(
-    survey: Survey,
-    bodies: Sequence[BodySketch],
-    sketches: Sequence[tuple[Element, Build | None]],
-    unit: float,
+    survey: Survey, bodies: Sequence[BodySketch], sketches: Sequence[tuple[Element, Build | None]], unit: float
 ) -> list[Shape]:
     """Those of bodies and of elements. What a joint holds by is there while the joint is closed."""
     of_elements = [
-        replace(shape, present=survey.closed(element)) if isinstance(element, Joint) and shape.colour != GUIDE else shape
+        replace(shape, present=survey.closed(element))
+        if isinstance(element, Joint) and shape.colour != GUIDE
+        else shape
         for element, build in sketches
         if build
         for shape in build(unit)

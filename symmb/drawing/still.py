@@ -138,7 +138,7 @@ def _paint(axes: "Axes", outline: Outline, colour: str, alpha: float, order: flo
 
     if outline.light is not None and alpha == 1:
         shades = np.clip(outline.light[:, None] * _rgb(colour), 0, 1)
-        triangles = list(outline.points.reshape(-1, 3, 2))
+        triangles = outline.points.reshape(-1, 3, 2)
         axes.add_collection(PolyCollection(triangles, facecolor=shades, edgecolor=shades, linewidth=0.3, zorder=order))
     elif outline.width:
         width = max(outline.width * _points_per_metre(axes), 0.8)
@@ -146,9 +146,7 @@ def _paint(axes: "Axes", outline: Outline, colour: str, alpha: float, order: flo
     elif len(outline.points) > 2:
         edge = tuple(0.6 * _rgb(colour)) if alpha == 1 else colour
         points = outline.points if outline.light is None else convex_hull(outline.points)
-        axes.add_patch(
-            Polygon(points, facecolor=colour, edgecolor=edge, alpha=alpha, linewidth=0.6, zorder=order)
-        )
+        axes.add_patch(Polygon(points, facecolor=colour, edgecolor=edge, alpha=alpha, linewidth=0.6, zorder=order))
 
 
 def _points_per_metre(axes: "Axes") -> float:

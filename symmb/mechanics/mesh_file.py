@@ -95,17 +95,17 @@ def _by_trimesh(path: Path) -> Array:
 
 
 def coarser(triangles: Array, most: int) -> Array:
-    """Triangles (m, 3, 3), at most so many: corners in one cell of a grid become one, and what has no area left goes."""
+    """At most so many triangles (m, 3, 3): corners in one cell of a grid become one, and triangles without area go."""
     low, extent, cells = triangles.min(axis=(0, 1)), float(np.ptp(triangles, axis=(0, 1)).max()), 2 * np.sqrt(most)
     fewer = triangles
     while len(fewer) > most:
         cell = np.floor((triangles.reshape(-1, 3) - low) * (cells / (extent or 1.0)) * (1 - 1e-9)).astype(np.int64)
         _, number = np.unique(cell @ [1, 2**20, 2**40], return_inverse=True)
         sums = [np.bincount(number, column) for column in triangles.reshape(-1, 3).T]
-        places = np.stack(sums, axis=1) / np.bincount(number)[:, None]
+        places = np.stack(sums, axis=1) / np.bincount(number)[:, None]  # the middle of those in the cell
         corners = number.reshape(-1, 3)
         ordered = np.sort(corners, axis=1)
-        _, first = np.unique(ordered, axis=0, return_index=True)
+        _, first = np.unique(ordered @ [1, len(places), len(places) ** 2], return_index=True)
         kept = np.sort(first[(np.diff(ordered[first], axis=1) > 0).all(axis=1)])
         fewer = places[corners[kept]]
         cells *= _COARSER
