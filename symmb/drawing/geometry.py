@@ -36,7 +36,7 @@ class BodyShapes:
         return bool(self._drawn)
 
     def _triangles(self, mesh: Mesh, most: int) -> Array | None:
-        """Corners of the triangles that are drawn, (3 m, 3); None of a file that cannot be read."""
+        """Corners of the triangles that are drawn, (3 m, 3); None of a file that cannot be read, or is a point."""
         title = f"{Path(mesh.path).name!r} of {self.body.name!r}"
         try:
             triangles = mesh.triangles
@@ -46,7 +46,7 @@ class BodyShapes:
         drawn = coarser(triangles, most)
         if len(drawn) < len(triangles):
             self.notes.append(f"{len(triangles) - len(drawn):,} of {len(triangles):,} triangles of {title}")
-        return drawn.reshape(-1, 3)
+        return drawn.reshape(-1, 3) if len(drawn) else None
 
     @property
     def reach(self) -> float:
@@ -65,16 +65,15 @@ class BodyShapes:
         """Its shapes."""
         colour = str(self.frame - 1) if self.frame else GUIDE
         for form, at, half, corners in self._placed():
-            more = {"name": self.body.name, "kind": form, "colour": colour}
             if form == "mesh":
                 center = (corners.min(axis=0) + corners.max(axis=0)) / 2
-                size = float(np.linalg.norm(corners - center, axis=1).max())
-                place = self.survey.fixed(self.frame, center)
+                place, radius = self.survey.fixed(self.frame, center), np.linalg.norm(corners - center, axis=1).max()
                 corners, closed = outward(corners)
-                yield Shape(form, places=(place,), size=(size, float(closed)), direction=corners, **more)
+                size = float(radius), float(closed)
+                yield Shape("mesh", self.body.name, form, colour, (place,), size, corners)
             else:
                 place = self.survey.fixed(self.frame, at)
-                yield Shape("solid", places=(place,), size=(_SOLIDS[form],), direction=half, **more)
+                yield Shape("solid", self.body.name, form, colour, (place,), (_SOLIDS[form],), half)
 
 
 def shapes_of_bodies(survey: Survey, elements: Sequence[object]) -> list[BodyShapes]:

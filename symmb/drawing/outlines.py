@@ -151,7 +151,7 @@ def _surface(solid: int) -> Indices:
     from scipy.spatial import ConvexHull
 
     points = _SOLIDS[solid]
-    numbers = ConvexHull(points).simplices
+    numbers = ConvexHull(points).simplices.astype(np.intp)
     a, b, c = (points[numbers[:, k]] for k in range(3))
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0
     numbers[inward] = numbers[inward][:, ::-1]

