@@ -100,12 +100,7 @@ function faces(polygon) {  // of a flat polygon
   const n = unit(cross(sub(polygon[1], polygon[0]), sub(polygon[2], polygon[0])));
   return polygon.slice(1, -1).flatMap((p, i) => [polygon[0], p, polygon[i + 2]].flatMap(q => [...q, ...n]));
 }
-
-function triangles([begin, rows]) {  // from corners without normals
-  const out = [];
-  for (let k = 0; k < rows; k += 3) out.push(...faces([0, 1, 2].map(i => rowAt(begin + 3 * (k + i), 3))));
-  return out;
-}
+const triangles = ([begin, rows]) => Array.from({ length: rows / 3 }, (_, i) => faces([0, 3, 6].map(j => rowAt(begin + 9 * i + j, 3)))).flat();
 const line = (n, point) => Array.from({ length: n + 1 }, (_, i) => point(i / n));
 
 function cube() {
@@ -158,11 +153,7 @@ function along(of, a, direction, size, from = 0) {  // a mesh whose z points alo
   part(of, columns(times(u, size[0]), times(v, size[1]), times(d, size[2]), add(a, times(d, from))));
 }
 
-function dynamic(corners) {  // a mesh that this picture alone uses
-  const of = mesh(corners);
-  of.passing = true;
-  part(of, IDENTITY);
-}
+const dynamic = corners => part(Object.assign(mesh(corners), { passing: true }), IDENTITY);  // of this picture alone
 
 function coil(a, b, radius, offset) {
   const d = sub(b, a), w = unit(d), [side, other] = first.planar ? [unit(cross(Z, w)), Z] : across(w);
