@@ -108,7 +108,7 @@ def _(joint: AxisJoint, survey: Survey) -> Build:
         travel, closed = (local * along).sum(axis=1), survey.closed(joint)
         if closed is not None and closed.any():  # an open joint leaves its guide
             travel = np.broadcast_to(travel, len(closed))[closed[:, 0] > 0] if len(closed) > 1 else travel
-        rail = [survey.shifted(a, s * along[-1]) for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
+        rail = [survey.shifted(a, s * along) for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
         yield shape_of(joint, "bar", GUIDE, tuple(rail), (0.5 * u,))
         # The block lies along the guide, as seen from the frame that it moves with.
         seen = (pose[:, :, :3] @ along[:, :, None])[:, :, 0]

@@ -21,7 +21,10 @@ _FINE = np.linspace(0, 2 * np.pi, 49)
 _DRUM = np.vstack([np.stack([np.cos(_FINE), np.sin(_FINE), np.full(len(_FINE), z)], axis=1) for z in (-1.0, 1.0)])
 _BOX = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 _BALL = np.vstack(
-    [np.column_stack([_CIRCLE * np.sin(a), np.full(len(_ROUND), np.cos(a))]) for a in np.linspace(0, np.pi, 13)]
+    [
+        np.stack([np.cos(_FINE) * np.sin(a), np.sin(_FINE) * np.sin(a), 0 * _FINE + np.cos(a)], axis=1)
+        for a in _FINE[:25]
+    ]
 )
 _SOLIDS = _BOX, _DRUM, _BALL
 
@@ -124,7 +127,7 @@ def _pin(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outlin
 
 def _block(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
     w = R @ p.direction(shape)
-    u = np.array([0.0, 0.0, 1.0]) if p.drawing.planar else _across(w)[0]
+    u = np.array([0.0, 0.0, 1.0]) if p.drawing.planar and abs(w[2]) < 0.5 else _across(w)[0]
     sides = np.array(shape.size)[:, None] / 2 * np.array([w, np.cross(w, u), u])
     yield p.hull(shape, at[0] + _BOX @ sides)
 

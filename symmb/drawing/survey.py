@@ -116,7 +116,7 @@ class Survey:
         return self._add(0, world, None)
 
     def shifted(self, place: int, by: Array) -> int:
-        """Number of the place that moves along with another one, at a constant distance (3,) from it [m]."""
+        """Number of the place that moves along with another one, at a distance (3,) or (n_f, 3) from it [m]."""
         frame, base, now = self._places[place]
         return self._add(frame, Asked(base() + by), None if now is None else Asked(now() + by))
 

@@ -192,7 +192,7 @@ const forms = {
   ball: (at, s) => ball(at[0], s[0]),
   pin: (at, s, d) => along(built.cylinder, at[0], d, [s[0], s[0], s[1]], -s[1] / 2),
   block: (at, s, d) => {
-    const w = unit(d), u = first.planar ? Z : across(w)[0], v = cross(w, u);
+    const w = unit(d), u = first.planar && Math.abs(w[2]) < 0.5 ? Z : across(w)[0], v = cross(w, u);
     part(built.box, columns(times(w, s[0] / 2), times(v, s[1] / 2), times(u, s[2] / 2), at[0]));
   },
   ring: (at, s, d) => {

@@ -78,10 +78,29 @@ def test_the_guide_of_a_slider_ends_where_it_opens():
         np.linspace(0, 20, 201),
     )
     drawing = draw(mb.simulate(scene))
-    rail = next(s for s in drawing.shapes if s.name == "barrel" and s.form == "bar")
-    ends = sorted(float(drawing.position(place, 0)[0]) for place in rail.places)
+    ends = sorted(float(drawing.position(place, 0)[0]) for place in _rail(drawing, "barrel").places)
     assert ends == pytest.approx([-5 * drawing.unit, 0.8 + 5 * drawing.unit], abs=1e-6)
     assert forms(drawing, "barrel", 200) == ["bar"] and "block" in forms(drawing, "barrel", 0)
+
+
+def test_the_guide_of_a_latched_slider_lies_where_it_closed():
+    """A drawer that is tilted by 0.3 rad is caught as it is."""
+    drawer = mb.Body("drawer", 1.0, 0.1)
+    rail = mb.Prismatic("rail", mb.Ground().point(0, 0), drawer.point(0, 0), axis=(1, 0, 0))
+    system = mb.System(drawer, rail, mb.Latch(rail, drawer.x > 0.3))
+    start = {"drawer.y": 0.2, "drawer.vx": 1.0, "drawer.vy": -0.3, "drawer.theta": 0.3}
+    run = mb.simulate(mb.Scene(system, start, [0.0, 0.1, 0.6, 1.0]))
+    drawing = draw(run)
+    a, b = (np.stack([drawing.position(place, k) for k in range(4)]) for place in _rail(drawing, "rail").places)
+    along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+    tilted = [np.cos(0.3), np.sin(0.3), 0]
+    assert_allclose(along, [[1, 0, 0], [1, 0, 0], tilted, tilted], atol=1e-12)
+    r = np.stack([run["drawer.x"], run["drawer.y"], 0 * run.t], axis=1)
+    assert_allclose(np.cross(r - a, along)[2:], 0, atol=1e-9)  # the drawer is on its guide
+
+
+def _rail(drawing, name):
+    return next(s for s in drawing.shapes if s.name == name and s.form == "bar")
 
 
 def test_a_rope_touches_its_pulleys_and_is_dashed_while_it_is_slack():
@@ -133,6 +152,15 @@ def test_the_tip_of_a_follower_stays_on_its_cam(follower):
         a, d = outline[k, :-1], np.diff(outline[k], axis=0)
         share = np.clip(((path[k] - a) * d).sum(axis=1) / (d**2).sum(axis=1), 0, 1)
         assert np.linalg.norm(a + share[:, None] * d - path[k], axis=1).min() < 2e-4  # between corners of the outline
+
+
+def test_a_weld_in_the_plane_is_seen():
+    rod, tip = mb.Body("rod", 1.0, 0.1), mb.Body("tip", 1.0, 0.1)
+    weld = mb.Weld("weld", rod.point(0.5, 0), tip.point(0, 0))
+    system = mb.System(rod, tip, mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, 0)), weld)
+    drawing = draw(mb.simulate(mb.Scene(system, {"hinge.angle": 0.0})))
+    (outline,) = (o for o in Painter(drawing, 0, drawing.camera).outlines() if o.shape.name == "weld")
+    assert drawing.planar and np.ptp(outline.points, axis=0) == pytest.approx([2.2 * drawing.unit] * 2)
 
 
 def with_shapes(shapes, **options):
