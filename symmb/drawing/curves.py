@@ -88,8 +88,12 @@ def _(cam: CamFollower, survey: Survey) -> Build:
     shaft, rocker = cam.cam, cam.follower
     angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (shaft, rocker))
     run = survey.run(angle)
-    turns = shaft.coordinate == "angle"
-    values = np.linspace(run.min(), run.min() + 2 * np.pi if turns else run.max(), _LINES + 1)
+    turns, low, high = shaft.coordinate == "angle", float(run.min()), float(run.max())
+    if turns:  # once round, from 0 if the cam stays within a turn: tables often begin there
+        whole = 2 * np.pi * np.floor(low / (2 * np.pi))
+        low = whole if high <= whole + 2 * np.pi else low
+        high = low + 2 * np.pi
+    values = np.linspace(low, high, _LINES + 1)
     lifts = survey.ask(ca.vertcat(*[survey.bind(law_value(cam.lift, cam.title, ca.SX(v)), "lift") for v in values]))
     now = survey.ask(ca.vertcat(angle, moved))
     axes = survey.ask(ca.horzcat(*[cast(AxisJoint, joint).frames[0][:, 2] for joint in (shaft, rocker)]))
