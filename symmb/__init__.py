@@ -8,6 +8,8 @@ Models
     Parameters, Box, System, Scene, State, t, ddt, initial, load_urdf, compile_dae
 Bodies
     Body, Ground, Planar, Spatial, Particle, rotation, FlexibleBody, Beam, FiniteElements, Modes, Material, Section
+Shapes of bodies in drawings
+    Box3, Cylinder, Sphere, Mesh
 Joints, motors, stops
     Revolute, Prismatic, Cylindrical, Spherical, Universal, PlanarJoint, Screw, Weld, Distance, PointOnLine, Gear,
     PointOnCurve, CamFollower, Motion, VelocityConstraint, Actuator, Stop, Release, Latch

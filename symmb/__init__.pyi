@@ -83,6 +83,10 @@ from .mechanics.force import TorsionSpring as TorsionSpring
 from .mechanics.friction import Bristle as Bristle
 from .mechanics.friction import Coulomb as Coulomb
 from .mechanics.friction import Friction as Friction
+from .mechanics.geometry import Box3 as Box3
+from .mechanics.geometry import Cylinder as Cylinder
+from .mechanics.geometry import Mesh as Mesh
+from .mechanics.geometry import Sphere as Sphere
 from .mechanics.impact import Impact as Impact
 from .mechanics.joint import CamFollower as CamFollower
 from .mechanics.joint import Cylindrical as Cylindrical

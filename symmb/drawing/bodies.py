@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from symmb._types import Array
-from symmb.drawing.geometry import can_be_drawn
+from symmb.drawing.geometry import BodyShapes
 from symmb.drawing.shapes import Shape
 from symmb.drawing.survey import Asked, Survey
 from symmb.mechanics import (
@@ -17,7 +17,6 @@ from symmb.mechanics import (
     Body,
     Cylindrical,
     FlexibleBody,
-    Geometry,
     Particle,
     Planar,
     PlanarJoint,
@@ -41,7 +40,7 @@ _NEIGHBOURS, _REACH = 12, 1.6
 class BodySketch:
     """A body to be drawn; `reach` tells its size when the numbers are known."""
 
-    def __init__(self, body: Body, colour: str, survey: Survey) -> None:
+    def __init__(self, body: Body, colour: str, survey: Survey, own: BodyShapes | None) -> None:
         self.body, self.colour, self.survey = body, colour, survey
         self.frame = survey.frame(body)
         self.mass: Asked | None = None
@@ -55,9 +54,7 @@ class BodySketch:
             for e in survey.scene.system.elements
             if isinstance(e, AxisJoint)
         )
-
-        shapes = [e for e in survey.scene.system.elements if isinstance(e, Geometry) and e.point.body.owner is body]
-        self.has_shape = any(can_be_drawn(shape) for shape in shapes)
+        self.own = own
 
     @property
     def points(self) -> Array:
@@ -81,6 +78,8 @@ class BodySketch:
         """Its longest extent [m]."""
         if isinstance(self.body, FlexibleBody):
             return float(np.ptp(self.body.modes.positions, axis=0).max())
+        if self.own:
+            return max(self.own.reach, float(np.ptp(np.vstack([self.points, np.zeros(3)]), axis=0).max()))
         extent = np.ptp(np.vstack([self.points, np.zeros(3)]), axis=0).max()
         return float(max(extent, 0.0 if self.slides else np.sqrt(12 * self.second_moments[0].max())))
 
@@ -89,7 +88,7 @@ class BodySketch:
         if isinstance(self.body, FlexibleBody):
             yield from self._net(u)
             return
-        if self.has_shape:
+        if self.own:
             return
         points = _distinct(self.points, _SAME * u)
         far = [p for p in points if np.linalg.norm(p) > _SAME * u]

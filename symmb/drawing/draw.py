@@ -8,10 +8,11 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
 from symmb.drawing.bodies import BodySketch
-from symmb.drawing.elements import Build, sketch
+from symmb.drawing.elements import GUIDE, Build, sketch
+from symmb.drawing.geometry import shapes_of_bodies
 from symmb.drawing.shapes import Drawing, Shape
 from symmb.drawing.survey import Survey
-from symmb.mechanics import Element, Gravity, OwnState, Planar, Point
+from symmb.mechanics import Element, Gravity, Joint, OwnState, Planar, Point
 from symmb.plot import labels
 from symmb.simulation import Trajectory
 
@@ -41,19 +42,24 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
     survey = Survey(run, scene)
     elements = scene.system.elements
-    sketches = [(element, sketch(element, survey)) for element in elements if isinstance(element, Element)]
+    sketches = [
+        (element, sketch(survey.acting(element), survey)) for element in elements if isinstance(element, Element)
+    ]
     gravity = next((survey.ask([e.gx, e.gy, e.gz]) for e in elements if isinstance(e, Gravity)), None)
-    bodies = [BodySketch(body, str(i), survey) for i, body in enumerate(scene.system.bodies)]
+    given = shapes_of_bodies(survey, elements)
+    of = {id(own.body): own for own in given}
+    bodies = [BodySketch(body, str(i), survey, of.get(id(body))) for i, body in enumerate(scene.system.bodies)]
     traced = None if point is None else survey.place(point)
     survey.evaluate()
     g = np.zeros(3) if gravity is None else gravity.first
     survey.down = -_right_and_up(g, all(isinstance(b.pose, Planar) for b in survey.bodies[1:]))[1]
     size = _size(survey, bodies)
     unit = _unit(size, bodies)
-    shapes = _shapes(bodies, [build for _, build in sketches], unit)
+    shapes = _shapes(survey, bodies, sketches, unit)
+    planar = _is_planar(survey, g, size)
+    shapes += [shape for own in given for shape in own.shapes()]  # which may lie beside the plane of the motion
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
-    planar = _is_planar(survey, g, size)
     return Drawing(
         name=run.name,
         t=run.t,
@@ -68,7 +74,10 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
         gravity=g,
         outputs=labels(run.names, run.units),
         values=run.values,
-        notes=tuple(e.title for e, build in sketches if build is None and not isinstance(e, Gravity | OwnState)),
+        notes=(
+            *(e.title for e, build in sketches if build is None and not isinstance(e, Gravity | OwnState)),
+            *(note for own in given for note in own.notes),
+        ),
     )
 
 
@@ -96,9 +105,18 @@ def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
     return _UNIT * min(size, _SHORT * float(np.median(reaches or [size])))
 
 
-def _shapes(bodies: Sequence[BodySketch], builds: Sequence[Build | None], unit: float) -> list[Shape]:
-    """Those of bodies and of elements."""
-    of_elements = [shape for build in builds if build for shape in build(unit)]
+def _shapes(
+    survey: Survey, bodies: Sequence[BodySketch], sketches: Sequence[tuple[Element, Build | None]], unit: float
+) -> list[Shape]:
+    """Those of bodies and of elements. What a joint holds by is there while the joint is closed."""
+    of_elements = [
+        replace(shape, present=survey.closed(element))
+        if isinstance(element, Joint) and shape.colour != GUIDE
+        else shape
+        for element, build in sketches
+        if build
+        for shape in build(unit)
+    ]
     of_bodies = [shape for body in bodies for shape in body.shapes(unit)]
     return of_bodies + _once(of_elements)
 

@@ -21,8 +21,10 @@ from symmb.mechanics import (
     Element,
     Force,
     Friction,
+    GasSpring,
     Ground,
     NonlinearSpring,
+    Orifice,
     Point,
     Soil,
     Spherical,
@@ -58,12 +60,18 @@ def _is_none(law: object) -> bool:
 
 @sketch.register
 def _(spring: NonlinearSpring, survey: Survey) -> Build:
+    """A gas spring and a hydraulic damper as cylinders, another law as a coil about a rod."""
     ends = survey.place(spring.point_a), survey.place(spring.point_b)
     support = supports(spring, survey, spring.point_a, spring.point_b)
 
     def build(u: float) -> Iterator[Shape]:
         yield from support(u)
-        yield shape_of(spring, "dashpot", SPRING, ends, (1.3 * u, 0.0))
+        if isinstance(spring.pull, GasSpring | Orifice):
+            colour = SPRING if isinstance(spring.pull, GasSpring) else DAMPER
+            yield shape_of(spring, "dashpot", colour, ends, (1.3 * u, 0.0))
+        else:
+            yield shape_of(spring, "coil", SPRING, ends, (1.7 * u, 0.0))
+            yield shape_of(spring, "bar", SPRING, ends, (0.4 * u,))
 
     return build
 
@@ -172,10 +180,26 @@ def _(torque: Torque, survey: Survey) -> Build | None:
 
 
 @sketch.register
-def _(actuator: Actuator, survey: Survey) -> Build | None:
-    form = "twist" if actuator.handle == "angle" else "arrow"
+def _(actuator: Actuator, survey: Survey) -> Build:
+    """A motor about the joint, or a cylinder along it with its rod, and the arrow of what it does."""
+    joint, turns = cast(AxisJoint, actuator.joint), actuator.handle == "angle"
     load = survey.bind(actuator.law, actuator.title) * actuator.axis
-    return _arrow(actuator, form, actuator.joint.point_b, tuple(ca.vertsplit(load)), survey)
+    arrow = _arrow(actuator, "twist" if turns else "arrow", joint.point_b, tuple(ca.vertsplit(load)), survey)
+    a, b = survey.place(joint.point_a), survey.place(joint.point_b)
+    axis = survey.direction(joint.point_a.body, joint.axes[0])
+
+    def build(u: float) -> Iterator[Shape]:
+        along = unit_vectors(axis)
+        if turns:
+            yield shape_of(actuator, "ring", LOAD, (a,), (2.6 * u, 0.7 * u), direction=along)
+        else:
+            yield shape_of(actuator, "bar", GUIDE, (a, b), (0.8 * u,))
+            middle = survey.shifted(a, -3 * u * along[0])
+            yield shape_of(actuator, "pin", LOAD, (middle,), (1.7 * u, 6 * u), direction=along)
+        if arrow:
+            yield from arrow(u)
+
+    return build
 
 
 @sketch.register

@@ -1,17 +1,19 @@
 """Joints as shapes, by their kinds."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from symmb.drawing.elements import GUIDE, JOINT, Build, shape_of, sketch, supports, unit_vectors
 from symmb.drawing.shapes import Shape
-from symmb.drawing.survey import Survey
+from symmb.drawing.survey import Asked, Survey
 from symmb.mechanics import (
     AxisJoint,
     Cylindrical,
     Distance,
     Gear,
+    JointEvent,
     PlanarJoint,
     Point,
     PointOnLine,
@@ -30,7 +32,7 @@ _BLOCK = (3.6, 2.6, 2.6)
 @sketch.register
 def _(joint: Revolute, survey: Survey) -> Build:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
-    axis, support = survey.direction(joint.point_a.body, joint.axes[0]), supports(joint, survey, *_ends(joint))
+    axis, support = _axis(joint, survey), supports(joint, survey, *_ends(joint))
 
     def build(u: float) -> Iterator[Shape]:
         yield from support(u)
@@ -38,6 +40,11 @@ def _(joint: Revolute, survey: Survey) -> Build:
         yield shape_of(joint, "pin", JOINT, (place,), (1.6 * u, 3.2 * u), direction=unit_vectors(axis))
 
     return build
+
+
+def _axis(joint: AxisJoint, survey: Survey) -> Asked:
+    """In the frame of body a, where a joint that closes in the run has it from then on."""
+    return survey.direction(joint.point_a.body, joint.own_frames[0][:, 2])
 
 
 def _ends(joint: AxisJoint | Spherical | Distance) -> tuple[Point, Point]:
@@ -60,7 +67,7 @@ def _(joint: Spherical, survey: Survey) -> Build:
 def _(joint: Weld, survey: Survey) -> Build:
     a, support = survey.place(joint.point_a), supports(joint, survey, *_ends(joint))
     survey.place(joint.point_b)
-    axis = survey.direction(joint.point_a.body, joint.axes[0])
+    axis = _axis(joint, survey)
 
     def build(u: float) -> Iterator[Shape]:
         yield from support(u)
@@ -89,7 +96,7 @@ def _(joint: Universal, survey: Survey) -> Build:
 @sketch.register(Screw)
 def _(joint: AxisJoint, survey: Survey) -> Build:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
-    axis = survey.direction(joint.point_a.body, joint.axes[0])
+    axis = _axis(joint, survey)
     guide, slider = survey.frame(joint.point_a.body), survey.frame(joint.point_b.body)
     square = isinstance(joint, Prismatic | PointOnLine)
 
@@ -98,10 +105,11 @@ def _(joint: AxisJoint, survey: Survey) -> Build:
         offset = survey.track(b) - survey.track(a)
         pose = survey.pose(guide)
         local = (np.swapaxes(pose[:, :, :3], 1, 2) @ offset[:, :, None])[:, :, 0]
-        travel = (local * along).sum(axis=1)
-        ends = [survey.base(a) + s * along[0] for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
-        rail = survey.fixed(guide, ends[0]), survey.fixed(guide, ends[1])
-        yield shape_of(joint, "bar", GUIDE, rail, (0.5 * u,))
+        travel, closed = (local * along).sum(axis=1), survey.closed(joint)
+        if closed is not None and closed.any():  # an open joint leaves its guide
+            travel = np.broadcast_to(travel, len(closed))[closed[:, 0] > 0] if len(closed) > 1 else travel
+        rail = [survey.shifted(a, s * along) for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
+        yield shape_of(joint, "bar", GUIDE, tuple(rail), (0.5 * u,))
         # The block lies along the guide, as seen from the frame that it moves with.
         seen = (pose[:, :, :3] @ along[:, :, None])[:, :, 0]
         inside = (np.swapaxes(survey.pose(slider)[:, :, :3], 1, 2) @ seen[:, :, None])[:, :, 0]
@@ -114,7 +122,7 @@ def _(joint: AxisJoint, survey: Survey) -> Build:
 @sketch.register
 def _(joint: PlanarJoint, survey: Survey) -> Build:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
-    axis = survey.direction(joint.point_a.body, joint.axes[0])
+    axis = _axis(joint, survey)
 
     def build(u: float) -> Iterator[Shape]:
         reach = np.abs(survey.track(b) - survey.track(a)).max() + 6 * u
@@ -152,5 +160,24 @@ def _(joint: Gear, survey: Survey) -> Build:
         # Pitch circles: r_a = |k| r_b, and the centres are r_a + r_b apart, or |r_a - r_b| for a ring gear.
         for place, axis, radius in zip((a, b), axes, (distance * abs(k) / apart, distance / apart), strict=True):
             yield shape_of(joint, "ring", JOINT, (place,), (radius, 0.5 * u), direction=unit_vectors(axis))
+
+    return build
+
+
+@sketch.register
+def _(event: JointEvent, survey: Survey) -> Build:
+    """An open joint: an eye on body a, and a pin on body b."""
+    joint = event.joint
+    a, b = (survey.place(getattr(joint, end)) for end in ("point_a", "point_b"))
+    axis = survey.direction(joint.point_a.body, joint.axes[0]) if isinstance(joint, AxisJoint) else None
+
+    def build(u: float) -> Iterator[Shape]:
+        closed = survey.closed(joint)
+        assert closed is not None  # the event opens or closes it
+        direction = np.array([[0.0, 0.0, 1.0]]) if axis is None else unit_vectors(axis)
+        eye = shape_of(event, "ring", JOINT, (a,), (2.0 * u, 0.5 * u), direction=direction)
+        pin = shape_of(event, "ball", JOINT, (b,), (1.1 * u,))
+        for shape in (eye, pin):
+            yield replace(shape, present=1 - closed)
 
     return build

@@ -2,32 +2,45 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.drawing.exhibit import convex_hull
 from symmb.drawing.shapes import Drawing, Shape
 
 _TURNS, _STUB = 7, 0.12
 """Turns of a coil, and the share of its length at each end that is straight."""
+_LIGHT = np.array([-0.4, 0.6, 0.8]) / np.sqrt(1.16)
+"""Direction to the light, seen by the viewer."""
 _ROUND = np.linspace(0, 2 * np.pi, 25)
 _CIRCLE = np.stack([np.cos(_ROUND), np.sin(_ROUND)], axis=1)
 _CYLINDER = np.vstack([np.column_stack([_CIRCLE, np.full(len(_ROUND), z)]) for z in (-1.0, 1.0)])
+_FINE = np.linspace(0, 2 * np.pi, 49)
+_DRUM = np.vstack([np.stack([np.cos(_FINE), np.sin(_FINE), np.full(len(_FINE), z)], axis=1) for z in (-1.0, 1.0)])
 _BOX = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 _BALL = np.vstack(
-    [np.column_stack([_CIRCLE * np.sin(a), np.full(len(_ROUND), np.cos(a))]) for a in np.linspace(0, np.pi, 13)]
+    [
+        np.stack([np.cos(_FINE) * np.sin(a), np.sin(_FINE) * np.sin(a), 0 * _FINE + np.cos(a)], axis=1)
+        for a in _FINE[:25]
+    ]
 )
+_SOLIDS = _BOX, _DRUM, _BALL
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A polygon (n, 2) to fill, or a line of a `width` [m], in the camera's plane; `depth` grows to the viewer [m]."""
+    """A polygon (n, 2) to fill, or a line of a `width` [m], in the camera's plane; `depth` grows to the viewer [m].
+
+    With `light` (m,) the points are corners of m triangles, the last ones in front, each as bright as it tells.
+    """
 
     points: Array
     depth: float
     shape: Shape
     width: float = 0.0
+    light: Array | None = None
 
 
 class Painter:
@@ -38,7 +51,8 @@ class Painter:
 
     def outlines(self) -> list[Outline]:
         """All outlines, those at the back first."""
-        every = [outline for shape in self.drawing.shapes for outline in self._of(shape)]
+        shapes = (shape for shape in self.drawing.shapes if self.drawing.has(shape, self.k))
+        every = [outline for shape in shapes for outline in self._of(shape)]
         return sorted(every, key=lambda outline: outline.depth)
 
     def _of(self, shape: Shape) -> Iterator[Outline]:
@@ -56,6 +70,19 @@ class Painter:
         """The outline of points in space (n, 3)."""
         seen = points @ self.camera.T
         return Outline(convex_hull(seen[:, :2]), float(seen[:, 2].mean()), shape)
+
+    def triangles(self, shape: Shape, corners: Array, *, closed: bool) -> Outline:
+        """Shaded triangles by their corners in space (3 m, 3); of a closed surface those that face the viewer."""
+        seen = (corners @ self.camera.T).reshape(-1, 3, 3)
+        normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        if closed:
+            seen, normals = seen[normals[:, 2] > 0], normals[normals[:, 2] > 0]
+        normals[normals[:, 2] < 0] *= -1
+        light = 0.42 + 0.48 * np.maximum(normals @ _LIGHT, 0) + 0.14 * normals[:, 2]  # as in the page
+        order = np.argsort(seen[:, :, 2].mean(axis=1))
+        depth = float((corners @ self.camera[2]).mean())
+        return Outline(seen[order, :, :2].reshape(-1, 2), depth, shape, light=light[order])
 
     def line(self, shape: Shape, points: Array, width: float) -> Outline:
         """A line along points in space (n, 3)."""
@@ -100,7 +127,7 @@ def _pin(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outlin
 
 def _block(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
     w = R @ p.direction(shape)
-    u = np.array([0.0, 0.0, 1.0]) if p.drawing.planar else _across(w)[0]
+    u = np.array([0.0, 0.0, 1.0]) if p.drawing.planar and abs(w[2]) < 0.5 else _across(w)[0]
     sides = np.array(shape.size)[:, None] / 2 * np.array([w, np.cross(w, u), u])
     yield p.hull(shape, at[0] + _BOX @ sides)
 
@@ -112,15 +139,36 @@ def _ring(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outli
 
 
 def _solid(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
-    points = (_BOX, _CYLINDER, _BALL)[int(shape.size[0])]
-    half = shape.direction if shape.direction is not None else np.eye(3)
-    yield p.hull(shape, at[0] + points @ (R @ half).T)
+    half = R @ (shape.direction if shape.direction is not None else np.eye(3))
+    points = _SOLIDS[int(shape.size[0])]
+    if shape.faint:
+        yield p.hull(shape, at[0] + points @ half.T)
+    else:
+        corners = points[_surface(int(shape.size[0]))] @ half.T
+        yield p.triangles(shape, at[0] + (corners if np.linalg.det(half) > 0 else corners[::-1]), closed=True)
 
 
-def _hull(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
+@cache
+def _surface(solid: int) -> Indices:
+    """Numbers of the corners (3 m,) of the triangles of a box, a cylinder or a ball, anticlockwise from outside."""
+    from scipy.spatial import ConvexHull
+
+    points = _SOLIDS[solid]
+    numbers = ConvexHull(points).simplices.astype(np.intp)
+    a, b, c = (points[numbers[:, k]] for k in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0
+    numbers[inward] = numbers[inward][:, ::-1]
+    return numbers.ravel()
+
+
+def _mesh(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
     corners = shape.direction if shape.direction is not None else np.zeros((0, 3))
     origin = p.drawing.pose(p.drawing.places[shape.places[0]].frame, p.k)[:, 3]
-    yield p.hull(shape, origin + corners @ R.T)
+    yield p.triangles(shape, origin + corners @ R.T, closed=bool(shape.size[1]))
+
+
+def _curve(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
+    yield p.line(shape, np.array(at), 2 * shape.size[0])
 
 
 def _plate(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
@@ -209,12 +257,13 @@ def _path(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outli
 
 _FORMS: dict[str, Callable[[Painter, Shape, list[Array], Array], Iterator[Outline]]] = {
     "bar": _bar,
+    "curve": _curve,
     "ball": _ball,
     "pin": _pin,
     "block": _block,
     "ring": _ring,
     "solid": _solid,
-    "hull": _hull,
+    "mesh": _mesh,
     "plate": _plate,
     "coil": _coil,
     "dashpot": _dashpot,

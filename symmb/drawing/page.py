@@ -98,6 +98,7 @@ def _run(drawing: Drawing, label: str, tint: str, numbers: _Numbers) -> dict[str
                 "size": [float(x) for x in s.size],
                 "direction": None if s.direction is None else numbers(_direction(s.form, s.direction)),
                 "faint": s.faint,
+                "present": None if s.present is None else numbers(s.present),
             }
             for s in drawing.shapes
         ],
@@ -113,12 +114,7 @@ def _run(drawing: Drawing, label: str, tint: str, numbers: _Numbers) -> dict[str
 
 
 def _direction(form: str, direction: Array) -> Array:
-    """Rows of a track; the half axes of a solid one after the other; the corners of a hull with their normals."""
-    if form == "hull":
-        a, b, c = (direction[k::3] for k in range(3))
-        normals = np.cross(b - a, c - a)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-        return np.hstack([direction, np.repeat(normals, 3, axis=0)])
+    """Rows of a track, or corners of a mesh; the half axes of a solid one after the other."""
     return direction.T.reshape(1, 9) if form == "solid" else direction
 
 

@@ -37,12 +37,13 @@ class Shape:
 
     form     places       direction, in the frame of the first place        size [m]
     bar      a, b         -                                                 radius
+    curve    a, b, c ...  -                                                 radius
     ball     a            -                                                 radius
     pin      a            axis, (1, 3) or (n_f, 3), a unit vector           radius, length: centred at a
     block    a            axis of the first side                            sides
     ring     a            axis                                              radius, radius of the tube
     solid    a            half axes as columns, (3, 3)                      0: box, 1: cylinder along the third, 2: ball
-    hull     a            corners of triangles, (3 m, 3), from the frame     radius about a; convex
+    mesh     a            corners of triangles, (3 m, 3), from the frame     radius about a; 1: a closed surface
     plate    a, b, c ...  -                                                 thickness; a convex polygon in order
     coil     a, b         -                                                 radius, offset across
     dashpot  a, b         -                                                 radius, offset across
@@ -53,6 +54,8 @@ class Shape:
     plane    a            normal                                            side
     support  a            -                                                 size: fixed to the ground
     path     a            -                                                 radius: where the place goes over the run
+
+    `present` (n_f, 1) or (1, 1) is 1 in pictures that have the shape, and 0 in those that do not; None: all have it.
     """
 
     form: str
@@ -63,6 +66,7 @@ class Shape:
     size: tuple[float, ...]
     direction: Array | None = None
     faint: bool = False
+    present: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +118,10 @@ class Drawing:
         """World position (3,) of a place in picture k [m]."""
         pose = self.pose(self.places[place].frame, k)
         return pose[:, :3] @ self.local(place, k, scale) + pose[:, 3]
+
+    def has(self, shape: Shape, k: int) -> bool:
+        """Whether picture k has a shape."""
+        return shape.present is None or bool(shape.present[min(k, len(shape.present) - 1)] > 0.5)
 
     def box(self) -> tuple[Array, Array]:
         """Least and largest world coordinates (3,) of all places over all pictures [m]."""

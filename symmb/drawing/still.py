@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from symmb._types import Array
 from symmb.drawing.bodies import SOLID
-from symmb.drawing.exhibit import Exhibit
+from symmb.drawing.exhibit import Exhibit, convex_hull
 from symmb.drawing.outlines import Outline, Painter
 from symmb.drawing.shapes import Drawing
 from symmb.plot import COLOURS
@@ -133,16 +133,20 @@ def _colour(outline: Outline) -> str:
 
 
 def _paint(axes: "Axes", outline: Outline, colour: str, alpha: float, order: float) -> None:
+    from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
-    if outline.width:
+    if outline.light is not None and alpha == 1:
+        shades = np.clip(outline.light[:, None] * _rgb(colour), 0, 1)
+        triangles: Any = outline.points.reshape(-1, 3, 2)  # an array is drawn in a tenth of the time of a list
+        axes.add_collection(PolyCollection(triangles, facecolor=shades, edgecolor=shades, linewidth=0.3, zorder=order))
+    elif outline.width:
         width = max(outline.width * _points_per_metre(axes), 0.8)
         axes.plot(*outline.points.T, color=colour, alpha=alpha, linewidth=width, solid_capstyle="round", zorder=order)
     elif len(outline.points) > 2:
-        edge = _darker(colour) if alpha == 1 else colour
-        axes.add_patch(
-            Polygon(outline.points, facecolor=colour, edgecolor=edge, alpha=alpha, linewidth=0.6, zorder=order)
-        )
+        edge = tuple(0.6 * _rgb(colour)) if alpha == 1 else colour
+        points = outline.points if outline.light is None else convex_hull(outline.points)
+        axes.add_patch(Polygon(points, facecolor=colour, edgecolor=edge, alpha=alpha, linewidth=0.6, zorder=order))
 
 
 def _points_per_metre(axes: "Axes") -> float:
@@ -150,8 +154,8 @@ def _points_per_metre(axes: "Axes") -> float:
     return 72 * _WIDTH / (high - low)
 
 
-def _darker(colour: str) -> tuple[float, ...]:
-    return tuple(0.6 * int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+def _rgb(colour: str) -> Array:
+    return np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
 
 
 def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array, Expr
 from symmb.drawing.shapes import FramePoint, MovingFrame
-from symmb.mechanics import AbstractBody, FlexibleBody, Ground, Point
+from symmb.mechanics import AbstractBody, Element, FlexibleBody, Ground, JointEvent, Latch, Point, row_gates
 from symmb.model import Scene
 from symmb.simulation import Trajectory
 from symmb.symbolic import vector
@@ -46,6 +46,9 @@ class Survey:
         self._known: dict[tuple[int, int], int] = {}
         self._keep: list[Point] = []
         self.down = np.array([0.0, 0.0, -1.0])
+        events = [e for e in scene.system.elements if isinstance(e, JointEvent)]
+        self._gates = {name: self.ask(gate) for name, gate in row_gates(events).items()}
+        self._grips = {e.joint.name: e.grip for e in events if isinstance(e, Latch)}
         self._poses = [self.ask(ca.horzcat(body.frame.R, body.frame.r)) for body in self.bodies]
 
     def ask(self, expression: Expr) -> Asked:
@@ -62,6 +65,15 @@ class Survey:
         asked = Asked()
         self._asked.append((ca.densify(bound), asked))
         return asked
+
+    def acting(self, element: Element) -> Element:
+        """The element, or of a joint that closes in the run the one that holds the bodies where it has closed."""
+        return self._grips.get(element.name, element)
+
+    def closed(self, joint: Element) -> Array | None:
+        """1 in pictures in which a joint is closed, else 0, (n_f, 1) or (1, 1); None of one that does not open."""
+        gate = self._gates.get(joint.name)
+        return None if gate is None else gate()
 
     def frame(self, body: AbstractBody) -> int:
         """Number of the frame of the body that carries a point or a node.
@@ -99,8 +111,12 @@ class Survey:
         """Number of the place of an elastic point, (3,) undeformed and (n_f, 3) along the run [m]."""
         return self._add(frame, Asked(base[None]), Asked(now))
 
+    def tracked(self, world: Asked) -> int:
+        """Number of the place that moves along world positions, (1, 3) or (n_f, 3) [m]."""
+        return self._add(0, world, None)
+
     def shifted(self, place: int, by: Array) -> int:
-        """Number of the place that moves along with another one, at a constant distance (3,) from it [m]."""
+        """Number of the place that moves along with another one, at a distance (3,) or (n_f, 3) from it [m]."""
         frame, base, now = self._places[place]
         return self._add(frame, Asked(base() + by), None if now is None else Asked(now() + by))
 

@@ -100,6 +100,7 @@ function faces(polygon) {  // of a flat polygon
   const n = unit(cross(sub(polygon[1], polygon[0]), sub(polygon[2], polygon[0])));
   return polygon.slice(1, -1).flatMap((p, i) => [polygon[0], p, polygon[i + 2]].flatMap(q => [...q, ...n]));
 }
+const triangles = ([begin, rows]) => Array.from({ length: rows / 3 }, (_, i) => faces([0, 3, 6].map(j => rowAt(begin + 9 * i + j, 3)))).flat();
 const line = (n, point) => Array.from({ length: n + 1 }, (_, i) => point(i / n));
 
 function cube() {
@@ -119,8 +120,9 @@ function meshes() {
     const [c, s] = circle(u), angle = Math.PI * v;
     return [c * Math.sin(angle), s * Math.sin(angle), -Math.cos(angle)];
   };
+  const drum = n => mesh([...surface(n, 1, side, u => [...circle(u), 0]), ...disc(0, -1, n), ...disc(1, 1, n)]);
   return {
-    cylinder: mesh([...surface(18, 1, side, u => [...circle(u), 0]), ...disc(0, -1, 18), ...disc(1, 1, 18)]),
+    cylinder: drum(18), drum: drum(48),
     cone: mesh([...surface(20, 1, (u, v) => [...times([...circle(u), 0], 1 - v).slice(0, 2), v],
                            u => [...circle(u), 0.5]), ...disc(0, -1, 20)]),
     ball: mesh(surface(24, 12, ball, ball)), cap: mesh(surface(14, 8, ball, ball)),
@@ -151,11 +153,7 @@ function along(of, a, direction, size, from = 0) {  // a mesh whose z points alo
   part(of, columns(times(u, size[0]), times(v, size[1]), times(d, size[2]), add(a, times(d, from))));
 }
 
-function dynamic(corners) {  // a mesh that this picture alone uses
-  const of = mesh(corners);
-  of.passing = true;
-  part(of, IDENTITY);
-}
+const dynamic = corners => part(Object.assign(mesh(corners), { passing: true }), IDENTITY);  // of this picture alone
 
 function coil(a, b, radius, offset) {
   const d = sub(b, a), w = unit(d), [side, other] = first.planar ? [unit(cross(Z, w)), Z] : across(w);
@@ -194,7 +192,7 @@ const forms = {
   ball: (at, s) => ball(at[0], s[0]),
   pin: (at, s, d) => along(built.cylinder, at[0], d, [s[0], s[0], s[1]], -s[1] / 2),
   block: (at, s, d) => {
-    const w = unit(d), u = first.planar ? Z : across(w)[0], v = cross(w, u);
+    const w = unit(d), u = first.planar && Math.abs(w[2]) < 0.5 ? Z : across(w)[0], v = cross(w, u);
     part(built.box, columns(times(w, s[0] / 2), times(v, s[1] / 2), times(u, s[2] / 2), at[0]));
   },
   ring: (at, s, d) => {
@@ -204,10 +202,11 @@ const forms = {
   },
   solid: (at, s, d, m, local) => {
     const [x, y, z] = [0, 1, 2].map(j => turned(m, local.slice(3 * j, 3 * j + 3)));
-    if (s[0] === 1) part(built.cylinder, columns(x, y, times(z, 2), sub(at[0], z)));
+    if (s[0] === 1) part(built.drum, columns(x, y, times(z, 2), sub(at[0], z)));
     else part(s[0] ? built.ball : built.box, columns(x, y, z, at[0]));
   },
-  hull: (at, s, d, m, local, run, shape) => part(shape.mesh ??= mesh(rowAt(shape.direction[0], 6 * shape.direction[1])), m),
+  mesh: (at, s, d, m, local, run, shape) => part(shape.mesh ??= mesh(triangles(shape.direction)), m),
+  curve: (at, s) => dynamic(tube(at, s[0])),
   plate: at => dynamic(faces(at)),
   coil: (at, s) => coil(at[0], at[1], s[0], s[1]),
   dashpot: (at, s) => dashpot(at[0], at[1], s[0], s[1]),
@@ -247,6 +246,7 @@ function arrange(k) {  // all parts of picture k
     for (const shape of run.shapes) {
       if (number && ["guide", "load"].includes(shape.colour)) continue;
       if (shape.kind === INERTIA && !$("solids").checked) continue;
+      if (shape.present && row(shape.present, k, 1)[0] < 0.5) continue;
       current = { run: number, shape };
       const m = matrices[run.places[shape.places[0]].frame];
       const at = shape.places.map(p => moved(matrices[run.places[p].frame], localPosition(run, p, k, scale)));
@@ -319,7 +319,7 @@ function fit() {
         for (const place of shape.places) {
           const tip = shape.form === "arrow" ? row(shape.direction, k, 3) : [0, 0, 0], p = add(position(run, place, k), tip);
           include(p, shape.form === "solid" ? Math.hypot(...row(shape.direction, 0, 9)) / 1.2
-            : ["ball", "ring", "hull"].includes(shape.form) ? shape.size[0] : 4 * first.unit);
+            : ["ball", "ring", "mesh"].includes(shape.form) ? shape.size[0] : 4 * first.unit);
         }
   }
   for (let i = 0, r = page.region; i < r?.points[1] * r?.count; i++) include(rowAt(r.points[0] + 3 * i, 3), 0.6 * first.unit);

@@ -25,9 +25,10 @@ from symmb.mechanics.force import (
     TorsionSpring,
 )
 from symmb.mechanics.friction import Friction
-from symmb.mechanics.geometry import Geometry
+from symmb.mechanics.geometry import Geometry, Mesh
 from symmb.mechanics.impact import RESTITUTION, Impact
 from symmb.mechanics.joint import (
+    CamFollower,
     Cylindrical,
     Distance,
     Gear,
@@ -41,7 +42,8 @@ from symmb.mechanics.joint import (
     Weld,
 )
 from symmb.mechanics.joint_event import JointEvent, Latch, Release, closed_at_start, row_gates
-from symmb.mechanics.load import NonlinearSpring, Soil
+from symmb.mechanics.load import GasSpring, NonlinearSpring, Orifice, Soil
+from symmb.mechanics.mesh_file import coarser
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Frame, Particle, Planar, Spatial
 from symmb.mechanics.rope import Rope

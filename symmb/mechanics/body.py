@@ -10,6 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb._types import Expr
+from symmb.mechanics.geometry import Geometry, shapes_of
 from symmb.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, Spatial
 from symmb.symbolic import ddt, is_zero, vector
 
@@ -21,6 +22,7 @@ class AbstractBody:
     pose: Pose
     frame: Frame
     com: tuple[Expr, ...]
+    shapes: Sequence[Geometry] = ()
 
     @property
     def owner(self) -> "AbstractBody":
@@ -99,6 +101,9 @@ class Body(AbstractBody):
         how the body moves
     com : tuple
         centre of mass from the origin of the points, in body axes [m]
+    shapes : sequence
+        in which drawings show the body, `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`; default: what its
+        points and its inertia tell. They change nothing else
 
     Examples
     --------
@@ -112,6 +117,7 @@ class Body(AbstractBody):
     inertia: Expr = 0.0
     pose: Pose = field(default_factory=Planar)
     com: tuple[Expr, ...] = (0.0, 0.0, 0.0)
+    shapes: Sequence[Geometry] = field(default=(), repr=False)
     frame: Frame = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -122,6 +128,7 @@ class Body(AbstractBody):
             )
         vector(self.com, f"com of {shown(self.name)}")
         name = self.name if isinstance(self.name, str) else shown(self.name)  # System tells that this is no name
+        object.__setattr__(self, "shapes", shapes_of(f"Body {shown(self.name)}", self.shapes))
         object.__setattr__(self, "frame", self.pose.frame(name))
 
     @property
@@ -169,6 +176,12 @@ class Inertial:
 class Ground(AbstractBody):
     """The world frame, at rest.
 
+    Parameters
+    ----------
+    shapes : sequence
+        that stand there in drawings, `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`; drawn if an element is
+        attached to this ground
+
     Examples
     --------
     >>> import symmb as mb
@@ -176,7 +189,8 @@ class Ground(AbstractBody):
     SX(1)
     """
 
-    def __init__(self) -> None:
+    def __init__(self, shapes: Sequence[Geometry] = ()) -> None:
+        self.shapes = shapes_of("Ground", shapes)
         self.name = "ground"
         self.pose = Fixed()
         self.com = (0.0, 0.0, 0.0)

@@ -165,9 +165,14 @@ class Latch(JointEvent):
         """States that keep where the joint closes, with what they are at this instant."""
         return self._grip[1]
 
+    @property
+    def grip(self) -> Joint:
+        """The joint where it has closed."""
+        return self._grip[0]
+
     def rows(self, bind: Bind) -> ca.SX:
         """The rows of the joint where it has closed."""
-        joint, place = self._grip
+        place, joint = self.place, self.grip
         if isinstance(joint, Distance):
             return ca.norm_2(joint.d) - place[0][0].sx
         return joint.position_rows(bind)

@@ -90,6 +90,17 @@ class Rope(ForceElement):
         if are_pulleys[0] or are_pulleys[-1]:
             yield f"{self.title}: it begins or ends with a pulley. Give a point, where it is fixed."
 
+    def course(self, bind: Bind) -> tuple[list[tuple[ca.SX, ca.SX]], ca.SX]:
+        """World ends (3,) [m] of its straight parts, and by how much it is longer than its way [m]."""
+        points = [point.r for point, _ in self._wraps]
+        radii = [bind(0 if r is None else r, f"{self.title}: radius") for _, r in self._wraps]
+        way, directions = _way(points, radii)
+        parts = [
+            (a - r * ca.cross(Z, u), b - s * ca.cross(Z, u))  # beside the centres, where it touches the pulleys
+            for ((a, r), (b, s)), u in zip(pairwise(zip(points, radii, strict=True)), directions, strict=True)
+        ]
+        return parts, bind(self.length, f"{self.title}: length") - way
+
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radii = [bind(0 if r is None else r, f"{self.title}: radius") for _, r in self._wraps]
         points = [point for point, _ in self._wraps]

@@ -21,7 +21,7 @@ RESULTS = {
 }  # fmt: skip
 """What symmb makes and nobody else does; its methods are called."""
 BETWEEN_ROOMS = {
-    "another_way", "around", "bounds", "carried", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "measured", "nearest", "number", "planned_runs", "position_rows", "positive", "pressure", "remembered", "response", "retract",
+    "another_way", "around", "bounds", "carried", "course", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "measured", "nearest", "number", "planned_runs", "position_rows", "positive", "pressure", "remembered", "response", "retract",
     "round", "run_seconds", "sizes", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
 }  # fmt: skip
 """Methods that one room calls of another; the guide and the docstrings of public names do not mention them."""
@@ -38,6 +38,8 @@ OF_OWNER: dict[str, dict[str, Any]] = {
     "CommandSimulator": {"outputs": ["x"]},
     "FMUSimulator": {"outputs": ["x"]},
     "FunctionSimulator": {"outputs": ["x"]},
+    "Box3": {"size": (1.0, 0.1, 0.1)},
+    "Mesh": {"path": "part.stl"},
     "Table": {"x": [0.0, 1.0, 2.0], "y": [1.0, 2.0, 3.0]},
     "Tabulated": {"curve": mb.Table([0.0, 1e-3], [0.0, 10.0])},
     "Table.__call__": {"at": 0.5},

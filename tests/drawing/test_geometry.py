@@ -69,39 +69,56 @@ def _stl(points):
     return "\n".join([*lines, "endsolid hand"])
 
 
-def hull_is_drawn(path, page):
+FACETS = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [0, 1, 4]])
+
+
+def mesh_is_drawn(path, page):
     robot = mb.load_urdf(path)
     drawing = drawing_of(robot)
-    hull = next(shape for shape in drawing.shapes if shape.form == "hull")
-    assert hull.name == "left_hand" and hull.direction.shape == (4 * 3, 3)
+    mesh = next(shape for shape in drawing.shapes if shape.form == "mesh")
+    assert mesh.name == "left_hand" and mesh.direction.shape == (5 * 3, 3)
     run = mb.simulate(mb.Scene(mb.System(*robot.elements), robot.start))
-    pose = drawing.pose(drawing.places[hull.places[0]].frame, 0)
-    seen = hull.direction @ pose[:, :3].T + pose[:, 3]
-    expected = [run(robot.bodies["tool"].point(x, 2 * y, z).r)[0] for x, y, z in TETRAHEDRON[:4]]
-    assert max(np.abs(seen - corner).max(axis=1).min() for corner in expected) < 1e-12
-    a, b, c = (seen[k::3] for k in range(3))
-    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - np.mean(expected, axis=0))
-    assert (outward > 0).all()
+    pose = drawing.pose(drawing.places[mesh.places[0]].frame, 0)
+    seen = mesh.direction @ pose[:, :3].T + pose[:, 3]
+    corners = np.array([run(robot.bodies["tool"].point(x, 2 * y, z).r)[0] for x, y, z in TETRAHEDRON])
+    assert_allclose(seen, corners[FACETS].reshape(-1, 3), atol=1e-12)
     mb.view(run, page)
     assert page.stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("suffix", ["html", "svg"])
-def test_the_convex_hull_of_a_mesh(with_mesh, monkeypatch, suffix):
+def test_the_mesh_of_a_link(with_mesh, monkeypatch, suffix):
+    """An STL needs no package."""
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    mesh_is_drawn(with_mesh, with_mesh.with_suffix(f".{suffix}"))
+
+
+def as_obj(path):
+    path.write_text(path.read_text().replace("hand.stl", "hand.obj"))
+    lines = ["v {} {} {}".format(*p) for p in TETRAHEDRON] + ["f {} {} {}".format(*(f + 1)) for f in FACETS]
+    (path.parent / "meshes" / "hand.obj").write_text("\n".join(lines))
+    return path
+
+
+def test_another_mesh_by_trimesh(with_mesh, monkeypatch):
     """As trimesh would read it: all corners of the file, in a class of its own."""
-    monkeypatch.setitem(
-        sys.modules, "trimesh", SimpleNamespace(load=lambda path, force: SimpleNamespace(vertices=TETRAHEDRON))
-    )
-    hull_is_drawn(with_mesh, with_mesh.with_suffix(f".{suffix}"))
+    mesh = SimpleNamespace(vertices=TETRAHEDRON, faces=FACETS)
+    monkeypatch.setitem(sys.modules, "trimesh", SimpleNamespace(load=lambda path, force: mesh))
+    mesh_is_drawn(as_obj(with_mesh), with_mesh.with_suffix(".html"))
 
 
 def test_a_mesh_by_trimesh(with_mesh):
     pytest.importorskip("trimesh")
-    hull_is_drawn(with_mesh, with_mesh.with_suffix(".html"))
+    mesh_is_drawn(as_obj(with_mesh), with_mesh.with_suffix(".html"))
 
 
-def test_a_mesh_that_cannot_be_read_is_told(with_mesh, monkeypatch):
-    monkeypatch.setitem(sys.modules, "trimesh", None)
+@pytest.mark.parametrize("how", ["no trimesh", "no file"])
+def test_a_mesh_that_cannot_be_read_is_told(with_mesh, monkeypatch, how):
+    if how == "no trimesh":
+        monkeypatch.setitem(sys.modules, "trimesh", None)
+        as_obj(with_mesh)
+    else:
+        (with_mesh.parent / "meshes" / "hand.stl").unlink()
     drawing = drawing_of(mb.load_urdf(with_mesh))
-    assert [note for note in drawing.notes if "tool" in note] == ["Geometry 'tool:0'"]
+    assert [note.split()[0] for note in drawing.notes if "hand" in note] == ["Mesh"]
     assert "bar" in [shape.form for shape in drawing.shapes if shape.name == "left_hand"]

@@ -188,6 +188,29 @@ def test_pages_are_small(pendulum, tmp_path):
     assert gun.stat().st_size <= 6e6
 
 
+def test_joints_open_and_meshes_stay_with_their_bodies(browser, tmp_path):
+    """A triangle on a bob whose sling opens when x = cos(t) is 0."""
+    stl = tmp_path / "part.stl"
+    corners = "vertex 0 0 0 vertex 1 0 0 vertex 0 1 0"
+    stl.write_text(f"solid a facet normal 0 0 1 outer loop {corners} endloop endfacet endsolid a")
+    bob = mb.Body("bob", 1.0, pose=mb.Particle(), shapes=[mb.Mesh(stl, scale=0.1), mb.Cylinder(0.02, 0.1)])
+    sling = mb.Distance("sling", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
+    system = mb.System(bob, sling, mb.Release(sling, bob.x < 0))
+    run = mb.simulate(mb.Scene(system, {"bob.x": 1.0, "bob.y": 0.0, "bob.vy": 1.0}, np.linspace(0, 3, 31)))
+    mb.view(run, tmp_path / "sling.html")
+    browser.open(tmp_path / "sling.html")
+    browser.run("symmb.play(false)")
+    for k in (0, 10, 20, 30):
+        browser.run(f"symmb.seek({k})")
+        parts = browser.run("symmb.parts()")
+        names = {part["name"] for part in parts} - {"bob", "ground"}
+        assert names == ({"sling"} if run.t[k] < np.pi / 2 else {"sling_release"})
+        for kind, up in (("mesh", 0.0), ("cylinder", -0.05)):  # the foot of the cylinder
+            (matrix,) = (np.array(part["matrix"]).reshape(4, 4).T for part in parts if part["kind"] == kind)
+            assert np.abs(matrix[:3, 3] - [run["bob.x"][k], run["bob.y"][k], up]).max() < EXACT
+    assert not browser.errors
+
+
 def test_curves_have_a_time_axis(browser, pendulum):
     browser.open(pendulum[1])
     ticks = """(() => {

@@ -19,7 +19,7 @@ from symmb.mechanics.constraint import Motion
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Element
 from symmb.mechanics.friction import Coulomb
-from symmb.mechanics.geometry import Geometry
+from symmb.mechanics.geometry import Box3, Cylinder, Geometry, Mesh, Sphere
 from symmb.mechanics.joint import PlanarJoint, Prismatic, Revolute
 from symmb.mechanics.pose import Spatial
 from symmb.mechanics.urdf.algebra import (
@@ -49,6 +49,13 @@ Place: TypeAlias = "tuple[Vector, Vector]"
 """Origin (3,) [m] and quaternion (4,) of a frame."""
 _ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
 _JOINTS = dict.fromkeys(TURNING, Revolute) | dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
+
+
+class _LinkMesh(Mesh):
+    """The mesh of a link, whose file need not be there: it is read when it is drawn."""
+
+    def __post_init__(self) -> None:
+        pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +107,7 @@ class Robot:
     bodies : dict          link -> `Body`, `Ground`, or `LinkFrame` of a link that fixed joints hold; `.point(x, y, z)`
                            counts from the link's origin in its axes
     joints : dict          joint -> `Revolute`, `Prismatic` or `PlanarJoint`. Its angle or displacement is the file's
-    elements : tuple       all that goes into a `System`: bodies, joints, damping, friction, mimic joints, stops, shapes
+    elements : tuple       all that goes into a `System`: bodies, joints, damping, friction, mimic joints, stops
     start : dict           the zero pose of the file, for `Scene(start=...)` or `guess=`
     """
 
@@ -288,7 +295,7 @@ class _Building:
 
     def _body(self, top: str, masses: list[Mass]) -> AbstractBody:
         if self.fixed_base and top == self.description.root:
-            return Ground()
+            return Ground(tuple(self._shapes(top)))
         whole = united(masses)
         if top == self.description.root and is_nought(whole.mass):
             raise DeclarationError(
@@ -296,7 +303,7 @@ class _Building:
                 "link an <inertial> with mass and inertia, or fixed_base=True."
             )
         name = f"{top}_link" if top in self.description.joints else top
-        return Body(name, whole.mass, whole.inertia, Spatial(), com=whole.com)
+        return Body(name, whole.mass, whole.inertia, Spatial(), whole.com, tuple(self._shapes(top)))
 
     def robot(self) -> Robot:
         """The machine."""
@@ -310,7 +317,6 @@ class _Building:
         for joint in description.joints.values():
             if joint.moves:
                 elements += self._forces(joint, joints)
-        elements += self._shapes()
         followers = {joint.name for joint in description.joints.values() if joint.mimic}
         start = {f"{j.name}.{j.coordinate}": 0.0 for j in joints.values() if j.coordinate and j.name not in followers}
         return Robot(description.name, description.numbers, bodies, joints, tuple(elements), start | self._free_start())
@@ -343,13 +349,20 @@ class _Building:
         law = self.stop if isinstance(self.stop, ContactLaw) else None
         yield Stop(f"{name}:stop", joint, *ends, law=law, restitution=None if law else self.stop)
 
-    def _shapes(self) -> Iterator[Geometry]:
+    def _shapes(self, top: str) -> Iterator[Geometry]:
+        """Those of the links of one body."""
         for link, data in self.description.links.items():
-            frame = self.frames[link]
-            for number, shape in enumerate(data.shapes):
-                axes = rotation(one_after(frame.quaternion, by_angles(shape.rpy)))
-                mesh = mesh_path(shape.mesh, self.description.path) if shape.form == "mesh" else None
-                yield Geometry(f"{link}:{number}", frame.point(*shape.xyz), axes, shape.form, shape.size, mesh)
+            origin, e = self.places[link]
+            for shape in data.shapes if self.description.tops[link] == top else ():
+                at, turn = add(origin, turned(matrix(e), shape.xyz)), one_after(e, by_angles(shape.rpy))
+                if shape.form == "box":
+                    yield Box3(shape.size, at, rotation(turn))
+                elif shape.form == "cylinder":
+                    yield Cylinder(shape.size[0], shape.size[1], turned(matrix(turn), (0.0, 0.0, 1.0)), at)
+                elif shape.form == "sphere":
+                    yield Sphere(shape.size[0], at)
+                else:
+                    yield _LinkMesh(mesh_path(shape.mesh, self.description.path), shape.size, at, rotation(turn))
 
     def _free_start(self) -> dict[str, Any]:
         """The zero pose of bodies that no joint carries."""

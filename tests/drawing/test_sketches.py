@@ -1,0 +1,253 @@
+"""Every element has a drawing of its own, open joints are drawn open, and bodies in their shapes."""
+
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+from symmb.drawing import draw
+from symmb.drawing.elements import sketch
+from symmb.drawing.geometry import outward
+from symmb.drawing.outlines import Painter
+from symmb.mechanics import Element, OwnState
+
+WITHOUT_PLACE = {"Gravity", "Impact", "Motion", "VelocityConstraint"}
+"""Gravity is an arrow beside the mechanism. The others are expressions, which a page names as not drawn."""
+ELEMENTS = {
+    name: kind for name in mb.__all__ if isinstance(kind := getattr(mb, name), type) and issubclass(kind, Element)
+}
+
+
+@pytest.mark.parametrize("name", ELEMENTS)
+def test_every_element_has_a_sketch(name):
+    has_sketch = sketch.dispatch(ELEMENTS[name]) is not sketch.dispatch(object)
+    assert has_sketch != (name in WITHOUT_PLACE or issubclass(ELEMENTS[name], OwnState))
+
+
+def forms(drawing, name, k):
+    """Forms of the shapes of an element in a picture."""
+    return sorted(s.form for s in drawing.shapes if s.name == name and drawing.has(s, k))
+
+
+def test_a_sling_is_there_until_it_opens():
+    bob = mb.Body("bob", mass=1.0, pose=mb.Particle())
+    sling = mb.Distance("sling", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
+    release = mb.Release(sling, bob.x < 0)
+    scene = mb.Scene(mb.System(bob, sling, release), {"bob.x": 1.0, "bob.y": 0.0, "bob.vy": 1.0}, np.linspace(0, 3, 31))
+    run = mb.simulate(scene)
+    drawing = draw(run)
+    for k, t in enumerate(drawing.t):
+        closed = t < np.pi / 2
+        assert forms(drawing, "sling", k) == (["ball", "ball", "bar"] if closed else [])
+        assert forms(drawing, "sling_release", k) == ([] if closed else ["ball", "ring"])
+    seen = {o.shape.name for o in Painter(drawing, 30, drawing.camera).outlines()}
+    assert "sling" not in seen and "sling_release" in seen
+    assert "Release 'sling'" not in drawing.notes
+    numbers = {k: len(Painter(drawing, k, drawing.camera).outlines()) for k in (0, 30)}
+    assert numbers[0] != numbers[30]
+
+
+def test_a_latch_closes_where_the_bodies_are():
+    """The hook catches at 0.1 m, at t = 0.5 s, and is drawn on body b from then on; its eye moves with body a."""
+    a, b = (mb.Body(name, mass=1.0, pose=mb.Particle()) for name in "ab")
+    hook = mb.Spherical("hook", a.point(0, 0), b.point(0, 0))
+    system = mb.System(a, b, hook, mb.Latch(hook, b.x - a.x < 0.1))
+    run = mb.simulate(mb.Scene(system, {"a.x": 0.0, "a.vx": 2.0, "b.x": 1.1}, [0.0, 0.2, 0.4, 0.6, 0.8]))
+    drawing = draw(run)
+    for k in range(5):
+        assert forms(drawing, "hook", k) == ([] if k < 3 else ["ball"])
+        assert forms(drawing, "hook_latch", k) == (["ball", "ring"] if k < 3 else [])
+    (ball,) = (s for s in drawing.shapes if s.name == "hook")
+    assert_allclose(drawing.track(ball.places[0])[3:, 0], 1.1 + 1.0 * (drawing.t[3:] - 0.5), atol=1e-9)
+    (eye,) = (s for s in drawing.shapes if s.name == "hook_latch" and s.form == "ring")
+    assert_allclose(
+        drawing.track(eye.places[0])[:, 0], np.where(drawing.t < 0.5, 2, 1) * (drawing.t - 0.5) + 1, atol=1e-9
+    )
+
+
+def test_the_guide_of_a_slider_ends_where_it_opens():
+    """The shot leaves its barrel at 0.9 m with 2 m/s; pictures are 0.2 m apart."""
+    shot = mb.Body("shot", mass=1.0, inertia=0.1)
+    barrel = mb.Prismatic("barrel", mb.Ground().point(0, 0), shot.point(0, 0), axis=(1, 0, 0))
+    scene = mb.Scene(
+        mb.System(shot, barrel, mb.Release(barrel, shot.x > 0.9)),
+        {"shot.x": 0.0, "shot.vx": 2.0},
+        np.linspace(0, 20, 201),
+    )
+    drawing = draw(mb.simulate(scene))
+    ends = sorted(float(drawing.position(place, 0)[0]) for place in _rail(drawing, "barrel").places)
+    assert ends == pytest.approx([-5 * drawing.unit, 0.8 + 5 * drawing.unit], abs=1e-6)
+    assert forms(drawing, "barrel", 200) == ["bar"] and "block" in forms(drawing, "barrel", 0)
+
+
+def test_the_guide_of_a_latched_slider_lies_where_it_closed():
+    """A drawer that is tilted by 0.3 rad is caught as it is."""
+    drawer = mb.Body("drawer", 1.0, 0.1)
+    rail = mb.Prismatic("rail", mb.Ground().point(0, 0), drawer.point(0, 0), axis=(1, 0, 0))
+    system = mb.System(drawer, rail, mb.Latch(rail, drawer.x > 0.3))
+    start = {"drawer.y": 0.2, "drawer.vx": 1.0, "drawer.vy": -0.3, "drawer.theta": 0.3}
+    run = mb.simulate(mb.Scene(system, start, [0.0, 0.1, 0.6, 1.0]))
+    drawing = draw(run)
+    a, b = (np.stack([drawing.position(place, k) for k in range(4)]) for place in _rail(drawing, "rail").places)
+    along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+    tilted = [np.cos(0.3), np.sin(0.3), 0]
+    assert_allclose(along, [[1, 0, 0], [1, 0, 0], tilted, tilted], atol=1e-12)
+    r = np.stack([run["drawer.x"], run["drawer.y"], 0 * run.t], axis=1)
+    assert_allclose(np.cross(r - a, along)[2:], 0, atol=1e-9)  # the drawer is on its guide
+
+
+def _rail(drawing, name):
+    return next(s for s in drawing.shapes if s.name == name and s.form == "bar")
+
+
+def test_a_rope_touches_its_pulleys_and_is_dashed_while_it_is_slack():
+    """Free fall by g t^2 / 2 until the rope, about 0.2 m longer than its way, is tight."""
+    load, ground, r = mb.Body("load", 1.0, pose=mb.Particle()), mb.Ground(), 0.1
+    points = [ground.point(-1, -0.5), (ground.point(0, 0), -r), load.point(0, 0)]
+    length = np.hypot(1, 0.5) + 1.4
+    rope = mb.Rope("rope", points, 1e4, length=length, damping=100.0)
+    start = {"load.x": r, "load.y": -1.0}
+    drawing = draw(mb.simulate(mb.Scene(mb.System(load, rope, mb.Gravity(0, -10.0)), start, [0.0, 0.1, 0.4])))
+    assert [("dashes" in forms(drawing, "rope", k), "bar" in forms(drawing, "rope", k)) for k in (0, 1, 2)] == [
+        (True, False),
+        (True, False),
+        (False, True),
+    ]
+    bars = [s for s in drawing.shapes if s.name == "rope" and s.form == "bar"]
+    for bar in bars:
+        p, q = (drawing.position(place, 2) for place in bar.places)
+        touch = min((p, q), key=np.linalg.norm)
+        assert np.linalg.norm(touch) == pytest.approx(r) and touch @ (p - q) == pytest.approx(0, abs=1e-12)
+    assert touch == pytest.approx([r, 0, 0])
+
+
+LIFTS = {"guide": lambda a: 0.02 * (1 - ca.cos(2 * a)), "pivot": lambda a: 0.2 * (1 - ca.cos(a))}
+
+
+@pytest.mark.parametrize("follower", LIFTS)
+def test_the_tip_of_a_follower_stays_on_its_cam(follower):
+    ground, disc, rod = mb.Ground(), mb.Body("disc", 1.0, 0.1), mb.Body("rod", 0.5, 0.1)
+    shaft = mb.Revolute("shaft", ground.point(0.3, 0.1), disc.point(0, 0))
+    joint = (
+        mb.Prismatic("guide", ground.point(0.3, 0.2), rod.point(0, 0), axis=(0, 1, 0))
+        if follower == "guide"
+        else mb.Revolute("pivot", ground.point(0.6, 0.1), rod.point(0, 0))
+    )
+    valve = mb.CamFollower("valve", shaft, joint, LIFTS[follower], unilateral=False)
+    scene = mb.Scene(
+        mb.System(disc, rod, shaft, joint, valve),
+        {"shaft.angle": 0.4, "shaft.angle_rate": 5.0},
+        np.linspace(0, 1.2, 25),
+    )
+    drawing = draw(mb.simulate(scene))
+    shapes = [s for s in drawing.shapes if s.name == "valve"]
+    cam, tip = (next(s for s in shapes if s.form == form) for form in ("curve", "ball"))
+    outline = np.stack([drawing.track(place) for place in cam.places], axis=1)
+    path = np.broadcast_to(drawing.track(tip.places[0]), (25, 3))
+    assert np.ptp(path, axis=0).max() > 0.03
+    for k in range(25):
+        a, d = outline[k, :-1], np.diff(outline[k], axis=0)
+        share = np.clip(((path[k] - a) * d).sum(axis=1) / (d**2).sum(axis=1), 0, 1)
+        assert np.linalg.norm(a + share[:, None] * d - path[k], axis=1).min() < 2e-4  # between corners of the outline
+
+
+def test_a_weld_in_the_plane_is_seen():
+    rod, tip = mb.Body("rod", 1.0, 0.1), mb.Body("tip", 1.0, 0.1)
+    weld = mb.Weld("weld", rod.point(0.5, 0), tip.point(0, 0))
+    system = mb.System(rod, tip, mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, 0)), weld)
+    drawing = draw(mb.simulate(mb.Scene(system, {"hinge.angle": 0.0})))
+    (outline,) = (o for o in Painter(drawing, 0, drawing.camera).outlines() if o.shape.name == "weld")
+    assert drawing.planar and np.ptp(outline.points, axis=0) == pytest.approx([2.2 * drawing.unit] * 2)
+
+
+def with_shapes(shapes, **options):
+    p = mb.Parameters(r=0.1)
+    rod = mb.Body("rod", 2.0, 0.5, com=(0.2, 0.0, 0.0), shapes=shapes(p), **options)
+    hinge = mb.Revolute("hinge", mb.Ground(shapes(p)).point(0, 0), rod.point(0, 0))
+    system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
+    return mb.Scene(system, {"hinge.angle": 0.3}, np.linspace(0, 0.2, 3), box=mb.Box.around(p, 0.1))
+
+
+def test_shapes_are_drawn_at_their_place_in_parameters_and_change_nothing_else():
+    turn = mb.rotation(axis=(0, 0, 1), angle=np.pi / 2)
+    scene = with_shapes(lambda p: [mb.Box3((4 * p.r, 0.1, 0.02), at=(0.5, 0, -0.1), rotation=turn), mb.Sphere(p.r)])
+    drawing = draw(mb.simulate(scene))
+    own = [s for s in drawing.shapes if s.name == "rod"]
+    assert [s.kind for s in own] == ["box", "sphere"] and [s.name for s in drawing.shapes].count(
+        "ground"
+    ) == 3  # a support
+    c, s = np.cos(0.3), np.sin(0.3)
+    assert_allclose(drawing.position(own[0].places[0], 0), [0.5 * c, 0.5 * s, -0.1], atol=1e-12)
+    assert_allclose(own[0].direction, [[0, -0.05, 0], [0.2, 0, 0], [0, 0, 0.01]], atol=1e-12)
+    assert drawing.planar  # though the box is beside the plane
+    plain = with_shapes(lambda p: ())
+    for a, b in ((scene, plain), (pickle.loads(pickle.dumps(scene)), plain)):
+        assert mb.DAESimulator(a).identity() == mb.DAESimulator(b).identity()
+    assert_allclose(mb.simulate(scene).x, mb.simulate(plain).x, rtol=0, atol=0)
+
+
+@pytest.mark.parametrize(
+    ("shape", "told"),
+    [
+        (lambda: mb.Box3((1, 2)), "has not three sides"),
+        (lambda: mb.Box3((1, 2, -3)), "must be above 0"),
+        (lambda: mb.Box3((1, 2, 3), at=(np.nan, 0, 0)), "NaN or infinity"),
+        (lambda: mb.Box3((1, 2, 3), rotation=0.3), "mb.rotation"),
+        (lambda: mb.Cylinder(0.0, 1.0), "radius is 0.0; it must be above 0"),
+        (lambda: mb.Cylinder(1.0, np.inf), "finite"),
+        (lambda: mb.Cylinder(1.0, 1.0, axis=(0, 0, 0)), "no direction"),
+        (lambda: mb.Cylinder(1.0, "long"), "expected one number"),
+        (lambda: mb.Sphere(None), "expected one number"),
+        (lambda: mb.Mesh(3), "expected the path"),
+        (lambda: mb.Body("rod", 1.0, 0.1, shapes=mb.Sphere(1.0)), "are no list of Box3"),
+        (lambda: mb.Ground([3]), "are no list of Box3"),
+    ],
+)
+def test_faults_of_shapes(shape, told):
+    with pytest.raises(mb.DeclarationError, match=told):
+        shape()
+
+
+def test_faces_of_a_box_that_are_seen_are_painted(tmp_path):
+    """Of a turned box three faces are seen, 2 triangles each; their areas are those of projections of the faces."""
+    size = np.array([0.4, 0.3, 0.2])
+    block = mb.Body("block", 1.0, (1, 1, 1), mb.Spatial(), shapes=[mb.Box3(size)])
+    drawing = draw(mb.simulate(mb.Scene(mb.System(block, mb.Gravity(0, 0, -9.81)))))
+    (outline,) = (o for o in Painter(drawing, 0, drawing.camera).outlines() if o.shape.name == "block")
+    a, b, c = np.moveaxis(outline.points.reshape(-1, 3, 2), 1, 0)
+    areas = np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))) / 2
+    faces = size.prod() / size * np.abs(drawing.camera[2])
+    assert_allclose(np.sort(areas), np.sort(np.repeat(faces / 2, 2)), rtol=1e-12)
+    assert len(outline.light) == 6 and len(np.unique(outline.light.round(9))) == 3
+
+
+def test_meshes_share_the_triangles_of_a_drawing(tmp_path, monkeypatch):
+    """A ball of 1,800 triangles."""
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 31), np.linspace(0, np.pi, 31), indexing="ij")
+    places = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], axis=-1)
+    a, b, c, d = places[:-1, :-1], places[1:, :-1], places[1:, 1:], places[:-1, 1:]
+    facets = np.zeros(1800, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    facets["corners"] = np.concatenate([np.stack(k, axis=2).reshape(-1, 3, 3) for k in ((a, b, c), (a, c, d))])
+    (tmp_path / "ball.stl").write_bytes(bytes(80) + np.uint32(1800).tobytes() + facets.tobytes())
+    monkeypatch.setattr("symmb.drawing.geometry.MOST_TRIANGLES", 1000)
+    shapes = [mb.Mesh(tmp_path / "ball.stl", scale=0.01), mb.Mesh(tmp_path / "ball.stl", scale=(0.01, 0.02, 0.01))]
+    body = mb.Body("body", 1.0, (1, 1, 1), mb.Spatial(), shapes=shapes)
+    drawing = draw(mb.simulate(mb.Scene(mb.System(body))))
+    meshes = [s for s in drawing.shapes if s.form == "mesh"]
+    assert [len(s.direction) <= 1500 for s in meshes] == [True, True]
+    assert np.ptp(meshes[1].direction, axis=0) == pytest.approx([0.02, 0.04, 0.02], rel=0.1)
+    assert drawing.notes[0].endswith("of 1,800 triangles of 'ball.stl' of 'body'")
+
+
+def test_closed_surfaces_face_outward():
+    """A tetrahedron, turned inside out, and without a face."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    faces = corners[[0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]]
+    for given in (faces, faces[::-1]):
+        seen, closed = outward(given)
+        a, b, c = (seen[k::3] for k in range(3))
+        assert closed and (np.einsum("ij,ij->i", np.cross(b - a, c - a), a - corners.mean(axis=0)) > 0).all()
+    assert not outward(faces[3:])[1]
