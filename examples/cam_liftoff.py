@@ -10,6 +10,7 @@ Source: textbook, e.g. Norton, Design of Machinery, dynamics of cams; own values
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,7 +23,7 @@ RATED, FAST, TURN = 1300.0, 1550.0, 2 * np.pi / 60  # [1/min], and rad/s of one 
 STIFFNESS, DAMPING = 2e7, 1e3  # of the surfaces [N/m, N s/m]
 
 
-def radius(angle: ca.SX | float) -> ca.SX | float:
+def radius(angle: Any) -> Any:
     """From the shaft to the roller's centre, 0 to the lift above the base circle."""
     return BASE + LIFT / 2 * (1 - np.cos(angle))
 
@@ -89,12 +90,18 @@ def jump(mass: float, spring: float, preload: float, rpm: float) -> float:
     def push(t: float, y: float, v: float) -> float:
         turned = np.exp(-1j * omega * t)
         centre, rate, s = 1j * y * turned, (1j * v + omega * y) * turned, np.pi / 2 - omega * t
+
+        def at(s: float) -> tuple[complex, complex]:
+            """From the curve to the centre of the roller, and along the curve."""
+            r = radius(s - np.pi / 2)
+            return centre - r * np.exp(1j * s), (1j * r - LIFT / 2 * np.cos(s)) * np.exp(1j * s)
+
         for _ in range(8):
-            ray, r = np.exp(1j * s), radius(s - np.pi / 2)
-            along = (1j * r - LIFT / 2 * np.cos(s)) * ray
-            s += ((centre - r * ray) * along.conjugate()).real / abs(along) ** 2
+            offset, along = at(s)
+            s += (offset * along.conjugate()).real / abs(along) ** 2
+        offset, along = at(s)
         normal = -1j * along / abs(along)
-        depth, sinks = (-(z * normal.conjugate()).real for z in (centre - r * ray, rate))
+        depth, sinks = (-(z * normal.conjugate()).real for z in (offset, rate))
         return max(STIFFNESS * depth + DAMPING * sinks, 0.0) * (normal / turned).imag if depth > 0 else 0.0
 
     def rates(t: float, z: np.ndarray) -> list[float]:

@@ -16,7 +16,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 import symmb as mb
 
@@ -83,12 +83,13 @@ def closed(speed: float, seal: float, thickness: float, friction: float) -> tupl
         return z[0]
 
     arrived.terminal = True
-    options = {"rtol": 1e-9, "atol": 1e-11}
-    swing = solve_ivp(swings, (0, END), [BEGIN, -speed / WIDTH], events=arrived, max_step=0.01, **options)
+    swing = solve_ivp(swings, (0, END), [BEGIN, -speed / WIDTH], events=arrived, rtol=1e-9, atol=1e-11, max_step=0.01)
     left = -WIDTH * swing.y[1, -1]
     reduced = 1 / (WIDTH**2 / AT_HINGE + 1 / STRIKER)  # masses that meet at the latch
     rate = -left / WIDTH * AT_HINGE / (AT_HINGE + STRIKER * WIDTH**2)
-    after = solve_ivp(lambda t, z: [z[1], force(*z)[0]], (0, 0.1), [0.0, rate], dense_output=True, **options)
+    after = solve_ivp(
+        lambda t, z: [z[1], force(*z)[0]], (0, 0.1), [0.0, rate], rtol=1e-9, atol=1e-11, dense_output=True
+    )
     return left, -reduced * left**2 / 2, max(force(*after.sol(t))[1] for t in np.linspace(0, 0.1, 2001))
 
 
@@ -99,7 +100,8 @@ worst = closed(1.4, 2150.0, 0.062, 3.5), closed(1.6, 1850.0, 0.058, 2.5)
 assert np.allclose(bounds["speed"], [row[0] for row in worst], rtol=2e-3)
 assert np.allclose(bounds["blow"], [row[2] for row in worst], rtol=2e-3)
 assert not bounds.doubts
-needed = brentq(lambda speed: closed(speed, 2000.0, 0.06, 3.0)[0], 1.15, 1.5)  # slower ones swing back: below 0
+# Slower ones swing back: their speed at the end is below 0.
+needed = root_scalar(lambda speed: closed(speed, 2000.0, 0.06, 3.0)[0], bracket=(1.15, 1.5)).root
 (told,) = re.findall(r"speed < ([\d.]+)", slow.doubts[0])
 assert abs(float(told) - needed) < 0.02
 
