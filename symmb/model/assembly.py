@@ -224,6 +224,12 @@ class _Equations:
         """The actions of all forces."""
         return [*chain.from_iterable(self.actions.values())]
 
+    @property
+    def forces(self) -> dict[str, ca.SX | None]:
+        """What the law of each force gives, at all its places together."""
+        own = {f.name: [a.force for a in actions if a.force is not None] for f, actions in self.actions.items()}
+        return {name: sum(forces[1:], forces[0]) if forces else None for name, forces in own.items()}
+
     def faults(self) -> Iterator[str]:
         """Values that jump in a constraint, and loads that leave the plane of a body."""
         for element, _ in self.sampled:
@@ -316,16 +322,10 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         assembly_cosines=stacked([c.assembly_cosines() for c in equations.constraints if closed.get(c.name, True)]),
         positive=tuple(positive(inertial, equations.constraints, bind)),
         loads=tuple(load for action in equations.every_action for load in action.loads),
-        forces={force.name: _sum_of_forces(actions) for force, actions in equations.actions.items()},
+        forces=equations.forces,
         decoupled=(),
         n_declared_rows=equations.n_declared_rows,
     )
-
-
-def _sum_of_forces(actions: Sequence[Action]) -> ca.SX | None:
-    """What a law gives, at all its places together."""
-    forces = [action.force for action in actions if action.force is not None]
-    return sum(forces[1:], forces[0]) if forces else None
 
 
 def _names(body: Body) -> tuple[tuple[str, ...], ...]:
