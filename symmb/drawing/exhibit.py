@@ -89,9 +89,10 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     if output is not None:
         require_name("view", "output", output, bounds.names)
     column = bounds.names.index(output) if output else _widest(bounds)
-    width = bounds.upper[:, column] - bounds.lower[:, column]
-    row = int(width.argmax()) if time is None else row_of("view", bounds.t, time)
-    name, t = bounds.names[column], float(bounds.t[row])
+    name, width = bounds.names[column], bounds.upper[:, column] - bounds.lower[:, column]
+    times = scene.times if name in bounds.figures else bounds.t  # a figure has the same bounds at all of them
+    at = int(width.argmax()) if time is None else row_of("view", times, time)
+    row, t = min(at, len(bounds.t) - 1), float(times[at])
     value_of = name if name in bounds.figures else f"{name}({t:g} s)"
     if bounds.attaining is None:
         raise DeclarationError(
@@ -103,7 +104,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     nominal, least, largest = attaining_runs(study, [middle, *samples])
     if not np.isfinite(nominal.x).all():
         nominal = simulate(scene, study.solver)  # which tells why
-    also = [row, *_extremes(bounds.lower, bounds.upper)]
+    also = [at, *_extremes(bounds.lower, bounds.upper)]
     drawing = draw(nominal, also=also)
 
     acting = bounds._acting(study.box, [column])

@@ -52,6 +52,10 @@ class JointForce(ForceElement):
         return cast(str, self.coordinate or self.joint.coordinate)
 
     @property
+    def turns(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.handle == "angle"
+
+    @property
     def axis(self) -> ca.SX:
         """The axis of the joint in world axes, (3,)."""
         return cast(AxisJoint, self.joint).frames[0][:, 2]
@@ -94,7 +98,8 @@ class Actuator(JointForce):
     law: Expr
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        yield Action(self.loads(bind(self.law, f"{self.title}: law")))
+        law = bind(self.law, f"{self.title}: law")
+        yield Action(self.loads(law), force=law)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,4 +177,4 @@ class Stop(JointForce):
             penetration = sign * (end - value)
             force = law.force(penetration, sign * (ddt(end) - rate))
             potential = law.potential(penetration) if is_constant(law.stores, end) else None
-            yield Action(self.loads(sign * force), potential)
+            yield Action(self.loads(sign * force), potential, force=force)

@@ -32,7 +32,8 @@ def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Lo
     The force stores energy if all points, directions and sizes in `fixed` are at rest in their bodies.
     """
     force = law.force(penetration, ddt(penetration))
-    return Action(loads(force), law.potential(penetration) if is_constant(law.stores, *fixed) else None)
+    potential = law.potential(penetration) if is_constant(law.stores, *fixed) else None
+    return Action(loads(force), potential, force=force)
 
 
 def touch(
@@ -58,7 +59,7 @@ def touch(
     rate = ddt(penetration) if rate is None else ddt(radius) - rate
     force = law.force(penetration, rate)
     potential = law.potential(penetration) if is_constant(law.stores, radius, *fixed) else None
-    yield Action(push(point, a, force * normal), potential)
+    yield Action(push(point, a, force * normal), potential, force=force)
     if element.friction is None:
         return
     if isinstance(a.pose, Planar) or isinstance(b.pose, Planar):

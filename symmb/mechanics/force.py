@@ -33,12 +33,14 @@ class Load:
 class Action:
     """Loads of one origin, and the potential [J] they derive from; None where their work is counted instead.
 
-    `states` are the first-order states that the loads bring along.
+    `states` are the first-order states that the loads bring along. `force` is what the law of the element gives, if
+    that is one number: a pull, a push [N] or a torque [N m].
     """
 
     loads: tuple[Load, ...]
     potential: ca.SX | None = None
     states: tuple[Symbol, ...] = ()
+    force: ca.SX | None = None
 
 
 def force_at(point: Point, force: ca.SX) -> Load:
@@ -81,7 +83,9 @@ def is_moved(distance: ca.SX) -> bool:
 
 
 class ForceElement(Element):
-    """An element that adds to the generalised forces Q."""
+    """An element that adds to the generalised forces Q. `turns` tells whether its law gives a torque."""
+
+    turns: bool = False
 
     @abstractmethod
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
@@ -190,11 +194,14 @@ class SpringDamper(PairForce):
         if not is_zero(k):
             stretch = ca.sumsqr(d) if is_zero(length) else (ca.norm_2(d) - length) ** 2
             force = k * d if is_zero(length) else k * (1 - length / ca.norm_2(d)) * d
-            yield Action(self._pull(force), 0.5 * k * stretch if is_constant(k, length) and not is_moved(d) else None)
+            potential = 0.5 * k * stretch if is_constant(k, length) and not is_moved(d) else None
+            yield Action(self._pull(force), potential, force=k * (ca.norm_2(d) - length))
         if not is_zero(c):
             rate = ddt(d)
             # Points closer than 1e-12 m have no line between them: the pull decreases to 0 there and stays finite.
-            yield Action(self._pull(c * ca.dot(d, rate) / ca.fmax(ca.sumsqr(d), MEETING**2) * d))
+            squared = ca.fmax(ca.sumsqr(d), MEETING**2)
+            share = c * ca.dot(d, rate) / squared
+            yield Action(self._pull(share * d), force=share * ca.sqrt(squared))
 
 
 def Spring(name: str, point_a: Point, point_b: Point, stiffness: Expr, length: Expr = 0.0) -> SpringDamper:
@@ -231,6 +238,8 @@ def Damper(name: str, point_a: Point, point_b: Point, damping: Expr) -> SpringDa
 @dataclass(frozen=True, eq=False)
 class PairTorque(ForceElement):
     """Opposite torques on two bodies that depend on their relative angle about an axis fixed in both."""
+
+    turns = True
 
     name: str
     body_a: AbstractBody
@@ -306,9 +315,11 @@ class TorsionSpring(PairTorque):
         rest = bind(self.angle, f"{self.title}: angle")
         turn = self.alpha - rest
         if not is_zero(k):
-            yield Action(self._loads(-k * turn), 0.5 * k * turn**2 if is_constant(k, rest) else None)
+            potential = 0.5 * k * turn**2 if is_constant(k, rest) else None
+            yield Action(self._loads(-k * turn), potential, force=-k * turn)
         if not is_zero(c):
-            yield Action(self._loads(-c * ddt(self.alpha)))
+            torque = -c * ddt(self.alpha)
+            yield Action(self._loads(torque), force=torque)
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,7 @@ class NonlinearSpring(PairForce):
         law = bound(self.pull, bind, title) if isinstance(self.pull, GasSpring | Orifice) else self.pull
         pull = bind(law_value(law, title, length, ca.dot(d, ddt(d)) / length), title)
         force = pull * d / length
-        yield Action((force_at(self.point_a, force), force_at(self.point_b, -force)))
+        yield Action((force_at(self.point_a, force), force_at(self.point_b, -force)), force=pull)
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,6 +94,7 @@ class Collected:
     assembly_cosines: ca.SX
     positive: tuple[tuple[str, ca.SX], ...]  # expressions that must be above 0 for all parameters, with their names
     loads: tuple[Load, ...]
+    forces: dict[str, ca.SX | None]  # what the laws of elements give, None where that is not one number
     decoupled: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates without force and constraint: name, x, name, vx
     n_declared_rows: int  # rows that the joints declare, with those that are zero
 
@@ -205,14 +206,14 @@ class _Faults:
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """Contributions of the elements: actions by title, rows by name of the constraint, laws of impacts by name."""
+    """Contributions of the elements: actions of forces, rows by name of the constraint, laws of impacts by name."""
 
     constraints: list[Constraint]
     impacts: list[Impact]
     joint_events: list[tuple[JointEvent, ca.SX]]
     states: list[OwnState]
     sampled: list[tuple[Sampled, ca.SX]]
-    actions: dict[str, tuple[Action, ...]]
+    actions: dict[ForceElement, tuple[Action, ...]]
     positions: dict[str, list[ca.SX]]
     velocities: dict[str, list[ca.SX]]
     laws: dict[str, tuple[ca.SX, ca.SX]]
@@ -223,13 +224,19 @@ class _Equations:
         """The actions of all forces."""
         return [*chain.from_iterable(self.actions.values())]
 
+    @property
+    def forces(self) -> dict[str, ca.SX | None]:
+        """What the law of each force gives, at all its places together."""
+        own = {f.name: [a.force for a in actions if a.force is not None] for f, actions in self.actions.items()}
+        return {name: sum(forces[1:], forces[0]) if forces else None for name, forces in own.items()}
+
     def faults(self) -> Iterator[str]:
         """Values that jump in a constraint, and loads that leave the plane of a body."""
         for element, _ in self.sampled:
             yield from held_faults(element, self.positions, self.velocities)
-        for title, actions in self.actions.items():
+        for force, actions in self.actions.items():
             for action in actions:
-                yield from plane_faults(title, action)
+                yield from plane_faults(force.title, action)
 
 
 def _write_equations(
@@ -245,7 +252,7 @@ def _write_equations(
     for state in states:
         attempt(None, bind.check, state.symbols[0].rate, f"{state.title}: rate")
     sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in _of_kind(Sampled, states)]
-    actions = {f.title: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
+    actions = {f: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
     declared = {c.name: attempt(nothing, c.position_rows, bind) for c in constraints}
     events = [(e, ca.SX(1)) for e in _of_kind(JointEvent, elements)]
     equations = _Equations(
@@ -315,6 +322,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         assembly_cosines=stacked([c.assembly_cosines() for c in equations.constraints if closed.get(c.name, True)]),
         positive=tuple(positive(inertial, equations.constraints, bind)),
         loads=tuple(load for action in equations.every_action for load in action.loads),
+        forces=equations.forces,
         decoupled=(),
         n_declared_rows=equations.n_declared_rows,
     )

@@ -16,7 +16,7 @@ from functools import cached_property
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb._options import require_instance
+from symmb._options import require_instance, require_name
 from symmb._types import Expr
 from symmb.mechanics import Body, Element, Ground, Joint, Parameters
 from symmb.model.assembly import Collected, collect
@@ -306,6 +306,20 @@ class System(Typeset):
             If there is no such joint between two bodies
         """
         return reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
+
+    def force(self, name: str) -> ca.SX:
+        """Force of the element of that name [N], [N m]: pull of a spring or a rope, push of a contact, law of a motor.
+
+        Of a contact at several places it is the sum, without friction.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such element, or its force is not one number
+        """
+        forces = {key: force for key, force in self.collected.forces.items() if force is not None}
+        require_name("system.force", "element with a force", name, forces)
+        return forces[name]
 
     @cached_property
     def positive(self) -> tuple[tuple[str, ...], ca.Function]:

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import casadi as ca
 
-from symmb.mechanics import Joint, OwnState
+from symmb.mechanics import ForceElement, Joint, OwnState
 from symmb.model.system import System
 from symmb.symbolic import Kind, interpret, is_time, lookup, symbols_in
 
@@ -25,7 +25,7 @@ _HANDLES = {"angle_rate": _unit(s=-1, rad=1), "displacement": _unit(m=1), "displ
 """Handles of joints, expressions whose units do not follow from numbers in axes."""
 _RATE = ".rate"
 """End of the names of accelerations, which are symbols in outputs only."""
-_ENERGY, _POWER = _unit(m=2, kg=1, s=-2), _unit(m=2, kg=1, s=-3)
+_FORCE, _ENERGY, _POWER = _unit(m=1, kg=1, s=-2), _unit(m=2, kg=1, s=-2), _unit(m=2, kg=1, s=-3)
 _TEXTS = {
     _unit(m=1): "m",
     _unit(m=1, s=-1): "m/s",
@@ -37,7 +37,7 @@ _TEXTS = {
     _unit(m=2): "m^2",
     _unit(m=3): "m^3",
     _unit(m=2, s=-2): "m^2/s^2",
-    _unit(m=1, kg=1, s=-2): "N",
+    _FORCE: "N",
     _unit(kg=1, s=-2): "N/m",
     _ENERGY: "N m",
     _POWER: "W",
@@ -71,7 +71,7 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
         if multiplier.element_hash() in hashes:  # a multiplier times its row is an energy, or a power
             (unit,) = _worked_out(rows[i], {})
             known[multiplier.element_hash()] = _product(_ENERGY if i < n_c else _POWER, unit, -1) if unit else None
-    handles = _handles(system)
+    handles = [*_handles(system), *_forces(system, y)]
     for state in (e for e in system.elements if isinstance(e, OwnState)):
         if state.value.element_hash() in hashes:
             known[state.value.element_hash()] = _of_own_state(state, system, handles)
@@ -89,6 +89,17 @@ def _handles(system: System) -> list[tuple[ca.SX, Unit]]:
     """The handles of joints that expressions may contain, with their units. Those that nobody has read do not exist."""
     joints = [e for e in system.elements if isinstance(e, Joint)]
     return [(vars(j)[name], unit) for j in joints for name, unit in _HANDLES.items() if name in vars(j)]
+
+
+def _forces(system: System, y: ca.SX) -> list[tuple[ca.SX, Unit]]:
+    """The forces of elements among expressions (n_y,), with their units, which those of stiffnesses do not tell."""
+    forces, whole = system.collected.forces, {entry.element_hash() for entry in ca.vertsplit(ca.SX(y))}
+    torques = {e.name for e in system.elements if isinstance(e, ForceElement) and e.turns}
+    return [
+        (force, _ENERGY if name in torques else _FORCE)
+        for name, force in forces.items()
+        if force is not None and force.element_hash() in whole
+    ]
 
 
 def _worked_out(y: ca.SX, known: dict[int, Unit | None], parts: Sequence[tuple[ca.SX, Unit]] = ()) -> list[Unit | None]:

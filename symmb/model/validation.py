@@ -209,10 +209,14 @@ def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.
 def plane_faults(title: str, action: Action) -> list[str]:
     """Loads that would push or turn a planar body out of its plane."""
     faults = []
+    particle = next((load.body.name for load in action.loads if _is_particle(load.body)), None)
+    remedy = "Leave it out or use pose=Spatial()."
+    if particle is not None:
+        remedy = f"Particle {particle!r} may leave it: use pose=Planar() there, or pose=Spatial() for both."
     for load in action.loads:
         wrench = ca.vertcat(load.force, load.torque)
         S = load.body.frame.S
-        if isinstance(load.body, Ground) or isinstance(load.body.pose, Particle):
+        if isinstance(load.body, Ground) or _is_particle(load.body):
             continue
         outside = [i for i in range(6) if is_zero(S[i, :]) and not is_zero(wrench[i])]
         if outside:
@@ -226,9 +230,13 @@ def plane_faults(title: str, action: Action) -> list[str]:
             )
             faults.append(
                 f"{title}: {what[outside[0]]}{_shown(wrench[outside[0]])} leaves the plane of planar body "
-                f"{load.body.name!r}. Leave it out or use pose=Spatial()."
+                f"{load.body.name!r}. {remedy}"
             )
     return faults
+
+
+def _is_particle(body: AbstractBody) -> bool:
+    return isinstance(body, Body) and isinstance(body.pose, Particle)
 
 
 def _shown(value: ca.SX) -> str:

@@ -85,7 +85,8 @@ class Curves:
         """Numbers of the panels in which the condition of a figure first holds, -1 without, and places in them.
 
         That is where the margin becomes 0 or less from above its tolerance, or is as small at its least. So a gap that
-        an impact closes counts, and one that is 0 at the begin does not if it opens.
+        an impact closes counts, and one that is 0 at the begin does not if it opens. A margin that is 0 from the begin
+        on counts where it falls below 0.
         """
         panels, g = self.panels, rule.margin
         B, ends = panels.bernstein(g, self.exact), panels.nodes[g]
@@ -101,6 +102,7 @@ class Curves:
             if panels.sample[k] != known:  # later passages do not count
                 found[k], low[k], high[k] = _passage(B[k], tolerance[k])
                 known = panels.sample[k] if found[k] else known
+        found |= B.min(axis=1) < -tolerance  # after both sides were equal: a force that begins
         value, rate = ends[:, 0, first]
         holds = value < -tolerance[first]
         holds |= (value <= tolerance[first]) & ((rate < 0) if rule.is_strict else True)

@@ -56,6 +56,16 @@ def test_a_nominal_run_that_fails_is_told():
         of_bounds(bounds, "x", 1.0, None)
 
 
+def test_bounds_of_a_figure_are_shown_at_a_time_of_the_run():
+    p = mb.Parameters(speed=2.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    figures, box = {"end": mb.final(ball.x)}, mb.Box(speed=(1.0, 3.0))
+    scene = mb.Scene(mb.System(ball, parameters=p), {"ball.vx": p.speed}, np.linspace(0, 1, 11), figures, box)
+    exhibit = of_bounds(mb.propagate(scene, mb.Vertex()), "end", 0.5, None)
+    assert exhibit.drawing.t[exhibit.picture] == 0.5
+    assert ["= 1 " in exhibit.ghosts[0].label, "= 3 " in exhibit.ghosts[1].label] == [True, True]
+
+
 @pytest.mark.long
 def test_ghosts_of_the_gun_attain_the_bounds():
     bounds = mb.propagate(artillery.scene(), mb.Vertex())

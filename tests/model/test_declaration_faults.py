@@ -124,6 +124,10 @@ FAULTS = {
         lambda: [ROD1, mb.Force("push", ROD1.point(0, 0), (0, 0, 2))],
         r"Force 'push': force along z \(2\.?\) leaves the plane of planar body 'rod1'\. Leave it out",
     ),
+    "a particle on a planar body": (
+        lambda: [ROD1, BALL, mb.Spring("rubber", ROD1.point(0, 0), BALL.point(0, 0), 1.0)],
+        r"Spring 'rubber': force along z .* planar body 'rod1'\. Particle 'ball' may leave it: use pose=Planar\(\)",
+    ),
     "a torque out of the plane": (
         lambda: [ROD1, mb.Torque("twist", ROD1, (1, 0, 0))],
         r"Torque 'twist': torque about x \(.*\) leaves the plane of planar body 'rod1'",

@@ -141,6 +141,23 @@ def test_an_equality_at_the_begin_counts_for_what_it_is():
     assert over_time(mb.first_time(mb.t * (1 - mb.t) < 0)) == pytest.approx(1.0, abs=1e-8)
 
 
+@pytest.mark.parametrize(
+    "law", [mb.KelvinVoigt(1e5), mb.KelvinVoigt(1e5, 20.0), mb.HuntCrossley(1e5, 0.8, 3.0)], ids=repr
+)
+def test_a_force_begins_when_it_leaves_zero(law):
+    """Both sides of force > 0 are equal for as long as nothing touches."""
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    floor = mb.Contact("floor", ball.point(0, 0), mb.Ground().point(0, 0), (0, 1, 0), law)
+    system = mb.System(ball, floor, mb.Gravity(0, -G))
+    begins = system.force("floor") > 0
+    outputs = {"begin": mb.first_time(begins), "speed": mb.value_at(ball.vy, begins)}
+    run = mb.simulate(mb.Scene(system, {"ball.y": 1.0}, [0.0, 0.6], outputs))
+    assert abs(run["begin"] - np.sqrt(2 / G)) < 1e-7 and abs(run["speed"] + np.sqrt(2 * G)) < 1e-6
+    never = mb.Scene(system, {"ball.y": 1.0}, [0.0, 0.4], outputs)
+    with pytest.raises(mb.SimulationError, match="does not hold"):
+        mb.simulate(never)
+
+
 def test_a_condition_that_never_holds_fails_the_run():
     with pytest.raises(mb.SimulationError, match="the condition of output 'high' does not hold in the run"):
         mb.simulate(thrown(lambda ball: {"high": mb.first_time(ball.y > 5)}))
