@@ -52,10 +52,9 @@ def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices
     z = ca.vertcat(delta, lam)
     at_zero = [ca.substitute(e, delta, ca.SX.zeros(n, 1)) for e in (residual, ca.jacobian(residual, z))]
     f = ca.Function("balance", [at, lam], at_zero)
-    size = float(np.abs(q / dae.coordinate_scales).max(initial=0.0)) or 1.0
     names = [coordinate_of(dae, int(i)) for i in free]
     for damped in (False, True):
-        equilibrium = _damped_newton(dae, f, q, t0, free, m, size, damped)
+        equilibrium = _damped_newton(dae, f, q, t0, free, m, _size(dae, q) or 1.0, damped)
         if equilibrium is not None:
             q_new, multipliers, J = equilibrium
             unopposed = _unopposed(J[:n, :n], J[n:, :n])
@@ -82,9 +81,10 @@ def _damped_newton(
     """Coordinates, multipliers and Jacobian in equilibrium; None if it is not reached."""
     n, lam = len(free), np.zeros(m)
     M = evaluate_at_rest(dae.M, dae, q, t0)[np.ix_(free, free)]
-    scales = dae.displacement_scales[free] * size
     drag, before, reach = 0.0, np.inf, np.inf
     for step in range(_DAMPED_STEPS if damped else _NEWTON_STEPS):
+        size = max(size, _size(dae, q))  # the guess may be small beside the way to the equilibrium
+        scales = dae.displacement_scales[free] * size
         r, J = (part.full() for part in f(q, lam))
         r = r.ravel()
         forces = np.abs(r[:n]).max(initial=0.0)
@@ -109,6 +109,11 @@ def _damped_newton(
         delta[free] = z[:n]
         q, lam = np.asarray(dae.retract(q, delta)).ravel(), lam + z[n:]
     return None
+
+
+def _size(dae: DAE, q: Array) -> float:
+    """The largest coordinate over its scale."""
+    return float(np.abs(q / dae.coordinate_scales).max(initial=0.0))
 
 
 def _first_drag(M: Array, force: Array, scales: Array) -> float:
