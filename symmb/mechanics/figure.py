@@ -34,28 +34,35 @@ class Figure:
     window: Window = None
 
     def __post_init__(self) -> None:
-        if isinstance(self.expression, Figure) or isinstance(self.condition, Figure):
-            raise DeclarationError(f"{self.kind}: it takes expressions over time, and a figure is one number.")
+        fault = self._fault_of_expressions() or self._fault_of_window()
+        if fault:
+            raise DeclarationError(f"{self.kind}: {fault}")
+
+    def _fault_of_expressions(self) -> str:
+        parts = self.expression, self.condition
+        if any(isinstance(part, Figure) for part in parts):
+            return "it takes expressions over time, and a figure is one number."
         if self.kind in ("first_time", "value_at") and self.condition is None:
-            raise DeclarationError(f"{self.kind}: it needs a condition. {EXAMPLE}")
+            return f"it needs a condition. {EXAMPLE}"
         if self.kind != "first_time" and self.expression is None:
-            raise DeclarationError(f"{self.kind}: it needs an expression, such as ball.y.")
-        for part in (self.expression, self.condition):
-            if not (part is None or isinstance(part, bool | np.bool_ | ca.SX | ca.DM) or is_sympy(part)):
-                number = numbers_of(part)
-                if number is None or number.size != 1 or not np.isfinite(number).all():
-                    raise DeclarationError(f"{self.kind}: expected an expression over time, got {shown(part)}.")
+            return "it needs an expression, such as ball.y."
+        for part in parts:
+            if part is not None and not _is_expression(part):
+                return f"expected an expression over time, got {shown(part)}."
         if isinstance(self.condition, bool | np.bool_):
-            raise DeclarationError(f"{self.kind}: the condition is {self.condition} at all times. {EXAMPLE}")
+            return f"the condition is {self.condition} at all times. {EXAMPLE}"
+        return ""
+
+    def _fault_of_window(self) -> str:
         window = self.window
         if window is None:
-            return
+            return ""
         ends = tuple(window) if isinstance(window, tuple | list) else ()
         if len(ends) != 2 or not all(end is None or is_finite_number(end) for end in ends):
-            raise DeclarationError(f"{self.kind}: window must be two times as (0.5, 2.0) [s], got {shown(window)}.")
+            return f"window must be two times as (0.5, 2.0) [s], got {shown(window)}."
         begin, end = ends
-        if begin is not None and end is not None and not begin < end:
-            raise DeclarationError(f"{self.kind}: the window {shown(window)} ends before it begins.")
+        crosses = begin is not None and end is not None and not begin < end
+        return f"the window {shown(window)} ends before it begins." if crosses else ""
 
     def _refuse(self, *_: object) -> Any:
         raise DeclarationError(f"{self.kind}: a figure is one number a run, with which outputs cannot calculate.")
@@ -65,6 +72,14 @@ class Figure:
     def __repr__(self) -> str:
         parts = [str(part) for part in (self.expression, self.condition) if part is not None]
         return f"{self.kind}({', '.join([*parts, *([f'window={self.window}'] if self.window else [])])})"
+
+
+def _is_expression(part: object) -> bool:
+    """Whether a part is one number over time, or may be."""
+    if isinstance(part, bool | np.bool_ | ca.SX | ca.DM) or is_sympy(part):
+        return True
+    number = numbers_of(part)
+    return number is not None and number.size == 1 and bool(np.isfinite(number).all())
 
 
 def maximum(expression: Expr, window: Window = None) -> Figure:
