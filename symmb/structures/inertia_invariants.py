@@ -16,19 +16,24 @@ EPSILON = np.array(
 
 @dataclass(frozen=True, eq=False)
 class RigidInertia:
-    """Mass [kg], centre of mass [m] and inertia about the origin [kg m^2]."""
+    """Mass [kg], its first moment [kg m] and inertia about the origin [kg m^2]."""
 
     mass: float
-    center: Array
+    moment: Array
     J0: Array
+
+    @property
+    def center(self) -> Array:
+        """Centre of mass [m]."""
+        return self.moment / self.mass
 
 
 def rigid_inertia(M: Array) -> RigidInertia:
     """Rigid inertia from the (6, 6) mass matrix Rᵀ M R of unit rigid translations and rotations about the origin."""
     mass = np.trace(M[:3, :3]) / 3
     moment = M[:3, 3:]  # -m [c ×]
-    center = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]]) / 2
-    return RigidInertia(float(mass), center / mass, (M[3:, 3:] + M[3:, 3:].T) / 2)
+    first = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]]) / 2
+    return RigidInertia(float(mass), first, (M[3:, 3:] + M[3:, 3:].T) / 2)
 
 
 def deformed_inertia(

@@ -6,6 +6,7 @@ from os import PathLike
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import casadi as ca
 import numpy as np
 
 from symmb import _html as html
@@ -45,6 +46,42 @@ _STILL = 1e-18
 def nearest(positions: Array, point: tuple[float, float, float]) -> int:
     """Row of the position nearest to a point, the first of equals."""
     return int(np.argmin(np.linalg.norm(positions - numbers(point, "nearest", "point", (3,)), axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Invariants:
+    """A part of the inertia of a body: fields as in `Modes`, its first moment [kg m], and its modal mass (n, n)."""
+
+    mass: float
+    moment: Array
+    J0: Array
+    J1: Array
+    J2: Array
+    S: Array
+    S2: Array
+    G0: Array
+    G1: Array
+    modal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """What depends on parameters in modes whose shapes do not.
+
+    Attributes
+    ----------
+    masses : pairs (expression, Invariants)     the body's inertia is the sum of their products
+    stiffness : (n, n) SX
+    damping : (n,) SX
+    box : intervals of the parameters that change the shapes of modes, in which these shapes hold
+    error : float
+    """
+
+    masses: tuple[tuple[ca.SX, Invariants], ...]
+    stiffness: ca.SX
+    damping: ca.SX
+    box: dict[str, tuple[float, float]]
+    error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +129,9 @@ class Modes:
         small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
     shapes2 : (k, 3, n, n)
         D of the nodes [1/(kg m)]
+    family : Family
+        of structures with parameters: inertia, stiffness and damping as expressions. The shapes are the same for all
+        parameters, and the fields above are numbers, for the middles of their intervals
 
     Raises
     ------
@@ -129,6 +169,7 @@ class Modes:
     shapes: Array
     rotations: Array
     shapes2: Array
+    family: Family | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))
@@ -158,6 +199,24 @@ class Modes:
         rows = [[str(k), f"{f:.6g}", f"{zeta:.4g}"] for k, (f, zeta) in enumerate(pairs, 1)]
         head = html.text(f"Modes of a body of {self.mass:g} kg at {nodes} node{'s' * (nodes != 1)}")
         return html.page(head, html.table([["mode", "frequency [Hz]", "damping [-]"], *rows]))
+
+    @property
+    def error(self) -> float:
+        """Relative error of squared frequencies, and of deflections under loads at interfaces, by parameters.
+
+        It is twice the largest one at points of the box of `at`, against modes computed there; 0 where the modes have
+        the same shapes for all parameters.
+        """
+        return 0.0 if self.family is None else self.family.error
+
+    @property
+    def masses(self) -> tuple[tuple[ca.SX, Invariants], ...]:
+        """Pairs (expression, Invariants), of whose products the inertia is the sum."""
+        if self.family is not None:
+            return self.family.masses
+        same = {name: getattr(self, name) for name in ("mass", "J0", "J1", "J2", "S", "S2", "G0", "G1")}
+        own = Invariants(**same, moment=self.mass * self.center, modal=np.eye(len(self.stiffness)))
+        return ((ca.SX(1), own),)
 
     @property
     def flexibility(self) -> Flexibility | None:
@@ -220,8 +279,13 @@ class Modes:
         Raises
         ------
         DeclarationError
-            If the name has another suffix.
+            If the name has another suffix, or the modes depend on parameters.
         """
+        if self.family is not None and ca.symvar(ca.vertcat(ca.vec(self.family.stiffness), self.family.damping, *(c for c, _ in self.masses))):
+            raise DeclarationError(
+                "Modes.save: these modes depend on parameters, which the file cannot hold. Save the script that makes "
+                "them, or modes in numbers."
+            )
         files.save(path, {"layout": LAYOUT, **{name: getattr(self, name) for name in SHAPES}})
 
     @classmethod

@@ -1,0 +1,82 @@
+"""A few shapes that span the modes of a structure with parameters, for all their values in a box."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.structures.eigenmodes import lowest
+from symmb.structures.mass_samples import Sparse
+
+TOLERANCE = 1e-6
+"""Share of the strain energy of any mode in the box that the shapes may leave out. Squared frequencies of the reduced
+body, and its deflections under loads at interfaces, are then as accurate."""
+SAFETY = 2.0
+"""Factor of the stated error over the largest one at the points tried."""
+_GROWTH = 4
+"""Times the number of modes, up to which shapes are added."""
+
+Solve = Callable[[Sparse, Sparse], tuple[Array, Array]]
+
+
+def spanning(
+    matrices: Sequence[tuple[Sparse, Sparse]], places: Sequence[str], solve: Solve, rigid: Array, axes: Sparse
+) -> tuple[Array, Array, float]:
+    """λ (n,) and X (d, n), the modes of the first of several structures in the span of many modes, and the error.
+
+    Greedy: what the shapes so far leave out of the modes is added where it is largest.
+
+    Parameters
+    ----------
+    matrices : stiffness and mass matrix of each structure
+    places : what a message calls each
+    solve : gives the wanted λ and X of such matrices
+    rigid : (d, r)       rigid motions
+    axes : (d, d)        see `lowest`
+    """
+    K, M = matrices[0]
+    wanted = [_unit_energy(solve, *pair, place) for pair, place in zip(matrices, places, strict=True)]
+    B = wanted[0]
+    most = min(_GROWTH * B.shape[1], K.shape[0] - rigid.shape[1])
+    while True:
+        lost = [_lost(B, Y, stiff) for Y, (stiff, _) in zip(wanted, matrices, strict=True)]
+        error, directions = max(lost, key=lambda pair: pair[0])
+        if error <= TOLERANCE or B.shape[1] + directions.shape[1] > most:
+            break
+        B = _independent(np.hstack([B, _without(directions, rigid, M)]), K)
+    values, Y = lowest(*(B.T @ (A @ B) for A in (K, M, axes)), np.zeros((B.shape[1], 0)))
+    return values, B @ Y, SAFETY * error
+
+
+def _unit_energy(solve: Solve, K: Sparse, M: Sparse, place: str) -> Array:
+    """Wanted shapes (d, n) with Yᵀ K Y = 1."""
+    try:
+        values, X = solve(K, M)
+    except DeclarationError as error:
+        raise DeclarationError(f"{error} This is at {place}.") from None
+    return X / np.sqrt(values)
+
+
+def _lost(B: Array, Y: Array, K: Sparse) -> tuple[float, Array]:
+    """The largest share of strain energy that the span of B leaves out of that of Y, and what it leaves out."""
+    KB = K @ B
+    residual = Y - B @ np.linalg.solve(B.T @ KB, KB.T @ Y)
+    shares, V = np.linalg.eigh(residual.T @ (K @ residual))
+    return float(shares[-1]), residual @ V[:, shares > TOLERANCE]
+
+
+def _without(X: Array, rigid: Array, M: Sparse) -> Array:
+    """Shapes without rigid motion."""
+    if not rigid.size:
+        return X
+    momentum = M @ rigid
+    return X - rigid @ np.linalg.solve(rigid.T @ momentum, momentum.T @ X)
+
+
+def _independent(B: Array, K: Sparse) -> Array:
+    """The same span with Bᵀ K B = 1."""
+    for _ in range(2):
+        energies, V = np.linalg.eigh(B.T @ (K @ B))
+        B = B @ (V / np.sqrt(energies))
+    return B

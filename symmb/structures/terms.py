@@ -1,0 +1,216 @@
+"""Structures with parameters: their matrices are sums of constant matrices times expressions."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._options import number_text, numbers_of, shown
+from symmb._types import Array, Expr
+from symmb.structures.beams import Beam, Mesh, mesh, properties_of
+from symmb.structures.mass_samples import MassSamples, Sparse, joined
+
+CORNERS, INNER = 32, 32
+"""Most corners of a box, and points inside it, at which laws are tried."""
+_NEAR = 0.1
+"""Share by which a parameter without an interval is varied to see what depends on it."""
+_SAME = 1e-11
+"""Relative difference of laws up to which it is rounding."""
+_TOGETHER = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
+"""Laws of a beam whose proportions, along it and to each other, are constant: shapes of its elements rest on them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ranges:
+    """Intervals of parameters by name; those of no width are numbers."""
+
+    intervals: dict[str, tuple[float, float]]
+
+    @classmethod
+    def given(cls, at: Mapping[str, Any] | None, owner: str) -> "Ranges":
+        """From a `Box`, from `Parameters`, or from a mapping with numbers and pairs."""
+        if at is not None and not hasattr(at, "keys"):
+            raise DeclarationError(f"{owner}: at must be a Box, Parameters, or values by name, got {shown(at)}.")
+        intervals = {}
+        for name, value in dict(at or {}).items():
+            ends = numbers_of(value)
+            if ends is None or ends.shape not in ((), (2,)) or not np.isfinite(ends).all():
+                raise DeclarationError(
+                    f"{owner}: at {shown(name)} must be a number or a pair (lower, upper), got {shown(value)}."
+                )
+            low, high = np.broadcast_to(ends, 2).tolist()
+            if low > high:
+                raise DeclarationError(f"{owner}: at {name!r} has lower {low:g} above upper {high:g}. Exchange them.")
+            intervals[name] = low, high
+        return cls(intervals)
+
+    @property
+    def widened(self) -> "Ranges":
+        """Every parameter with an interval of some width."""
+        ends = {name: (low, high, _NEAR * (abs(low) or 1.0)) for name, (low, high) in self.intervals.items()}
+        return Ranges({n: (low, high) if low < high else (low - r, high + r) for n, (low, high, r) in ends.items()})
+
+    def points(self, names: Iterable[str]) -> list[dict[str, float]]:
+        """The middle, corners and points inside for the parameters of these names; the others at their middles."""
+        middle = {name: low + 0.5 * (high - low) for name, (low, high) in self.intervals.items()}
+        names, random = list(names), np.random.default_rng(0)
+        if not names:
+            return [middle]
+        few = 2 ** len(names) <= CORNERS
+        corners = np.array(list(product([0.0, 1.0], repeat=len(names)))) if few else None
+        corners = random.integers(0, 2, (CORNERS, len(names))) if corners is None else corners
+        ends = np.array([self.intervals[name] for name in names])
+        shares = np.vstack([corners, random.random((INNER, len(names)))])
+        places = ends[:, 0] * (1 - shares) + ends[:, 1] * shares
+        return [middle, *(middle | dict(zip(names, place.tolist(), strict=True)) for place in places)]
+
+    def values(self, laws: Sequence[Expr], points: Sequence[dict[str, float]], owner: str) -> Array:
+        """Values (N, m) of laws at points.
+
+        Raises
+        ------
+        DeclarationError    if a law contains a symbol without a value, or has no finite value
+        """
+        stacked = ca.vertcat(*map(ca.SX, laws))
+        symbols = ca.symvar(stacked)
+        for symbol in symbols:
+            if symbol.name() not in self.intervals:
+                name = symbol.name()
+                raise DeclarationError(
+                    f"{owner}: {name!r} has no value. Give its interval, at=mb.Box({name}=(lower, upper)), or its "
+                    "nominal value, at=parameters."
+                )
+        f = ca.Function("laws", [ca.vertcat(*symbols)] if symbols else [ca.SX(0, 1)], [ca.densify(stacked)])
+        found = [f([point[symbol.name()] for symbol in symbols]).full().ravel() for point in points]
+        return np.array(found).reshape(len(points), len(laws))
+
+    def shaping(self, laws: Sequence[Sequence[Expr]], owner: str) -> list[str]:
+        """Names of the parameters that change the proportions of laws in one of several lists."""
+        wide = self.widened
+        return [
+            name
+            for name in self.intervals
+            if any(not _proportional(self.values(some, wide.points([name]), owner)) for some in laws)
+        ]
+
+
+def place_text(point: Mapping[str, float], laws: Sequence[Expr]) -> str:
+    """The values of the parameters in some laws."""
+    names = dict.fromkeys(symbol.name() for symbol in ca.symvar(ca.vertcat(*map(ca.SX, laws))))
+    return ", ".join(f"{name} = {number_text(point[name])}" for name in names)
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """K = Σ c K_i and M = Σ d M_j with expressions c and d. For the middles of all ranges the sums are nominal."""
+
+    ranges: Ranges
+    stiffness: tuple[tuple[ca.SX, Sparse], ...]
+    mass: tuple[tuple[ca.SX, Sparse, MassSamples], ...]
+
+    def with_mass(self, added: MassSamples) -> "Terms":
+        """The terms with more mass, which depends on no parameter. All of them have the same samples."""
+        none = _massless(added)
+        kept = [(law, M, joined([samples, none])) for law, M, samples in self.mass]
+        own = ca.SX(1), added.mass_matrix(), joined([_massless(self.mass[0][2]), added])
+        return replace(self, mass=(*kept, own))
+
+    @property
+    def has_laws(self) -> bool:
+        """Whether a factor is no number."""
+        return not all(law.is_constant() for law, *_ in (*self.stiffness, *self.mass))
+
+    def middle(self, law: Expr, owner: str) -> float:
+        """The value of a law for the middles of the ranges."""
+        return float(self.ranges.values([law], self.ranges.points([]), owner)[0, 0])
+
+
+def _massless(samples: MassSamples) -> MassSamples:
+    return replace(samples, mass=0.0 * samples.mass, rotary=0.0 * samples.rotary)
+
+
+def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh, Terms]:
+    """The mesh of beams for the middles of the ranges, and its terms."""
+    if not ca.symvar(ca.vertcat(*(ca.SX(law) for beam in beams for at_end in beam.laws() for law in at_end))):
+        meshed = mesh(beams)
+        return meshed, numeric_terms(meshed.stiffness, meshed.samples.mass_matrix(), meshed.samples, ranges)
+    _require_positive(beams, ranges, owner)
+    middle, wide = ranges.points([]), ranges.widened
+    nominal = [beam.evaluated(lambda law: float(ranges.values([law], middle, owner)[0, 0])) for beam in beams]
+    factors = [_factors(beam, own) for beam, own in zip(beams, nominal, strict=True)]
+    points = wide.points(wide.intervals)
+    values = [np.array([ranges.values(at_end, points, owner) for at_end in some]) for some in factors]
+    for some in values:
+        _require_one_law(some, owner)
+    stiff, massive = (_groups([x[0] for x in factors], [x[0] for x in values], k) for k in (range(6), range(6, 9)))
+    return mesh(nominal), Terms(
+        ranges,
+        tuple((law, mesh(nominal, shares).stiffness) for law, shares in stiff),
+        tuple((law, some.mass_matrix(), some) for law, shares in massive if (some := mesh(nominal, shares).samples)),
+    )
+
+
+def numeric_terms(K: Sparse, M: Sparse, samples: MassSamples, ranges: Ranges) -> Terms:
+    """Of a structure without parameters."""
+    return Terms(ranges, ((ca.SX(1), K),), ((ca.SX(1), M, samples),))
+
+
+def _factors(beam: Beam, nominal: Beam) -> list[list[Expr]]:
+    """Laws of each section over their nominal values."""
+    pairs = zip(beam.laws(), nominal.laws(), strict=True)
+    return [[law / number for law, number in zip(*pair, strict=True)] for pair in pairs]
+
+
+def _groups(factors: list[list[Expr]], values: list[Array], which: Iterable[int]) -> Iterator[tuple[ca.SX, Array]]:
+    """Distinct laws, each with the shares (b, 9) of the laws of beams that are equal to it."""
+    left = [(b, k) for b in range(len(factors)) for k in which]
+    while left:
+        first = values[left[0][0]][:, left[0][1]]
+        own = [(b, k) for b, k in left if np.allclose(values[b][:, k], first, rtol=_SAME, atol=0)]
+        shares = np.zeros((len(factors), 9))
+        shares[tuple(np.transpose(own))] = 1.0
+        yield ca.SX(factors[own[0][0]][own[0][1]]), shares
+        left = [pair for pair in left if pair not in own]
+
+
+def _require_positive(beams: Sequence[Beam], ranges: Ranges, owner: str) -> None:
+    names = ("E", "G", "density", "area", "Iy", "Iz", "J", "shear_y", "shear_z")
+    points = ranges.points(name for name, (low, high) in ranges.intervals.items() if low < high)
+    for beam in beams:
+        m = beam.material
+        for section in beam.sections:
+            laws = [m.E, m.shear_modulus, m.density, *properties_of(section)]
+            values = ranges.values(laws, points, owner)
+            for name, law, column in zip(names, laws, values.T, strict=True):
+                if not (column > 0).all():
+                    worst = int(np.argmin(np.where(np.isnan(column), -np.inf, column)))
+                    raise DeclarationError(
+                        f"{owner}: {name} of a beam is {column[worst]:.4g} at {place_text(points[worst], [law])}. It "
+                        "must be above 0 in all intervals of at=."
+                    )
+
+
+def _require_one_law(values: Array, owner: str) -> None:
+    """Factors (p, N, 9), of p sections at N points, leave the shapes of elements as they are."""
+    if any(not np.allclose(some := values[:, :, k], some[:1, :, :1], rtol=_SAME, atol=0) for k in _TOGETHER):
+        raise DeclarationError(
+            f"{owner}: parameters change the proportions of a beam along it, or those of bending to shear, on which "
+            "the shapes of its elements rest. Use one section for the whole beam, and section.without_shear()."
+        )
+
+
+def summed(factors: Array, matrices: Sequence[Sparse]) -> Sparse:
+    """Σ factor matrix."""
+    parts = [c * A for c, A in zip(factors, matrices, strict=True)]
+    return sum(parts[1:], parts[0])
+
+
+def _proportional(values: Array) -> bool:
+    """Whether the rows are multiples of the first one."""
+    norm = np.linalg.norm(values, axis=1, keepdims=True)
+    rows = values / np.where(norm > 0, norm, 1.0)
+    return bool(np.abs(rows - rows[0]).max(initial=0.0) <= _SAME)
