@@ -19,7 +19,7 @@ from symmb.structures.inertia_invariants import cleaned, deformed_inertia, rigid
 from symmb.structures.mass_samples import MassSamples, Sparse, at_nodes, joined, rigid_motions
 from symmb.structures.matrices import checked, lumped, read
 from symmb.structures.mode_reduction import chosen, reduced
-from symmb.structures.modes import Family, Invariants, Modes, nearest
+from symmb.structures.modes import SHAPES, Family, Invariants, Modes, ParametricModes, nearest
 from symmb.structures.reduced_basis import spanning
 from symmb.structures.terms import Ranges, Terms, beam_terms, numeric_terms, place_text, summed
 from symmb.structures.validation import is_law, numbers, positive
@@ -377,7 +377,7 @@ class FiniteElements:
         K = sum((law * ca.SX(ca.sparsify(ca.DM(cleaned((A + A.T) / 2, scale)))) for law, A in energy), ca.SX(n, n))
         inertia = sum((law * ca.SX(ca.DM(np.diag(part.modal))) for law, part in masses), ca.SX(n, 1))
         rates = 2 * (zeta if is_law(zeta) else ca.SX(ratio * np.ones(n))) * ca.sqrt(ca.diag(K) * inertia)
-        return replace(modes, family=Family(masses, K, rates, box, error))
+        return ParametricModes(**{name: getattr(modes, name) for name in SHAPES}, family=Family(masses, K, rates, box, error))
 
     def _check(
         self, interfaces: list[int], fixed: list[int], count: int | None, cutoff: float | None, stiffening: bool

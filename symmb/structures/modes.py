@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
-from typing import Any
+from typing import Any, ClassVar
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -129,10 +129,6 @@ class Modes:
         small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
     shapes2 : (k, 3, n, n)
         D of the nodes [1/(kg m)]
-    family : Family
-        of structures with parameters: inertia, stiffness and damping as expressions. The shapes are the same for all
-        parameters, and the fields above are numbers, for the middles of their intervals
-
     Raises
     ------
     DeclarationError
@@ -169,7 +165,9 @@ class Modes:
     shapes: Array
     rotations: Array
     shapes2: Array
-    family: Family | None = None
+
+    family: ClassVar[Family | None] = None
+    """Of structures with parameters, see `ParametricModes`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))
@@ -279,13 +277,8 @@ class Modes:
         Raises
         ------
         DeclarationError
-            If the name has another suffix, or the modes depend on parameters.
+            If the name has another suffix.
         """
-        if self.family is not None and ca.symvar(ca.vertcat(ca.vec(self.family.stiffness), self.family.damping, *(c for c, _ in self.masses))):
-            raise DeclarationError(
-                "Modes.save: these modes depend on parameters, which the file cannot hold. Save the script that makes "
-                "them, or modes in numbers."
-            )
         files.save(path, {"layout": LAYOUT, **{name: getattr(self, name) for name in SHAPES}})
 
     @classmethod
@@ -311,6 +304,26 @@ class Modes:
         shapes = _shapes(arrays["stiffness"], arrays["positions"])
         values: dict[str, Any] = {name: record.array(name, *shapes[name]) for name in list(SHAPES)[1:]}
         return cls(mass=float(record.array("mass")), **values)
+
+
+@dataclass(frozen=True, eq=False)
+class ParametricModes(Modes):
+    """Modes of a structure with parameters: their inertia, stiffness and damping are expressions.
+
+    The shapes are the same for all values. The fields of `Modes` are numbers, for the middles of the intervals.
+
+    Parameters
+    ----------
+    family : Family
+    """
+
+    family: Family  # type: ignore[misc]
+
+    def save(self, path: str | PathLike[str]) -> None:
+        raise DeclarationError(
+            f"Modes.save: a file such as {str(path)!r} holds numbers, and these modes contain expressions of "
+            "parameters. Keep the script that makes them, or save the modes of a structure in numbers."
+        )
 
 
 def _shapes(stiffness: Any, positions: Any) -> dict[str, tuple[int, ...]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array
-from symmb.structures.eigenmodes import lowest
+from symmb.structures.eigenmodes import MECHANISM, lowest
 from symmb.structures.mass_samples import Sparse
 
 TOLERANCE = 1e-6
@@ -52,6 +52,8 @@ def spanning(
 def _unit_energy(solve: Solve, K: Sparse, M: Sparse, place: str) -> Array:
     """Wanted shapes (d, n) with Yᵀ K Y = 1."""
     try:
+        if K.diagonal().min() < 0:
+            raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}")
         values, X = solve(K, M)
     except DeclarationError as error:
         raise DeclarationError(f"{error} This is at {place}.") from None
