@@ -150,9 +150,7 @@ class FiniteElements:
         stiffness, mass = (summed(c, [A for _, A in some]) for c, some in zip(factors, sums, strict=True))
         checked(nodes, stiffness, mass)
         terms = Terms(
-            ranges,
-            tuple((ca.SX(c), A) for c, A in sums[0]),
-            tuple((ca.SX(c), A, lumped(nodes, A)) for c, A in sums[1]),
+            ranges, tuple((ca.SX(c), A) for c, A in sums[0]), tuple((ca.SX(c), A, lumped(nodes, A)) for c, A in sums[1])
         )
         return cls(nodes, stiffness, mass, lumped(nodes, mass), terms=terms)
 
@@ -377,7 +375,9 @@ class FiniteElements:
         K = sum((law * ca.SX(ca.sparsify(ca.DM(cleaned((A + A.T) / 2, scale)))) for law, A in energy), ca.SX(n, n))
         inertia = sum((law * ca.SX(ca.DM(np.diag(part.modal))) for law, part in masses), ca.SX(n, 1))
         rates = 2 * (zeta if is_law(zeta) else ca.SX(ratio * np.ones(n))) * ca.sqrt(ca.diag(K) * inertia)
-        return ParametricModes(**{name: getattr(modes, name) for name in SHAPES}, family=Family(masses, K, rates, box, error))
+        return ParametricModes(
+            **{name: getattr(modes, name) for name in SHAPES}, family=Family(masses, K, rates, box, error)
+        )
 
     def _check(
         self, interfaces: list[int], fixed: list[int], count: int | None, cutoff: float | None, stiffening: bool

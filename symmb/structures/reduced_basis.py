@@ -9,11 +9,13 @@ from symmb._types import Array
 from symmb.structures.eigenmodes import MECHANISM, lowest
 from symmb.structures.mass_samples import Sparse
 
-TOLERANCE = 1e-6
-"""Share of the strain energy of any mode in the box that the shapes may leave out. Squared frequencies of the reduced
-body, and its deflections under loads at interfaces, are then as accurate."""
+TOLERANCE = 1e-5
+"""Share of the strain energy of any mode in the box that the shapes may leave out, which is the error of deflections
+under loads at interfaces, and relative excess of squared frequencies over those of the modes."""
 SAFETY = 2.0
 """Factor of the stated error over the largest one at the points tried."""
+_ADDED = 1e-3
+"""Share of the largest strain energy left out from which a shape is added."""
 _GROWTH = 4
 """Times the number of modes, up to which shapes are added."""
 
@@ -36,11 +38,11 @@ def spanning(
     axes : (d, d)        see `lowest`
     """
     K, M = matrices[0]
-    wanted = [_unit_energy(solve, *pair, place) for pair, place in zip(matrices, places, strict=True)]
-    B = wanted[0]
+    wanted = [_wanted(solve, *pair, place) for pair, place in zip(matrices, places, strict=True)]
+    B = wanted[0][1]
     most = min(_GROWTH * B.shape[1], K.shape[0] - rigid.shape[1])
     while True:
-        lost = [_lost(B, Y, stiff) for Y, (stiff, _) in zip(wanted, matrices, strict=True)]
+        lost = [_lost(B, *some, *pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
         error, directions = max(lost, key=lambda pair: pair[0])
         if error <= TOLERANCE or B.shape[1] + directions.shape[1] > most:
             break
@@ -49,23 +51,28 @@ def spanning(
     return values, B @ Y, SAFETY * error
 
 
-def _unit_energy(solve: Solve, K: Sparse, M: Sparse, place: str) -> Array:
-    """Wanted shapes (d, n) with Yᵀ K Y = 1."""
+def _wanted(solve: Solve, K: Sparse, M: Sparse, place: str) -> tuple[Array, Array]:
+    """λ (n,) and shapes (d, n) with Yᵀ K Y = 1."""
     try:
         if K.diagonal().min() < 0:
             raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}")
         values, X = solve(K, M)
     except DeclarationError as error:
         raise DeclarationError(f"{error} This is at {place}.") from None
-    return X / np.sqrt(values)
+    return values, X / np.sqrt(values)
 
 
-def _lost(B: Array, Y: Array, K: Sparse) -> tuple[float, Array]:
-    """The largest share of strain energy that the span of B leaves out of that of Y, and what it leaves out."""
-    KB = K @ B
+def _lost(B: Array, values: Array, Y: Array, K: Sparse, M: Sparse, rigid: Array) -> tuple[float, Array]:
+    """The error of the span of B against λ (n,) and Y (d, n), and what it leaves out of Y."""
+    from scipy.linalg import eigh
+
+    KB, MB = K @ B, M @ _without(B, rigid, M)
     residual = Y - B @ np.linalg.solve(B.T @ KB, KB.T @ Y)
     shares, V = np.linalg.eigh(residual.T @ (K @ residual))
-    return float(shares[-1]), residual @ V[:, shares > TOLERANCE]
+    # Frequencies below those of the wanted shapes are nearer to those of the whole structure.
+    found = eigh(B.T @ KB, B.T @ MB, eigvals_only=True)[: len(values)]
+    excess = float((found / values[: len(found)] - 1).max())
+    return max(float(shares[-1]), excess), residual @ V[:, shares > _ADDED * shares[-1]]
 
 
 def _without(X: Array, rigid: Array, M: Sparse) -> Array:
