@@ -4,4 +4,5 @@ A structure becomes `Modes`, which `mechanics.FlexibleBody` takes.
 """
 
 from symmb.structures.flexibility import Responses
-from symmb.structures.modes import Invariants, Modes
+from symmb.structures.inertia_invariants import Invariants
+from symmb.structures.modes import Modes

@@ -13,20 +13,17 @@ from symmb._errors import DeclarationError
 from symmb._options import require_instance, require_truth, shown, whole
 from symmb._types import Array, Expr, Indices
 from symmb.structures.beams import AxialForces, Beam
+from symmb.structures.families import with_parameters
 from symmb.structures.flexibility import Flexibility
 from symmb.structures.foreshortening import foreshortening
-from symmb.structures.inertia_invariants import cleaned, deformed_inertia, rigid_inertia
+from symmb.structures.inertia_invariants import Shapes, cleaned, rigid_inertia
 from symmb.structures.mass_samples import MassSamples, Sparse, at_nodes, joined, rigid_motions
 from symmb.structures.matrices import checked, lumped, read
 from symmb.structures.mode_reduction import chosen, reduced
-from symmb.structures.modes import SHAPES, Family, Invariants, Modes, ParametricModes, nearest
+from symmb.structures.modes import Modes, nearest
 from symmb.structures.reduced_basis import spanning
-from symmb.structures.terms import Ranges, Terms, beam_terms, numeric_terms, place_text, summed
+from symmb.structures.terms import OWNER, Ranges, Terms, beam_terms, numeric_terms, summed
 from symmb.structures.validation import is_law, numbers, positive
-
-OWNER = "FiniteElements.modes"
-_OFF_DIAGONAL = 100.0
-"""Rounding of products of modes over that of other sums."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,10 +256,10 @@ class FiniteElements:
         def solve(K: Sparse, M: Sparse) -> tuple[Array, Array]:
             return reduced(K, M, rigid, axes, interface, count, below)
 
-        shaping = () if count == 0 else self._shaping(free)
-        error = 0.0
+        terms = self._terms
+        shaping, error = [] if count == 0 else terms.shaping(free), 0.0
         if shaping:
-            stiffness, inner, error = spanning(*self._matrices(free, shaping), solve, rigid, axes)
+            stiffness, inner, error = spanning(*terms.matrices(free, shaping), solve, rigid, axes)
         else:
             stiffness, inner = solve(K, M)
         _require_modes(len(stiffness), count, cutoff, interface_nodes)
@@ -278,34 +275,11 @@ class FiniteElements:
         flexibility = Flexibility(
             self.K, self.M, np.union1d(free, held), motions[:, moves], held, X, stiffness, self.per_node
         )
-        box = {name: self._terms.ranges.intervals[name] for name in shaping}
-        modes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0], box, error)
+        modes, shapes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
+        if is_law(zeta) or terms.has_laws:
+            box = {name: terms.ranges.intervals[name] for name in shaping}
+            modes = with_parameters(modes, terms, shapes, zeta, box, error)
         return modes.of_structure(flexibility)
-
-    def _shaping(self, free: Indices) -> list[str]:
-        """Names of the parameters that change the shapes of modes of the `free` degrees of freedom."""
-        terms = self._terms
-        stiff = [law for law, K in terms.stiffness if abs(K[free][:, free]).max() > 0]
-        massive = [law for law, M, _ in terms.mass if abs(M[free][:, free]).max() > 0]
-        names = terms.ranges.shaping([stiff, massive], OWNER)
-        for name in names:
-            low, high = terms.ranges.intervals[name]
-            if low == high:
-                raise DeclarationError(
-                    f"{OWNER}: {name!r} changes the shapes of the modes and has one value, {low:g}. Give the interval "
-                    f"in which it lies: at=mb.Box({name}=(lower, upper)), or at={{**parameters, **box}}."
-                )
-        return names
-
-    def _matrices(self, free: Indices, names: Sequence[str]) -> tuple[list[tuple[Sparse, Sparse]], list[str]]:
-        """K and M at points of the box of some parameters, and what a message calls these points."""
-        terms = self._terms
-        points = terms.ranges.points(names)
-        laws = [law for law, *_ in terms.stiffness], [law for law, *_ in terms.mass]
-        parts = [A[free][:, free] for _, A in terms.stiffness], [A[free][:, free] for _, A, _ in terms.mass]
-        factors = [terms.ranges.values(some, points, OWNER) for some in laws]
-        pairs = [(summed(c, parts[0]), summed(d, parts[1])) for c, d in zip(*factors, strict=True)]
-        return pairs, [place_text(point, [*laws[0], *laws[1]]) for point in points]
 
     def _modes(
         self,
@@ -315,47 +289,25 @@ class FiniteElements:
         zeta: Array | ca.SX,
         D: tuple[Array, Array] | None,
         free: Indices,
-        box: dict[str, tuple[float, float]],
-        error: float,
-    ) -> Modes:
-        """Invariants of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
+    ) -> tuple[Modes, Shapes]:
+        """Modes of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
         k, n, placed = len(self.positions), len(stiffness), self.positions - origin
         rigid = rigid_motions(placed, self.per_node)
         momentum = self.M @ rigid
         if free.size:
             gram = rigid[:, free].T @ momentum[:, free]
             X = X - rigid[:, free] @ np.linalg.solve(gram, momentum[:, free].T @ X)
-        whole = rigid_inertia(rigid.T @ momentum)
+        whole, length = rigid_inertia(rigid.T @ momentum), np.abs(placed).max(initial=0)
+        placed_shapes = Shapes(X, rigid, origin, None if D is None else D[1], whole, length)
+        own = placed_shapes.invariants(self.M, self.samples)
         nodal = X.reshape(k, self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
         nodal2 = np.zeros((k, 3, n, n)) if D is None else D[0].reshape(k, self.per_node, n, n)[:, :3]
-        # Sizes relative to which values are rounding: of the body, and of each mode.
-        length, root = np.abs(placed).max(initial=0), np.sqrt(whole.mass)
+        # Size of each mode, relative to which values are rounding.
         size = np.maximum(np.abs(shapes).max(axis=(0, 1)), length * np.abs(rotations).max(axis=(0, 1)))
-
-        def invariants(M: Sparse, samples: MassSamples) -> Invariants:
-            momentum = M @ rigid
-            part, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
-            J1, J2, G1, S2 = deformed_inertia(samples, X, origin, None if D is None else D[1])
-            modal = X.T @ (M @ X)
-            return Invariants(
-                mass=part.mass,
-                moment=cleaned(part.moment, length * whole.mass),
-                J0=cleaned(part.J0, np.trace(whole.J0)),
-                J1=cleaned(J1, root * length),
-                J2=cleaned(J2, max(1.0, np.abs(J2).max(initial=0))),
-                S=cleaned(first[:3], root),
-                S2=cleaned(S2, 1 / length),
-                G0=cleaned(first[3:], root * length),
-                G1=cleaned(G1, 1.0),
-                modal=cleaned((modal + modal.T) / 2, _OFF_DIAGONAL),
-            )
-
-        own, terms = invariants(self.M, self.samples), self._terms
-        ratio = zeta if isinstance(zeta, np.ndarray) else terms.middle(zeta, OWNER)
-        same = {name: getattr(own, name) for name in ("mass", "J0", "J1", "J2", "S", "S2", "G0", "G1")}
+        ratio = self._terms.middle(zeta) if is_law(zeta) else zeta
         modes = Modes(
-            **same,
+            **{name: getattr(own, name) for name in ("mass", "J0", "J1", "J2", "S", "S2", "G0", "G1")},
             center=cleaned(whole.center, length),
             stiffness=stiffness,
             damping=2 * ratio * np.sqrt(stiffness),
@@ -365,19 +317,7 @@ class FiniteElements:
             rotations=cleaned(rotations, size / length),
             shapes2=cleaned(nodal2, np.abs(nodal2).max(initial=0)),
         )
-        if ratio is zeta and not terms.has_laws:
-            return modes
-        masses = tuple((law, invariants(M, samples)) for law, M, samples in terms.mass)
-        energy = [(law, X.T @ (K @ X)) for law, K in terms.stiffness]
-        if len(energy) == 1:  # of which the shapes are modes
-            energy = [(law / terms.middle(law, OWNER), np.diag(stiffness)) for law, _ in energy]
-        scale = _OFF_DIAGONAL * np.sqrt(np.outer(stiffness, stiffness))
-        K = sum((law * ca.SX(ca.sparsify(ca.DM(cleaned((A + A.T) / 2, scale)))) for law, A in energy), ca.SX(n, n))
-        inertia = sum((law * ca.SX(ca.DM(np.diag(part.modal))) for law, part in masses), ca.SX(n, 1))
-        rates = 2 * (zeta if is_law(zeta) else ca.SX(ratio * np.ones(n))) * ca.sqrt(ca.diag(K) * inertia)
-        return ParametricModes(
-            **{name: getattr(modes, name) for name in SHAPES}, family=Family(masses, K, rates, box, error)
-        )
+        return modes, placed_shapes
 
     def _check(
         self, interfaces: list[int], fixed: list[int], count: int | None, cutoff: float | None, stiffening: bool

@@ -14,6 +14,7 @@ from symmb import files
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.structures.flexibility import Flexibility
+from symmb.structures.inertia_invariants import Invariants
 from symmb.structures.mass_samples import rigid_motions
 from symmb.structures.validation import numbers, positive
 
@@ -46,22 +47,6 @@ _STILL = 1e-18
 def nearest(positions: Array, point: tuple[float, float, float]) -> int:
     """Row of the position nearest to a point, the first of equals."""
     return int(np.argmin(np.linalg.norm(positions - numbers(point, "nearest", "point", (3,)), axis=1)))
-
-
-@dataclass(frozen=True, eq=False)
-class Invariants:
-    """A part of the inertia of a body: fields as in `Modes`, its first moment [kg m], and its modal mass (n, n)."""
-
-    mass: float
-    moment: Array
-    J0: Array
-    J1: Array
-    J2: Array
-    S: Array
-    S2: Array
-    G0: Array
-    G1: Array
-    modal: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,8 +187,8 @@ class Modes:
     def error(self) -> float:
         """Relative error of squared frequencies, and of deflections under loads at interfaces, by parameters.
 
-        It is twice the largest one at points of the box of `at`, against modes computed there; 0 where the modes have
-        the same shapes for all parameters.
+        It is twice the largest one at points of the box, against modes computed there. A frequency may be lower than
+        that of these modes where it is nearer to that of the whole structure. 0 where no parameter changes the shapes.
         """
         return 0.0 if self.family is None else self.family.error
 
@@ -213,8 +198,7 @@ class Modes:
         if self.family is not None:
             return self.family.masses
         same = {name: getattr(self, name) for name in ("mass", "J0", "J1", "J2", "S", "S2", "G0", "G1")}
-        own = Invariants(**same, moment=self.mass * self.center, modal=np.eye(len(self.stiffness)))
-        return ((ca.SX(1), own),)
+        return ((ca.SX(1), Invariants(**same, moment=self.mass * self.center, modal=np.eye(len(self.stiffness)))),)
 
     @property
     def flexibility(self) -> Flexibility | None:
@@ -304,26 +288,6 @@ class Modes:
         shapes = _shapes(arrays["stiffness"], arrays["positions"])
         values: dict[str, Any] = {name: record.array(name, *shapes[name]) for name in list(SHAPES)[1:]}
         return cls(mass=float(record.array("mass")), **values)
-
-
-@dataclass(frozen=True, eq=False)
-class ParametricModes(Modes):
-    """Modes of a structure with parameters: their inertia, stiffness and damping are expressions.
-
-    The shapes are the same for all values. The fields of `Modes` are numbers, for the middles of the intervals.
-
-    Parameters
-    ----------
-    family : Family
-    """
-
-    family: Family  # type: ignore[misc]
-
-    def save(self, path: str | PathLike[str]) -> None:
-        raise DeclarationError(
-            f"Modes.save: a file such as {str(path)!r} holds numbers, and these modes contain expressions of "
-            "parameters. Keep the script that makes them, or save the modes of a structure in numbers."
-        )
 
 
 def _shapes(stiffness: Any, positions: Any) -> dict[str, tuple[int, ...]]:

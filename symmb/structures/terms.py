@@ -10,10 +10,11 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import number_text, numbers_of, shown
-from symmb._types import Array, Expr
+from symmb._types import Array, Expr, Indices
 from symmb.structures.beams import Beam, Mesh, mesh, properties_of
 from symmb.structures.mass_samples import MassSamples, Sparse, joined
 
+OWNER = "FiniteElements.modes"
 CORNERS, INNER = 32, 32
 """Most corners of a box, and points inside it, at which laws are tried."""
 _NEAR = 0.1
@@ -124,9 +125,34 @@ class Terms:
         """Whether a factor is no number."""
         return not all(law.is_constant() for law, *_ in (*self.stiffness, *self.mass))
 
-    def middle(self, law: Expr, owner: str) -> float:
+    def middle(self, law: Expr) -> float:
         """The value of a law for the middles of the ranges."""
-        return float(self.ranges.values([law], self.ranges.points([]), owner)[0, 0])
+        return float(self.ranges.values([law], self.ranges.points([]), OWNER)[0, 0])
+
+    def shaping(self, free: Indices) -> list[str]:
+        """Names of the parameters that change the shapes of modes of the `free` degrees of freedom."""
+        stiff, massive = (
+            [law for law, A, *_ in terms if abs(A[free][:, free]).max() > 0] for terms in (self.stiffness, self.mass)
+        )
+        names = self.ranges.shaping([stiff, massive], OWNER)
+        for name in names:
+            low, high = self.ranges.intervals[name]
+            if low == high:
+                raise DeclarationError(
+                    f"{OWNER}: {name!r} changes the shapes of the modes and has one value, {low:g}. Give the interval "
+                    f"in which it lies: at=mb.Box({name}=(lower, upper)), or at={{**parameters, **box}}."
+                )
+        return names
+
+    def matrices(self, free: Indices, names: Sequence[str]) -> tuple[list[tuple[Sparse, Sparse]], list[str]]:
+        """K and M of degrees of freedom at points of the box of some parameters, and what a message calls these."""
+        points, sums, laws = self.ranges.points(names), [], []
+        for terms in (self.stiffness, self.mass):
+            own = [law for law, *_ in terms]
+            parts = [A[free][:, free] for _, A, *_ in terms]
+            sums.append([summed(factors, parts) for factors in self.ranges.values(own, points, OWNER)])
+            laws += own
+        return list(zip(*sums, strict=True)), [place_text(point, laws) for point in points]
 
 
 def _massless(samples: MassSamples) -> MassSamples:
