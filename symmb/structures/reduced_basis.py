@@ -14,7 +14,7 @@ TOLERANCE = 1e-5
 under loads at interfaces, and relative excess of squared frequencies over those of the modes."""
 SAFETY = 2.0
 """Factor of the stated error over the largest one at the points tried."""
-_ADDED = 1e-3
+_ADDED = 0.3
 """Share of the largest strain energy left out from which a shape is added."""
 _GROWTH = 4
 """Times the number of modes, up to which shapes are added."""

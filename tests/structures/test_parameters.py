@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from structures import lattice
+from structures import lattice, squares
 
 import symmb as mb
 from symmb import Beam, Box, FiniteElements, Material, Section
@@ -29,27 +29,9 @@ def bending(E, rho, h):
     return np.sqrt(E * h**2 / (12 * rho))
 
 
-def reduced(modes: mb.Modes, symbols: ca.SX):
-    """Stiffness and mass of modes as a Function of parameters, the mass with the frame's motions eliminated."""
-    eta = sum((law * ca.SX(ca.DM(part.modal)) for law, part in modes.masses), ca.SX(0))
-    frame = sum((law * ca.SX(ca.DM(rigid(part))) for law, part in modes.masses), ca.SX(0))
-    coupling = sum((law * ca.SX(ca.DM(np.vstack([part.S, part.G0]))) for law, part in modes.masses), ca.SX(0))
-    return ca.Function("reduced", [symbols], [modes.family.stiffness, eta, frame, coupling])
-
-
-def rigid(part):
-    cross = np.array([[0, -part.moment[2], part.moment[1]], [part.moment[2], 0, -part.moment[0]],
-                      [-part.moment[1], part.moment[0], 0]])  # fmt: skip
-    return np.block([[part.mass * np.eye(3), -cross], [cross, part.J0]])
-
-
 def frequencies(modes: mb.Modes, at: dict[str, float], free: bool) -> np.ndarray:
     """Rising ω of the body with its modes, clamped or free."""
-    values = list(at.values())
-    K, M, frame, coupling = (part.full() for part in reduced(modes, ca.vertcat(*(getattr(P, n) for n in at)))(values))
-    if free:
-        M = M - coupling.T @ np.linalg.pinv(frame) @ coupling
-    return np.sqrt(eigh(K, M, eigvals_only=True))
+    return np.sqrt(squares(modes, ca.vertcat(*(getattr(P, name) for name in at)), free)([*at.values()]))
 
 
 @pytest.mark.parametrize("case", [(3, 2.0), (6, 1.3)])
