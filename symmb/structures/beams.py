@@ -1,6 +1,6 @@
 """Beams along polylines and their mesh."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -125,10 +125,16 @@ class Beam:
             self.material.shear_modulus,
         )
 
-    def evaluated(self, value: Callable[[Expr], float]) -> "Beam":
-        """The beam with a section and a material in numbers."""
-        E, density, G = map(value, (self.material.E, self.material.density, self.material.shear_modulus))
-        sections = [Section(*map(value, properties_of(section))) for section in self.sections]
+    @property
+    def numbers(self) -> list[Expr]:
+        """E, density and G of the material, and the properties of each section: numbers or expressions."""
+        material = [self.material.E, self.material.density, self.material.shear_modulus]
+        return [*material, *(value for section in self.sections for value in properties_of(section))]
+
+    def with_numbers(self, values: Array) -> "Beam":
+        """The beam with values of its `numbers`."""
+        (E, density, G), properties = values[:3].tolist(), values[3:].reshape(len(self.sections), -1).tolist()
+        sections = [Section(*some) for some in properties]
         one = isinstance(self.section, Section)
         return replace(self, section=sections[0] if one else sections, material=Material(E=E, density=density, G=G))
 

@@ -38,11 +38,11 @@ def spanning(
     axes : (d, d)        see `lowest`
     """
     K, M = matrices[0]
-    wanted = [_wanted(solve, *pair, place) for pair, place in zip(matrices, places, strict=True)]
+    wanted = [_wanted(solve, pair, place) for pair, place in zip(matrices, places, strict=True)]
     B = wanted[0][1]
     most = min(_GROWTH * B.shape[1], K.shape[0] - rigid.shape[1])
     while True:
-        lost = [_lost(B, *some, *pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
+        lost = [_lost(B, *some, pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
         error, directions = max(lost, key=lambda pair: pair[0])
         if error <= TOLERANCE or B.shape[1] + directions.shape[1] > most:
             break
@@ -51,8 +51,9 @@ def spanning(
     return values, B @ Y, SAFETY * error
 
 
-def _wanted(solve: Solve, K: Sparse, M: Sparse, place: str) -> tuple[Array, Array]:
+def _wanted(solve: Solve, matrices: tuple[Sparse, Sparse], place: str) -> tuple[Array, Array]:
     """λ (n,) and shapes (d, n) with Yᵀ K Y = 1."""
+    K, M = matrices
     try:
         if K.diagonal().min() < 0:
             raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}")
@@ -62,10 +63,11 @@ def _wanted(solve: Solve, K: Sparse, M: Sparse, place: str) -> tuple[Array, Arra
     return values, X / np.sqrt(values)
 
 
-def _lost(B: Array, values: Array, Y: Array, K: Sparse, M: Sparse, rigid: Array) -> tuple[float, Array]:
+def _lost(B: Array, values: Array, Y: Array, matrices: tuple[Sparse, Sparse], rigid: Array) -> tuple[float, Array]:
     """The error of the span of B against λ (n,) and Y (d, n), and what it leaves out of Y."""
     from scipy.linalg import eigh
 
+    K, M = matrices
     KB, MB = K @ B, M @ _without(B, rigid, M)
     residual = Y - B @ np.linalg.solve(B.T @ KB, KB.T @ Y)
     shares, V = np.linalg.eigh(residual.T @ (K @ residual))

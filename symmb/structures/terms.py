@@ -11,14 +11,15 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._options import number_text, numbers_of, shown
 from symmb._types import Array, Expr, Indices
-from symmb.structures.beams import Beam, Mesh, mesh, properties_of
+from symmb.structures.beams import Beam, Mesh, mesh
 from symmb.structures.mass_samples import MassSamples, Sparse, joined
+from symmb.structures.validation import is_law
 
 OWNER = "FiniteElements.modes"
 CORNERS, INNER = 32, 32
 """Most corners of a box, and points inside it, at which laws are tried."""
-_NEAR = 0.1
-"""Share by which a parameter without an interval is varied to see what depends on it."""
+_NEAR, _NEAR_ZERO = 1e-3, 1e-9
+"""Share by which a parameter without an interval is varied to see what depends on it, or how far if it is 0."""
 _SAME = 1e-11
 """Relative difference of laws up to which it is rounding."""
 _TOGETHER = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
@@ -52,8 +53,8 @@ class Ranges:
     @property
     def widened(self) -> "Ranges":
         """Every parameter with an interval of some width."""
-        ends = {name: (low, high, _NEAR * (abs(low) or 1.0)) for name, (low, high) in self.intervals.items()}
-        return Ranges({n: (low, high) if low < high else (low - r, high + r) for n, (low, high, r) in ends.items()})
+        near = {name: (_NEAR * abs(low) or _NEAR_ZERO) * (low == high) for name, (low, high) in self.intervals.items()}
+        return Ranges({name: (low - near[name], high + near[name]) for name, (low, high) in self.intervals.items()})
 
     def points(self, names: Iterable[str]) -> list[dict[str, float]]:
         """The middle, corners and points inside for the parameters of these names; the others at their middles."""
@@ -161,22 +162,36 @@ def _massless(samples: MassSamples) -> MassSamples:
 
 def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh, Terms]:
     """The mesh of beams for the middles of the ranges, and its terms."""
-    if not ca.symvar(ca.vertcat(*(ca.SX(law) for beam in beams for at_end in beam.laws() for law in at_end))):
+    if not any(is_law(number) for beam in beams for number in beam.numbers):
         meshed = mesh(beams)
         return meshed, numeric_terms(meshed.stiffness, meshed.samples.mass_matrix(), meshed.samples, ranges)
-    _require_positive(beams, ranges, owner)
-    middle, wide = ranges.points([]), ranges.widened
-    nominal = [beam.evaluated(lambda law: float(ranges.values([law], middle, owner)[0, 0])) for beam in beams]
-    factors = [_factors(beam, own) for beam, own in zip(beams, nominal, strict=True)]
-    points = wide.points(wide.intervals)
-    values = [np.array([ranges.values(at_end, points, owner) for at_end in some]) for some in factors]
-    for some in values:
-        _require_one_law(some, owner)
-    stiff, massive = (_groups([x[0] for x in factors], [x[0] for x in values], k) for k in (range(6), range(6, 9)))
+    wide = ranges.widened
+    points = [*ranges.points([]), *wide.points(wide.intervals)[1:]]
+    tried = [_evaluated(beam, ranges.values(beam.numbers, points, owner), points) for beam in beams]
+    nominal = [some[0] for some in tried]
+    factors = [np.array([beam.laws() for beam in some]) / np.array(some[0].laws()) for some in tried]
+    if any(not _is_one_law(some[:, :, k]) for some in factors for k in _TOGETHER):
+        raise DeclarationError(
+            f"{owner}: parameters change the proportions of a beam along it, or those of bending to shear, on which "
+            "the shapes of its elements rest. Use one section for the whole beam, and section.without_shear()."
+        )
+
+    def terms(which: Iterable[int]) -> Iterator[tuple[ca.SX, Mesh]]:
+        """Distinct laws of all beams, each with the mesh of what is proportional to it."""
+        left = [(b, k) for b in range(len(beams)) for k in which]
+        while left:
+            b, k = left[0]
+            own = [x for x in left if _is_one_law(np.stack([factors[i][:, 0, j] for i, j in (x, (b, k))], axis=1))]
+            shares = np.zeros((len(beams), 9))
+            shares[tuple(np.transpose(own))] = 1.0
+            yield ca.SX(beams[b].laws()[0][k] / nominal[b].laws()[0][k]), mesh(nominal, shares)
+            left = [x for x in left if x not in own]
+
+    massive = [(law, part.samples) for law, part in terms(range(6, 9))]
     return mesh(nominal), Terms(
         ranges,
-        tuple((law, mesh(nominal, shares).stiffness) for law, shares in stiff),
-        tuple((law, some.mass_matrix(), some) for law, shares in massive if (some := mesh(nominal, shares).samples)),
+        tuple((law, part.stiffness) for law, part in terms(range(6))),
+        tuple((law, samples.mass_matrix(), samples) for law, samples in massive),
     )
 
 
@@ -185,48 +200,21 @@ def numeric_terms(K: Sparse, M: Sparse, samples: MassSamples, ranges: Ranges) ->
     return Terms(ranges, ((ca.SX(1), K),), ((ca.SX(1), M, samples),))
 
 
-def _factors(beam: Beam, nominal: Beam) -> list[list[Expr]]:
-    """Laws of each section over their nominal values."""
-    pairs = zip(beam.laws(), nominal.laws(), strict=True)
-    return [[law / number for law, number in zip(*pair, strict=True)] for pair in pairs]
+def _evaluated(beam: Beam, values: Array, points: Sequence[dict[str, float]]) -> list[Beam]:
+    """The beam in numbers at points, with values (N, m) of its `numbers`."""
+    found = []
+    for numbers, point in zip(values, points, strict=True):
+        try:
+            found.append(beam.with_numbers(numbers))
+        except DeclarationError as error:
+            raise DeclarationError(f"{error} This is at {place_text(point, beam.numbers)}.") from None
+    return found
 
 
-def _groups(factors: list[list[Expr]], values: list[Array], which: Iterable[int]) -> Iterator[tuple[ca.SX, Array]]:
-    """Distinct laws, each with the shares (b, 9) of the laws of beams that are equal to it."""
-    left = [(b, k) for b in range(len(factors)) for k in which]
-    while left:
-        first = values[left[0][0]][:, left[0][1]]
-        own = [(b, k) for b, k in left if np.allclose(values[b][:, k], first, rtol=_SAME, atol=0)]
-        shares = np.zeros((len(factors), 9))
-        shares[tuple(np.transpose(own))] = 1.0
-        yield ca.SX(factors[own[0][0]][own[0][1]]), shares
-        left = [pair for pair in left if pair not in own]
-
-
-def _require_positive(beams: Sequence[Beam], ranges: Ranges, owner: str) -> None:
-    names = ("E", "G", "density", "area", "Iy", "Iz", "J", "shear_y", "shear_z")
-    points = ranges.points(name for name, (low, high) in ranges.intervals.items() if low < high)
-    for beam in beams:
-        m = beam.material
-        for section in beam.sections:
-            laws = [m.E, m.shear_modulus, m.density, *properties_of(section)]
-            values = ranges.values(laws, points, owner)
-            for name, law, column in zip(names, laws, values.T, strict=True):
-                if not (column > 0).all():
-                    worst = int(np.argmin(np.where(np.isnan(column), -np.inf, column)))
-                    raise DeclarationError(
-                        f"{owner}: {name} of a beam is {column[worst]:.4g} at {place_text(points[worst], [law])}. It "
-                        "must be above 0 in all intervals of at=."
-                    )
-
-
-def _require_one_law(values: Array, owner: str) -> None:
-    """Factors (p, N, 9), of p sections at N points, leave the shapes of elements as they are."""
-    if any(not np.allclose(some := values[:, :, k], some[:1, :, :1], rtol=_SAME, atol=0) for k in _TOGETHER):
-        raise DeclarationError(
-            f"{owner}: parameters change the proportions of a beam along it, or those of bending to shear, on which "
-            "the shapes of its elements rest. Use one section for the whole beam, and section.without_shear()."
-        )
+def _is_one_law(factors: Array) -> bool:
+    """Whether factors (N, ...) at N points are the same for all columns."""
+    flat = factors.reshape(len(factors), -1)
+    return bool(np.allclose(flat, flat[:, :1], rtol=_SAME, atol=0))
 
 
 def summed(factors: Array, matrices: Sequence[Sparse]) -> Sparse:

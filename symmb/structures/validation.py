@@ -55,7 +55,7 @@ def positive(value: npt.ArrayLike, owner: str, name: str) -> float:
     return number
 
 
-def is_law(value: object) -> bool:
+def is_law(value: Any) -> bool:
     """Whether a value is a scalar expression of symbols."""
     return isinstance(value, ca.SX) and value.is_scalar() and not value.is_constant()
 

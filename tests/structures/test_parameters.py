@@ -183,11 +183,11 @@ def test_a_scene_survives_a_pickle():
 FAULTS = {
     "negative height": (
         lambda: bar(7e10, 2700, P.h, at=Box(h=(-0.01, 0.02))),
-        r"area of a beam is -0\.0003 at h = -0\.01\. It must be above 0 in all intervals",
+        r"Section: area must be above 0, got -0\.0003\. This is at h = -0\.01\.",
     ),
     "no height at an end": (
         lambda: bar(7e10, 2700, P.h, at=Box(h=(0, 0.02))),
-        r"area of a beam is 0 at h = 0\. It must be above 0",
+        r"Section: area must be above 0, got 0\. This is at h = 0\.",
     ),
     "no value": (lambda: bar(P.E, 2700, P.h, at=Box(h=(0.01, 0.02))), "'E' has no value. Give its interval, at=mb.Bo"),
     "a number where an interval is needed": (
