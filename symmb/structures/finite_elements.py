@@ -246,7 +246,7 @@ class FiniteElements:
         locked = [2, 3, 4] if planar else []
         every = np.arange(self.K.shape[0])
         free = np.setdiff1d(every[~np.isin(every % self.per_node, locked)], self._dofs(fixed))
-        K, M, axes = (A[free][:, free] for A in (self.K, self.M, self._axes()))
+        axes = self._axes()[free][:, free]
         motions = rigid_motions(self.positions, self.per_node)
         moves = np.setdiff1d(np.arange(6), locked)
         rigid = motions[np.ix_(free, moves)] if clamped is None else np.zeros((free.size, 0))
@@ -257,11 +257,8 @@ class FiniteElements:
             return reduced(K, M, rigid, axes, interface, count, below)
 
         terms = self._terms
-        shaping, error = [] if count == 0 else terms.shaping(free), 0.0
-        if shaping:
-            stiffness, inner, error = spanning(*terms.matrices(free, shaping), solve, rigid, axes)
-        else:
-            stiffness, inner = solve(K, M)
+        box = {} if count == 0 else terms.box(free)
+        stiffness, inner, error = spanning(*terms.matrices(free, box), solve, rigid, axes)
         _require_modes(len(stiffness), count, cutoff, interface_nodes)
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner * self._signs(inner, free)
@@ -277,7 +274,6 @@ class FiniteElements:
         )
         modes, shapes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
         if is_law(zeta) or terms.has_laws:
-            box = {name: terms.ranges.intervals[name] for name in shaping}
             modes = with_parameters(modes, terms, shapes, zeta, box, error)
         return modes.of_structure(flexibility)
 

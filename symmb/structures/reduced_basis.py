@@ -25,7 +25,7 @@ Solve = Callable[[Sparse, Sparse], tuple[Array, Array]]
 def spanning(
     matrices: Sequence[tuple[Sparse, Sparse]], places: Sequence[str], solve: Solve, rigid: Array, axes: Sparse
 ) -> tuple[Array, Array, float]:
-    """λ (n,) and X (d, n), the modes of the first of several structures in the span of many modes, and the error.
+    """λ (n,) and X (d, n), the modes of the first of some structures in a span of the modes of all, and the error.
 
     Greedy: what the shapes so far leave out of the modes is added where it is largest.
 
@@ -38,6 +38,8 @@ def spanning(
     axes : (d, d)        see `lowest`
     """
     K, M = matrices[0]
+    if len(matrices) == 1:
+        return *solve(K, M), 0.0
     wanted = [_wanted(solve, pair, place) for pair, place in zip(matrices, places, strict=True)]
     B = wanted[0][1]
     most = min(_GROWTH * B.shape[1], K.shape[0] - rigid.shape[1])
@@ -47,7 +49,7 @@ def spanning(
         if error <= TOLERANCE or B.shape[1] + directions.shape[1] > most:
             break
         B = _independent(np.hstack([B, _without(directions, rigid, M)]), K)
-    values, Y = lowest(*(B.T @ (A @ B) for A in (K, M, axes)), np.zeros((B.shape[1], 0)))
+    values, Y = lowest(B.T @ (K @ B), B.T @ (M @ B), B.T @ (axes @ B), np.zeros((B.shape[1], 0)))
     return values, B @ Y, SAFETY * error
 
 

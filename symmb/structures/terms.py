@@ -130,22 +130,26 @@ class Terms:
         """The value of a law for the middles of the ranges."""
         return float(self.ranges.values([law], self.ranges.points([]), OWNER)[0, 0])
 
-    def shaping(self, free: Indices) -> list[str]:
-        """Names of the parameters that change the shapes of modes of the `free` degrees of freedom."""
+    def box(self, free: Indices) -> dict[str, tuple[float, float]]:
+        """Intervals of the parameters that change the shapes of modes of the `free` degrees of freedom.
+
+        Raises
+        ------
+        DeclarationError    if there is no interval of such a parameter
+        """
         stiff, massive = (
             [law for law, A, *_ in terms if abs(A[free][:, free]).max() > 0] for terms in (self.stiffness, self.mass)
         )
-        names = self.ranges.shaping([stiff, massive], OWNER)
-        for name in names:
-            low, high = self.ranges.intervals[name]
+        box = {name: self.ranges.intervals[name] for name in self.ranges.shaping([stiff, massive], OWNER)}
+        for name, (low, high) in box.items():
             if low == high:
                 raise DeclarationError(
                     f"{OWNER}: {name!r} changes the shapes of the modes and has one value, {low:g}. Give the interval "
                     f"in which it lies: at=mb.Box({name}=(lower, upper)), or at={{**parameters, **box}}."
                 )
-        return names
+        return box
 
-    def matrices(self, free: Indices, names: Sequence[str]) -> tuple[list[tuple[Sparse, Sparse]], list[str]]:
+    def matrices(self, free: Indices, names: Iterable[str]) -> tuple[list[tuple[Sparse, Sparse]], list[str]]:
         """K and M of degrees of freedom at points of the box of some parameters, and what a message calls these."""
         points, sums, laws = self.ranges.points(names), [], []
         for terms in (self.stiffness, self.mass):
