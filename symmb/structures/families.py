@@ -42,7 +42,7 @@ def with_parameters(
     changes the shapes of modes.
     """
     n, stiffness = len(modes.stiffness), modes.stiffness
-    masses = tuple((law, shapes.invariants(M, samples)) for law, M, samples in terms.mass)
+    masses = tuple((ca.SX(law), shapes.invariants(M, samples)) for law, M, samples in terms.mass)
     energies = [(law, shapes.X.T @ (K @ shapes.X)) for law, K in terms.stiffness]
     if len(energies) == 1:  # without rounding
         energies = [(law / terms.middle(law), np.diag(stiffness)) for law, _ in energies]
@@ -54,6 +54,6 @@ def with_parameters(
     return ParametricModes(**{name: getattr(modes, name) for name in SHAPES}, family=family)
 
 
-def _sum(parts: list[tuple[ca.SX, Array]]) -> ca.SX:
+def _sum(parts: list[tuple[Expr, Array]]) -> ca.SX:
     first, *more = [law * ca.SX(ca.sparsify(ca.DM(array))) for law, array in parts]
     return sum(more, first)

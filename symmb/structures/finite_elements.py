@@ -141,14 +141,14 @@ class FiniteElements:
         """
         nodes = numbers(positions, "FiniteElements.matrices", "positions", ("k", 3))
         owner = "FiniteElements.matrices"
-        sums = [[(c, read(A, name, len(nodes))) for c, A in _pairs(given)] for name, given in (("K", K), ("M", M))]
+        sums = [
+            [(c, read(A, name, len(nodes))) for c, A in _pairs(given, name)] for name, given in (("K", K), ("M", M))
+        ]
         ranges = Ranges.given(at, owner)
         factors = [ranges.values([c for c, _ in some], ranges.points([]), owner)[0] for some in sums]
         stiffness, mass = (summed(c, [A for _, A in some]) for c, some in zip(factors, sums, strict=True))
         checked(nodes, stiffness, mass)
-        terms = Terms(
-            ranges, tuple((ca.SX(c), A) for c, A in sums[0]), tuple((ca.SX(c), A, lumped(nodes, A)) for c, A in sums[1])
-        )
+        terms = Terms(ranges, tuple((c, A) for c, A in sums[0]), tuple((c, A, lumped(nodes, A)) for c, A in sums[1]))
         return cls(nodes, stiffness, mass, lumped(nodes, mass), terms=terms)
 
     @property
@@ -351,10 +351,14 @@ class FiniteElements:
         return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)
 
 
-def _pairs(given: Any) -> list[tuple[Expr, Any]]:
+def _pairs(given: Any, name: str) -> list[tuple[Expr, Any]]:
     """Pairs (factor, matrix) of a sum of matrices, or of one matrix."""
-    is_sum = isinstance(given, list) and given and all(isinstance(x, tuple) and len(x) == 2 for x in given)
-    return given if is_sum else [(1.0, given)]
+    if not (isinstance(given, list) and given and all(isinstance(x, tuple) and len(x) == 2 for x in given)):
+        return [(1.0, given)]
+    owner = f"FiniteElements.matrices: a factor of {name}"
+    return [
+        (factor if is_law(factor) else float(numbers(factor, owner, "the value")), matrix) for factor, matrix in given
+    ]
 
 
 def _require_modes(found: int, count: int | None, cutoff: float | None, interfaces: list[int]) -> None:

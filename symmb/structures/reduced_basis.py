@@ -38,10 +38,12 @@ def spanning(
     axes : (d, d)        see `lowest`
     """
     K, M = matrices[0]
-    if len(matrices) == 1:
-        return *solve(K, M), 0.0
-    wanted = [_wanted(solve, pair, place) for pair, place in zip(matrices, places, strict=True)]
-    B = wanted[0][1]
+    values, X = solve(K, M)
+    if len(matrices) == 1 or not len(values):
+        return values, X, 0.0
+    B = X / np.sqrt(values)
+    others = zip(matrices[1:], places[1:], strict=True)
+    wanted = [(values, B), *(_wanted(solve, pair, place) for pair, place in others)]
     most = min(_GROWTH * B.shape[1], K.shape[0] - rigid.shape[1])
     while True:
         lost = [_lost(B, *some, pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
@@ -70,6 +72,8 @@ def _lost(B: Array, values: Array, Y: Array, matrices: tuple[Sparse, Sparse], ri
     from scipy.linalg import eigh
 
     K, M = matrices
+    if not len(values):
+        return 0.0, Y
     KB, MB = K @ B, M @ _without(B, rigid, M)
     residual = Y - B @ np.linalg.solve(B.T @ KB, KB.T @ Y)
     shares, V = np.linalg.eigh(residual.T @ (K @ residual))

@@ -87,8 +87,13 @@ class Ranges:
                     "nominal value, at=parameters."
                 )
         f = ca.Function("laws", [ca.vertcat(*symbols)] if symbols else [ca.SX(0, 1)], [ca.densify(stacked)])
-        found = [f([point[symbol.name()] for symbol in symbols]).full().ravel() for point in points]
-        return np.array(found).reshape(len(points), len(laws))
+        places = np.array([[point[symbol.name()] for symbol in symbols] for point in points])
+        found = f(places.T).full().T.reshape(len(points), len(laws))
+        for law, column in zip(laws, found.T, strict=True):
+            if is_law(law) and not np.isfinite(column).all():
+                worst = points[int(np.argmin(np.isfinite(column)))]
+                raise DeclarationError(f"{owner}: {law} is not finite at {place_text(worst, [law])}.")
+        return found
 
     def shaping(self, laws: Sequence[Sequence[Expr]], owner: str) -> list[str]:
         """Names of the parameters that change the proportions of laws in one of several lists."""
@@ -111,20 +116,20 @@ class Terms:
     """K = Σ c K_i and M = Σ d M_j with expressions c and d. For the middles of all ranges the sums are nominal."""
 
     ranges: Ranges
-    stiffness: tuple[tuple[ca.SX, Sparse], ...]
-    mass: tuple[tuple[ca.SX, Sparse, MassSamples], ...]
+    stiffness: tuple[tuple[Expr, Sparse], ...]
+    mass: tuple[tuple[Expr, Sparse, MassSamples], ...]
 
     def with_mass(self, added: MassSamples) -> "Terms":
         """The terms with more mass, which depends on no parameter. All of them have the same samples."""
         none = _massless(added)
         kept = [(law, M, joined([samples, none])) for law, M, samples in self.mass]
-        own = ca.SX(1), added.mass_matrix(), joined([_massless(self.mass[0][2]), added])
+        own = 1.0, added.mass_matrix(), joined([_massless(self.mass[0][2]), added])
         return replace(self, mass=(*kept, own))
 
     @property
     def has_laws(self) -> bool:
         """Whether a factor is no number."""
-        return not all(law.is_constant() for law, *_ in (*self.stiffness, *self.mass))
+        return any(is_law(law) for law, *_ in (*self.stiffness, *self.mass))
 
     def middle(self, law: Expr) -> float:
         """The value of a law for the middles of the ranges."""
@@ -180,7 +185,7 @@ def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh,
             "the shapes of its elements rest. Use one section for the whole beam, and section.without_shear()."
         )
 
-    def terms(which: Iterable[int]) -> Iterator[tuple[ca.SX, Mesh]]:
+    def terms(which: Iterable[int]) -> Iterator[tuple[Expr, Mesh]]:
         """Distinct laws of all beams, each with the mesh of what is proportional to it."""
         left = [(b, k) for b in range(len(beams)) for k in which]
         while left:
@@ -188,7 +193,7 @@ def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh,
             own = [x for x in left if _is_one_law(np.stack([factors[i][:, 0, j] for i, j in (x, (b, k))], axis=1))]
             shares = np.zeros((len(beams), 9))
             shares[tuple(np.transpose(own))] = 1.0
-            yield ca.SX(beams[b].laws()[0][k] / nominal[b].laws()[0][k]), mesh(nominal, shares)
+            yield beams[b].laws()[0][k] / nominal[b].laws()[0][k], mesh(nominal, shares)
             left = [x for x in left if x not in own]
 
     massive = [(law, part.samples) for law, part in terms(range(6, 9))]
@@ -201,7 +206,7 @@ def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh,
 
 def numeric_terms(K: Sparse, M: Sparse, samples: MassSamples, ranges: Ranges) -> Terms:
     """Of a structure without parameters."""
-    return Terms(ranges, ((ca.SX(1), K),), ((ca.SX(1), M, samples),))
+    return Terms(ranges, ((1.0, K),), ((1.0, M, samples),))
 
 
 def _evaluated(beam: Beam, values: Array, points: Sequence[dict[str, float]]) -> list[Beam]:

@@ -174,6 +174,20 @@ def test_a_run_outside_the_box_of_the_modes_is_told():
     assert not inside.doubts
 
 
+def test_modes_that_rise_above_the_cutoff_leave_it():
+    """The second mode is below it at the lower heights only."""
+    modes = bar(7e10, 2700.0, P.h, at=BOX).modes(cutoff=130.0, planar=True)
+    whole_there = whole(bar(7e10, 2700.0, 0.008))
+    assert np.sqrt(whole_there[1]) / (2 * np.pi) < 130
+    assert len(modes.stiffness) >= 2 and modes.error < 3e-5
+
+
+def test_a_structure_in_numbers_survives_a_pickle():
+    mesh = bar(7e10, 2700.0, 0.01)
+    again = pickle.loads(pickle.dumps(mesh))
+    assert again.modes(count=2).stiffness == pytest.approx(mesh.modes(count=2).stiffness)
+
+
 def test_a_scene_survives_a_pickle():
     scene = swing(P.E, P.rho, P.h, P.zeta, {**P, **BOX}, P)
     again = pickle.loads(pickle.dumps(scene))
@@ -225,6 +239,15 @@ FAULTS = {
         ),
         "Body 'rod': stiffness or damping: symbol 'E' belongs to no parameter",
     ),
+    "factor that is a text": (
+        lambda: FiniteElements.matrices(lattice()[0], [("h", lattice()[1])], lattice()[2]),
+        "a factor of K: the value must be a number, got 'h'",
+    ),
+    "infinite factor": (
+        lambda: FiniteElements.matrices(lattice()[0], [(1 / P.h, lattice()[1])], lattice()[2], at={"h": 0.0}),
+        "is not finite at h = 0",
+    ),
+    "no mode below": (lambda: bar(7e10, 2700, P.h, at=BOX).modes(cutoff=1.0), "no mode lies below cutoff"),
     "negative factor": (
         lambda: FiniteElements.matrices(lattice()[0], [(P.h, lattice()[1])], lattice()[2], at={"h": (-1.0, 2.0)}).modes(
             count=2
