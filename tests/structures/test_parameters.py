@@ -126,6 +126,7 @@ def sag(E, rho, h):
     return -20 / (3 * E * second) - rho * WIDTH * h * 9.81 / (8 * E * second)
 
 
+@pytest.mark.long
 def test_bounds_of_a_deflection_and_of_a_frequency_are_those_of_closed_forms():
     box = Box(E=(6e10, 8e10), rho=(2500, 2900), h=(0.01, 0.013))
     scene = cantilever(box, count=6)
