@@ -179,8 +179,9 @@ class FiniteElements:
                 f"{owner}: the nodes have no rotations, so that inertia cannot act. Spread the mass over several nodes."
             )
         added = at_nodes(where, np.array([positive(mass, owner, "mass")]), tensor[None], self.positions, self.per_node)
-        M, terms = self.M + added.mass_matrix(), self._terms.with_mass(added)
-        return replace(self, M=M, samples=joined([self.samples, added]), terms=terms)
+        M, samples, terms = self.M + added.mass_matrix(), joined([self.samples, added]), self._terms
+        more = terms.with_mass(added) if terms.has_laws else numeric_terms(self.K, M, samples, terms.ranges)
+        return replace(self, M=M, samples=samples, terms=more)
 
     @property
     def _terms(self) -> Terms:

@@ -16,6 +16,8 @@ SAFETY = 2.0
 """Factor of the stated error over the largest one at the points tried."""
 _ADDED = 0.3
 """Share of the largest strain energy left out from which a shape is added."""
+_NOISE = 1e-13
+"""Share of strain energy left out that is rounding."""
 _GROWTH = 4
 """Times the number of modes, up to which shapes are added."""
 
@@ -48,7 +50,7 @@ def spanning(
     while True:
         lost = [_lost(B, *some, pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
         error, directions = max(lost, key=lambda pair: pair[0])
-        if error <= TOLERANCE or B.shape[1] + directions.shape[1] > most:
+        if error <= TOLERANCE or not directions.size or B.shape[1] + directions.shape[1] > most:
             break
         B = _independent(np.hstack([B, _without(directions, rigid, M)]), K)
     values, Y = lowest(B.T @ (K @ B), B.T @ (M @ B), B.T @ (axes @ B), np.zeros((B.shape[1], 0)))
@@ -80,7 +82,7 @@ def _lost(B: Array, values: Array, Y: Array, matrices: tuple[Sparse, Sparse], ri
     # Frequencies below those of the wanted shapes are nearer to those of the whole structure.
     found = eigh(B.T @ KB, B.T @ MB, eigvals_only=True)[: len(values)]
     excess = float((found / values[: len(found)] - 1).max())
-    return max(float(shares[-1]), excess), residual @ V[:, shares > _ADDED * shares[-1]]
+    return max(float(shares[-1]), excess), residual @ V[:, shares > max(_ADDED * shares[-1], _NOISE)]
 
 
 def _without(X: Array, rigid: Array, M: Sparse) -> Array:

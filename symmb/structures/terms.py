@@ -63,8 +63,7 @@ class Ranges:
         if not names:
             return [middle]
         few = 2 ** len(names) <= CORNERS
-        corners = np.array(list(product([0.0, 1.0], repeat=len(names)))) if few else None
-        corners = random.integers(0, 2, (CORNERS, len(names))) if corners is None else corners
+        corners = list(product([0, 1], repeat=len(names))) if few else random.integers(0, 2, (CORNERS, len(names)))
         ends = np.array([self.intervals[name] for name in names])
         shares = np.vstack([corners, random.random((INNER, len(names)))])
         places = ends[:, 0] * (1 - shares) + ends[:, 1] * shares
@@ -79,9 +78,8 @@ class Ranges:
         """
         stacked = ca.vertcat(*map(ca.SX, laws))
         symbols = ca.symvar(stacked)
-        for symbol in symbols:
-            if symbol.name() not in self.intervals:
-                name = symbol.name()
+        for name in names_in(laws):
+            if name not in self.intervals:
                 raise DeclarationError(
                     f"{owner}: {name!r} has no value. Give its interval, at=mb.Box({name}=(lower, upper)), or its "
                     "nominal value, at=parameters."
@@ -97,18 +95,22 @@ class Ranges:
 
     def shaping(self, laws: Sequence[Sequence[Expr]], owner: str) -> list[str]:
         """Names of the parameters that change the proportions of laws in one of several lists."""
-        wide = self.widened
+        wide, known = self.widened, names_in([law for some in laws for law in some])
         return [
             name
             for name in self.intervals
-            if any(not _proportional(self.values(some, wide.points([name]), owner)) for some in laws)
+            if name in known and any(not _proportional(self.values(some, wide.points([name]), owner)) for some in laws)
         ]
+
+
+def names_in(laws: Sequence[Expr]) -> dict[str, None]:
+    """Names of the symbols in laws, in their order."""
+    return dict.fromkeys(symbol.name() for symbol in ca.symvar(ca.vertcat(*map(ca.SX, laws))))
 
 
 def place_text(point: Mapping[str, float], laws: Sequence[Expr]) -> str:
     """The values of the parameters in some laws."""
-    names = dict.fromkeys(symbol.name() for symbol in ca.symvar(ca.vertcat(*map(ca.SX, laws))))
-    return ", ".join(f"{name} = {number_text(point[name])}" for name in names)
+    return ", ".join(f"{name} = {number_text(point[name])}" for name in names_in(laws))
 
 
 @dataclass(frozen=True, eq=False)
