@@ -11,6 +11,7 @@ from symmb._types import Array, Expr
 from symmb.structures.inertia_invariants import OF_MODES, Shapes, cleaned
 from symmb.structures.modes import SHAPES, Family, Modes
 from symmb.structures.terms import Terms
+from symmb.structures.validation import is_law
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,8 @@ def with_parameters(
     size = OF_MODES * np.sqrt(np.outer(stiffness, stiffness))
     K = _sum([(law, cleaned((A + A.T) / 2, size)) for law, A in energies])
     inertia = _sum([(law, np.diag(part.modal)) for law, part in masses])
-    damping = 2 * ca.SX(zeta) * ca.sqrt(ca.diag(K) * inertia) if n else ca.SX(0, 1)
+    ratio = zeta if is_law(zeta) else ca.DM(np.broadcast_to(zeta, n).tolist())
+    damping = 2 * ratio * ca.sqrt(ca.diag(K) * inertia) if n else ca.SX(0, 1)
     family = Family(masses, K, ca.sparsify(damping), box, error)
     return ParametricModes(**{name: getattr(modes, name) for name in SHAPES}, family=family)
 

@@ -14,6 +14,7 @@ from symmb._types import Array, Expr, Indices
 from symmb.structures.beams import Beam, Mesh, mesh
 from symmb.structures.mass_samples import MassSamples, Sparse, joined
 from symmb.structures.validation import is_law
+from symmb.symbolic import batch
 
 OWNER = "FiniteElements.modes"
 CORNERS, INNER = 32, 32
@@ -84,9 +85,11 @@ class Ranges:
                     f"{owner}: {name!r} has no value. Give its interval, at=mb.Box({name}=(lower, upper)), or its "
                     "nominal value, at=parameters."
                 )
-        f = ca.Function("laws", [ca.vertcat(*symbols)] if symbols else [ca.SX(0, 1)], [ca.densify(stacked)])
+        if not symbols:
+            return np.tile(np.array(laws, dtype=float), (len(points), 1))
+        f = ca.Function("laws", [ca.vertcat(*symbols)], [ca.densify(stacked)])
         places = np.array([[point[symbol.name()] for symbol in symbols] for point in points])
-        found = f(places.T).full().T.reshape(len(points), len(laws))
+        found = batch(f, places)[0].reshape(len(points), len(laws))
         for law, column in zip(laws, found.T, strict=True):
             if is_law(law) and not np.isfinite(column).all():
                 worst = points[int(np.argmin(np.isfinite(column)))]
