@@ -142,6 +142,11 @@ class Body(AbstractBody):
         return False
 
     @property
+    def laws(self) -> ca.SX:
+        """Expressions of parameters in forces of its own (n,)."""
+        return ca.SX(0, 1)
+
+    @property
     def faults(self) -> tuple[str, ...]:
         """Faults of the declaration of the body: a sentence with a remedy for each."""
         return ()

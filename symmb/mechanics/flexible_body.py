@@ -4,11 +4,13 @@ A material point of the body is at r + R (s + u), u = sum of its mode shapes tim
 first moment f(eta), the inertia J(eta) about the frame's origin and G(eta), the angular momentum of eta', all in the
 frame's axes and polynomials in eta with coefficients computed once (`Modes`),
 
-    T = m r'.r' / 2 + r'.R (omega x f + f_eta eta') + omega.J omega / 2 + omega.G eta' + eta'.eta' / 2
+    T = m r'.r' / 2 + r'.R (omega x f + f_eta eta') + omega.J omega / 2 + omega.G eta' + eta'.m_eta eta' / 2
 
-and Boltzmann-Hamel equations give all inertia forces. The modal part of the mass matrix is the identity.
+and Boltzmann-Hamel equations give all inertia forces. The modal part m_eta of the mass matrix is the identity, but for
+structures with parameters: their inertia and stiffness are sums of products of such coefficients and expressions.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
@@ -21,7 +23,7 @@ from symmb._options import is_whole, shown
 from symmb._types import Array, Expr
 from symmb.mechanics.body import AbstractBody, Body, Inertial, Point
 from symmb.mechanics.pose import Frame, Planar, Pose, Spatial
-from symmb.structures import Modes
+from symmb.structures import Invariants, Modes
 from symmb.symbolic import rotation_matrix, rotation_z, vector
 
 _IN_PLANE = 1e-9
@@ -46,7 +48,7 @@ class FlexibleBody(Body):
     name : str
         without dots
     modes : Modes
-        mass, inertia, mode shapes and stiffness, in numbers
+        mass, inertia, mode shapes and stiffness. Those of structures with parameters change with these
     pose : Pose
         `Spatial()`, or `Planar()` for modes that move in the xy plane alone
 
@@ -82,6 +84,9 @@ class FlexibleBody(Body):
             "inertia": float(J[2, 2]) if isinstance(pose, Planar) else J,
             "pose": type(pose)(len(modes.stiffness)),
         }
+        if modes.family is not None:
+            total, whole = (_sum(modes, lambda part: ca.SX(ca.DM(part.mass))), _sum(modes, _rigid))
+            options |= {"mass": total, "inertia": whole[2, 2] if isinstance(pose, Planar) else ca.SX(whole)}
         for key, value in options.items():
             object.__setattr__(self, key, value)
         self.__post_init__()
@@ -199,20 +204,24 @@ class FlexibleBody(Body):
 
     @cached_property
     def center(self) -> AbstractBody:
-        m = self.modes
-        return _Carrier(self, "center", self._first_moment / m.mass, np.zeros_like(m.S))
+        return _Carrier(self, "center", self._first_moment / self.mass, np.zeros_like(self.modes.S))
 
     @cached_property
     def _first_moment(self) -> ca.SX:
         """In the frame's axes, from its origin [kg m], (3,)."""
-        m = self.modes
-        return _polynomial(m.mass * m.center, m.S, m.S2, self.eta)
+        return _sum(self.modes, lambda part: _polynomial(part.moment, part.S, part.S2, self.eta))
+
+    @property
+    def laws(self) -> ca.SX:
+        family = self.modes.family
+        return ca.SX(0, 1) if family is None else ca.vertcat(ca.vec(family.stiffness), family.damping)
 
     def inertial(self, mass: ca.SX, J: ca.SX) -> Inertial:
         m, n, eta, rate = self.modes, self._n, self.eta, self.eta_dot
         R, omega = self.frame.R, self.frame.omega
         first = self._first_moment
-        S, J, G = ca.jacobian(first, eta), _inertia(m, eta), _momentum(m, eta)
+        S, J = ca.jacobian(first, eta), _sum(m, lambda part: _inertia(part, eta))
+        G, modal = _sum(m, lambda part: _momentum(part, eta)), _sum(m, lambda part: _numbers(part.modal))
         # Momenta of a body whose frame's origin is at rest: by Galilei the forces are those of any other.
         P, H = ca.cross(omega, first) + S @ rate, J @ omega + G @ rate
         spin = G.T @ omega
@@ -222,16 +231,18 @@ class FlexibleBody(Body):
             ca.jtimes(spin, eta, rate) - ca.gradient(0.5 * ca.dot(omega, J @ omega) + ca.dot(spin, rate), eta),
         )
         moment = -R @ ca.skew(first)
-        M = ca.blockcat([[mass * ca.SX.eye(3), moment, R @ S], [moment.T, J, G], [(R @ S).T, G.T, ca.SX.eye(n)]])
+        M = ca.blockcat([[mass * ca.SX.eye(3), moment, R @ S], [moment.T, J, G], [(R @ S).T, G.T, modal]])
         rigid = self.frame.S[:, :-n] if n else self.frame.S
         select = ca.diagcat(rigid, ca.SX.eye(n))
-        stiffness, damping = _numbers(m.stiffness), _numbers(m.damping)
+        family = m.family
+        stiffness = ca.diag(_numbers(m.stiffness)) if family is None else family.stiffness
+        damping = _numbers(m.damping) if family is None else family.damping
         none = ca.SX(rigid.shape[1], 1)
         return Inertial(
             M=ca.sparsify(select.T @ M @ select),
-            Q=select.T @ forces - ca.vertcat(none, stiffness * eta),
-            Q_work=-ca.vertcat(none, damping * rate) if m.damping.any() else None,
-            potential=0.5 * ca.dot(eta, stiffness * eta),
+            Q=select.T @ forces - ca.vertcat(none, stiffness @ eta),
+            Q_work=-ca.vertcat(none, damping * rate) if damping.nnz() else None,
+            potential=0.5 * ca.dot(eta, stiffness @ eta),
             flows=False,
         )
 
@@ -275,6 +286,16 @@ class _Carrier(AbstractBody):
         return self._body
 
 
+def _sum(modes: Modes, part: Callable[[Invariants], ca.SX]) -> ca.SX:
+    """A part of the inertia of a body."""
+    first, *more = [law * part(some) for law, some in modes.masses]
+    return sum(more, first)
+
+
+def _rigid(part: Invariants) -> ca.SX:
+    return ca.SX(ca.DM((part.J0 + part.J0.T) / 2))
+
+
 def _numbers(values: Array) -> ca.SX:
     """Numbers as SX whose zeros are structural."""
     return ca.SX(ca.sparsify(ca.DM(values)))
@@ -289,7 +310,7 @@ def _polynomial(constant: Array, linear: Array, quadratic: Array, eta: ca.SX) ->
     return ca.densify(ca.vertcat(*rows))
 
 
-def _inertia(m: Modes, eta: ca.SX) -> ca.SX:
+def _inertia(m: Invariants, eta: ca.SX) -> ca.SX:
     """J(eta) about the frame's origin, (3, 3)."""
     J = ca.SX(3, 3)
     for i in range(3):
@@ -304,7 +325,7 @@ def _triangle(A: Array) -> Array:
     return np.triu(A) + np.triu(A, 1)
 
 
-def _momentum(m: Modes, eta: ca.SX) -> ca.SX:
+def _momentum(m: Invariants, eta: ca.SX) -> ca.SX:
     """G(eta), by which eta' adds to the angular momentum about the frame's origin, (3, n)."""
     if not eta.numel():
         return ca.SX(3, 0)

@@ -72,6 +72,7 @@ def membership_faults(element: Element, known: Collection[int]) -> list[str]:
 def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
     """Mass (scalar) and inertia (3, 3) of a body as SX; all their faults are raised at once."""
     mass = bind(body.mass, f"Body {body.name!r}: mass")
+    bind.check(body.laws, f"Body {body.name!r}: stiffness or damping")
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
     faults = _inertia_faults(body, "mass", mass, parameters) + _inertia_faults(body, "inertia", ca.diag(J), parameters)
     skew, size = _nominal(ca.vec(J - J.T), parameters), _nominal(ca.vec(J), parameters)

@@ -40,7 +40,7 @@ class Line:
     rotation: Array
     """(e, g, 3, 12)"""
     stiffness: Array
-    """(e, 12, 12)"""
+    """(6, e, 12, 12) by the extension, both shears, the torsion and both bendings, which it is the sum of"""
     slopes: Array
     """(e, g, 2, 12) slopes in the two planes of bending"""
     axial: Array
@@ -127,7 +127,7 @@ def elements(length: Array, axes: Array, ends: Array, E: float, G: float) -> Lin
     for k in range(0, 12, 3):
         T[:, k : k + 3, k : k + 3] = axes
     weights = WEIGHTS * length[:, None]
-    local = np.einsum("eg,egs,egsi,egsj->eij", weights, whole, force, force, optimize=True)
+    local = np.einsum("eg,egs,egsi,egsj->seij", weights, whole, force, force, optimize=True)
     turned, back = T[:, None], axes.swapaxes(1, 2)[:, None]
     return Line(
         weights,

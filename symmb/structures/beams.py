@@ -1,17 +1,17 @@
 """Beams along polylines and their mesh."""
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, require_whole
-from symmb._types import Array, Indices
+from symmb._types import Array, Expr, Indices
 from symmb.structures.beam_element import GAUSS, XI, Line, elements, properties
 from symmb.structures.mass_samples import MassSamples, Sparse, joined
-from symmb.structures.section import Material, Section
+from symmb.structures.section import Material, Section, is_rigid
 from symmb.structures.validation import numbers
 
 MOST_ELEMENTS = 10_000
@@ -73,7 +73,7 @@ class Beam:
             raise DeclarationError(
                 f"Beam: {len(sections)} sections at {len(points)} points. Give one Section for all, or one at each."
             )
-        if len({(np.isinf(s.shear_y), np.isinf(s.shear_z)) for s in sections}) > 1:
+        if len({(is_rigid(s.shear_y), is_rigid(s.shear_z)) for s in sections}) > 1:
             raise DeclarationError(
                 "Beam: some sections are rigid in shear, others are not. Give all of them shear areas, or none: "
                 "section.without_shear()."
@@ -125,13 +125,48 @@ class Beam:
             self.material.shear_modulus,
         )
 
+    @property
+    def numbers(self) -> list[Expr]:
+        """E, density and G of the material, and the properties of each section: numbers or expressions."""
+        material = [self.material.E, self.material.density, self.material.shear_modulus]
+        return [*material, *(value for section in self.sections for value in properties_of(section))]
+
+    def with_numbers(self, values: Array) -> "Beam":
+        """The beam with values of its `numbers`."""
+        (E, density, G), properties = values[:3].tolist(), values[3:].reshape(len(self.sections), -1).tolist()
+        sections = [Section(*some) for some in properties]
+        one = isinstance(self.section, Section)
+        return replace(self, section=sections[0] if one else sections, material=Material(E=E, density=density, G=G))
+
+    def laws(self) -> list[list[Expr]]:
+        """Of each section: EA, GA_y, GA_z, GJ, EI_y, EI_z [N, N m^2] and ρA, ρI_y, ρI_z [kg/m, kg m].
+
+        A section that is rigid in shear has the bending stiffness in place of the shear stiffness.
+        """
+        E, G, density = self.material.E, self.material.shear_modulus, self.material.density
+        return [
+            [
+                E * s.area,
+                E * s.Iz if is_rigid(s.shear_y) else G * s.shear_y,
+                E * s.Iy if is_rigid(s.shear_z) else G * s.shear_z,
+                G * s.J,
+                *(E * s.Iy, E * s.Iz, density * s.area, density * s.Iy, density * s.Iz),
+            ]
+            for s in self.sections
+        ]
+
     def sections_at_ends(self) -> Array:
         """(e, 2, 6) properties at both ends of the elements."""
-        sections = np.array([astuple(section) for section in self.sections])
+        sections = np.array([properties_of(section) for section in self.sections])
         along = properties(
             np.stack([sections[:-1], sections[1:]], axis=1), np.arange(self.elements + 1) / self.elements
         )
         return np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 6)
+
+
+def properties_of(section: Section) -> list[Expr]:
+    """Area, Iy, Iz, J, shear_y, shear_z."""
+    return [getattr(section, field.name) for field in fields(section)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,22 +206,27 @@ class Mesh:
     axial: AxialForces
 
 
-def mesh(beams: Sequence[Beam]) -> Mesh:
-    """Assemble beams, which are rigidly joined where their nodes coincide."""
+def mesh(beams: Sequence[Beam], shares: Array | None = None) -> Mesh:
+    """Assemble beams, which are rigidly joined where their nodes coincide.
+
+    `shares` (b, 9) multiply what the `laws` of each beam cause in stiffness and samples: 1 if they are left out.
+    """
     from scipy.sparse import csc_array
 
     positions, numbering = _merged([beam.nodes() for beam in beams])
     d = 6 * len(positions)
-    lines, samples, dofs = [], [], []
-    for beam, nodes in zip(beams, numbering, strict=True):
+    lines, samples, dofs, stiffnesses = [], [], [], []
+    shares = np.ones((len(beams), 9)) if shares is None else shares
+    for beam, nodes, share in zip(beams, numbering, shares, strict=True):
         place = np.stack([nodes[:-1], nodes[1:]], axis=1)
         columns = (6 * place[:, :, None] + np.arange(6)).reshape(-1, 12)
         line = beam.line()
         lines.append(line)
-        samples.append(_samples(beam, line, positions[place], columns, d))
+        stiffnesses.append(np.einsum("s,seij->eij", share[:6], line.stiffness))
+        samples.append(_samples(beam, line, positions[place], columns, d, share[6:]))
         dofs.append(columns)
     where = np.concatenate(dofs)
-    stiffness = np.concatenate([line.stiffness for line in lines])
+    stiffness = np.concatenate(stiffnesses)
     rows, columns = np.broadcast_arrays(where[:, :, None], where[:, None, :])
     K = csc_array((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=(d, d))
     axial = AxialForces(
@@ -199,11 +239,11 @@ def mesh(beams: Sequence[Beam]) -> Mesh:
     return Mesh(positions, (K + K.T) / 2, joined(samples), axial)
 
 
-def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int) -> MassSamples:
+def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int, shares: Array) -> MassSamples:
     """Samples at the Gauss points of the elements between `ends` (e, 2, 3)."""
     from scipy.sparse import csr_array
 
-    section = properties(beam.sections_at_ends(), XI)
+    section = properties(beam.sections_at_ends(), XI)[..., :3] * shares
     density = beam.material.density * line.weights
     s = density.size
     where = np.repeat(columns, 3 * GAUSS, axis=0).ravel()

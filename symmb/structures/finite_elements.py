@@ -1,26 +1,29 @@
 """Structures of finite elements and their reduction to modes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, require_truth, shown, whole
-from symmb._types import Array, Indices
-from symmb.structures.beams import AxialForces, Beam, mesh
+from symmb._types import Array, Expr, Indices
+from symmb.structures.beams import AxialForces, Beam
+from symmb.structures.families import with_parameters
 from symmb.structures.flexibility import Flexibility
 from symmb.structures.foreshortening import foreshortening
-from symmb.structures.inertia_invariants import cleaned, deformed_inertia, rigid_inertia
+from symmb.structures.inertia_invariants import Shapes, cleaned, rigid_inertia
 from symmb.structures.mass_samples import MassSamples, Sparse, at_nodes, joined, rigid_motions
 from symmb.structures.matrices import checked, lumped, read
 from symmb.structures.mode_reduction import chosen, reduced
 from symmb.structures.modes import Modes, nearest
-from symmb.structures.validation import numbers, positive
-
-OWNER = "FiniteElements.modes"
+from symmb.structures.reduced_basis import spanning
+from symmb.structures.terms import OWNER, Ranges, Terms, beam_terms, numeric_terms, summed
+from symmb.structures.validation import is_law, numbers, positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,8 @@ class FiniteElements:
         the point masses by which the inertia of the deformed body is integrated
     axial : AxialForces
         of beams, for geometric stiffening
+    terms : Terms
+        K and M as sums, of structures with parameters; the other fields are in numbers, for the middles of intervals
 
     Examples
     --------
@@ -56,21 +61,30 @@ class FiniteElements:
     M: Sparse
     samples: MassSamples
     axial: AxialForces | None = None
+    terms: Terms | None = None
 
     def __post_init__(self) -> None:
         require_instance("FiniteElements: samples", self.samples, MassSamples, "those of beams(...) or matrices(...)")
 
     @classmethod
-    def beams(cls, *beams: Beam) -> "FiniteElements":
+    def beams(cls, *beams: Beam, at: Mapping[str, Any] | None = None) -> "FiniteElements":
         """A mesh of beams, joined rigidly where nodes coincide; the nodes are numbered along the beams in their order.
 
         Two-node Timoshenko or Euler-Bernoulli elements with consistent masses and the rotary inertia of the sections.
         Inertia is integrated exactly along the elements.
 
+        Parameters
+        ----------
+        *beams : Beam
+        at : mapping
+            values of the parameters in sections and materials: a `Box`, `Parameters`, or numbers and pairs by name.
+            Parameters that change the shapes of modes need intervals
+
         Raises
         ------
         DeclarationError
-            If there is no beam.
+            If there is no beam, if a parameter has no value, if a material or a section is not positive in all
+            intervals, or if the shapes of elements change with parameters.
 
         Examples
         --------
@@ -80,23 +94,45 @@ class FiniteElements:
         >>> modes = elements.modes(clamped=0, count=2)
         >>> print(modes.frequencies.round(2))
         [ 8.35 16.71]
+
+        A modulus and a height as parameters:
+
+        >>> import symmb as mb
+        >>> p = mb.Parameters(E=2.1e11, h=0.01)
+        >>> bar = Beam(
+        ...     [(0, 0, 0), (1, 0, 0)],
+        ...     Section.rectangle(0.02, p.h).without_shear(),
+        ...     Material(E=p.E, nu=0.3, density=7850),
+        ... )
+        >>> elements = FiniteElements.beams(bar, at=mb.Box(E=(2.0e11, 2.2e11), h=(0.008, 0.012)))
+        >>> modes = elements.modes(clamped=0, count=2)
+        >>> modes.error < 1e-5
+        True
         """
         if not beams:
             raise DeclarationError("FiniteElements.beams: give one Beam at least.")
         for beam in beams:
             require_instance("FiniteElements.beams", beam, Beam, "a Beam")
-        meshed = mesh(beams)
-        return cls(meshed.positions, meshed.stiffness, meshed.samples.mass_matrix(), meshed.samples, meshed.axial)
+        owner = "FiniteElements.beams"
+        meshed, terms = beam_terms(beams, Ranges.given(at, owner), owner)
+        mass = meshed.samples.mass_matrix()
+        return cls(meshed.positions, meshed.stiffness, mass, meshed.samples, meshed.axial, terms)
 
     @classmethod
     def matrices(
-        cls, positions: npt.ArrayLike, K: Sparse | str | PathLike[str], M: Sparse | str | PathLike[str]
+        cls,
+        positions: npt.ArrayLike,
+        K: Sparse | str | PathLike[str] | list[tuple[Expr, Sparse | str | PathLike[str]]],
+        M: Sparse | str | PathLike[str] | list[tuple[Expr, Sparse | str | PathLike[str]]],
+        at: Mapping[str, Any] | None = None,
     ) -> "FiniteElements":
         """A structure from another program: node positions (k, 3) [m], stiffness and mass matrix.
 
         The matrices are arrays, SciPy sparse matrices or the paths of Matrix Market files, of size 3 k or 6 k, in the
         order that the class states, of the body free in space. Mass, centre of mass, inertia, S and G0 follow from M;
         the parts of first and second order in the deformation (J1, J2, G1) follow from node masses, the row sums of M.
+        With parameters, K and M are sums: lists of pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)],
+        and `at` gives values as in `beams`.
 
         Raises
         ------
@@ -104,9 +140,16 @@ class FiniteElements:
             If a matrix is not of that size, not symmetric or not positive, or if rigid motions have strain energy.
         """
         nodes = numbers(positions, "FiniteElements.matrices", "positions", ("k", 3))
-        stiffness, mass = read(K, "K", len(nodes)), read(M, "M", len(nodes))
+        owner = "FiniteElements.matrices"
+        sums = [
+            [(c, read(A, name, len(nodes))) for c, A in _pairs(given, name)] for name, given in (("K", K), ("M", M))
+        ]
+        ranges = Ranges.given(at, owner)
+        factors = [ranges.values([c for c, _ in some], ranges.points([]), owner)[0] for some in sums]
+        stiffness, mass = (summed(c, [A for _, A in some]) for c, some in zip(factors, sums, strict=True))
         checked(nodes, stiffness, mass)
-        return cls(nodes, stiffness, mass, lumped(nodes, mass))
+        terms = Terms(ranges, tuple((c, A) for c, A in sums[0]), tuple((c, A, lumped(nodes, A)) for c, A in sums[1]))
+        return cls(nodes, stiffness, mass, lumped(nodes, mass), terms=terms)
 
     @property
     def per_node(self) -> int:
@@ -136,7 +179,13 @@ class FiniteElements:
                 f"{owner}: the nodes have no rotations, so that inertia cannot act. Spread the mass over several nodes."
             )
         added = at_nodes(where, np.array([positive(mass, owner, "mass")]), tensor[None], self.positions, self.per_node)
-        return replace(self, M=self.M + added.mass_matrix(), samples=joined([self.samples, added]))
+        M, samples, terms = self.M + added.mass_matrix(), joined([self.samples, added]), self._terms
+        more = terms.with_mass(added) if terms.has_laws else numeric_terms(self.K, M, samples, terms.ranges)
+        return replace(self, M=M, samples=samples, terms=more)
+
+    @property
+    def _terms(self) -> Terms:
+        return self.terms or numeric_terms(self.K, self.M, self.samples, Ranges({}))
 
     def modes(
         self,
@@ -144,7 +193,7 @@ class FiniteElements:
         count: int | None = None,
         cutoff: float | None = None,
         clamped: int | None = None,
-        damping: npt.ArrayLike = 0.0,
+        damping: npt.ArrayLike | Expr = 0.0,
         stiffening: bool = False,
         planar: bool = False,
     ) -> Modes:
@@ -169,8 +218,8 @@ class FiniteElements:
             node that is fixed in the frame of the body, and the origin of this frame. By default the body is free in a
             floating frame: its origin is the centre of mass, and the modes change neither this centre nor the angular
             momentum (S = 0, G0 = 0)
-        damping : float, (n,)
-            modal damping ratio ζ, of all modes or of each
+        damping : Expr, (n,)
+            modal damping ratio ζ, of all modes or of each. An expression of parameters is for all modes
         stiffening : bool
             beams shorten when they bend, which needs a clamped node: all loads along them (centrifugal, of gravity or
             at their ends) then stiffen or soften them. Without it a fast rotor becomes too soft
@@ -198,19 +247,24 @@ class FiniteElements:
         locked = [2, 3, 4] if planar else []
         every = np.arange(self.K.shape[0])
         free = np.setdiff1d(every[~np.isin(every % self.per_node, locked)], self._dofs(fixed))
-        K, M, axes = (A[free][:, free] for A in (self.K, self.M, self._axes()))
+        axes = self._axes()[free][:, free]
         motions = rigid_motions(self.positions, self.per_node)
         moves = np.setdiff1d(np.arange(6), locked)
         rigid = motions[np.ix_(free, moves)] if clamped is None else np.zeros((free.size, 0))
         below = None if cutoff is None else (2 * np.pi * positive(cutoff, OWNER, "cutoff")) ** 2
-        stiffness, inner = reduced(
-            K, M, rigid, axes, np.flatnonzero(np.isin(free, self._dofs(interface_nodes))), count, below
-        )
+        interface = np.flatnonzero(np.isin(free, self._dofs(interface_nodes)))
+
+        def solve(K: Sparse, M: Sparse) -> tuple[Array, Array]:
+            return reduced(K, M, rigid, axes, interface, count, below)
+
+        terms = self._terms
+        box = {} if count == 0 else terms.box(free)
+        stiffness, inner, error = spanning(*terms.matrices(free, box), solve, rigid, axes)
         _require_modes(len(stiffness), count, cutoff, interface_nodes)
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner * self._signs(inner, free)
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
-        zeta = np.broadcast_to(numbers(damping, OWNER, "damping", (), (len(X.T),)), len(X.T))
+        zeta = damping if is_law(damping) else numbers(damping, OWNER, "damping", (), (len(X.T),))
         D = None
         if stiffening and self.axial is not None:
             D = foreshortening(self.K, free, self.samples, self.axial, X)
@@ -219,45 +273,48 @@ class FiniteElements:
         flexibility = Flexibility(
             self.K, self.M, np.union1d(free, held), motions[:, moves], held, X, stiffness, self.per_node
         )
-        modes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
+        modes, shapes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
+        if is_law(zeta) or terms.has_laws:
+            modes = with_parameters(modes, terms, shapes, zeta, box, error)
         return modes.of_structure(flexibility)
 
     def _modes(
-        self, stiffness: Array, X: Array, origin: Array, zeta: Array, D: tuple[Array, Array] | None, free: Indices
-    ) -> Modes:
-        """Invariants of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
+        self,
+        stiffness: Array,
+        X: Array,
+        origin: Array,
+        zeta: Array | ca.SX,
+        D: tuple[Array, Array] | None,
+        free: Indices,
+    ) -> tuple[Modes, Shapes]:
+        """Modes of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
         k, n, placed = len(self.positions), len(stiffness), self.positions - origin
         rigid = rigid_motions(placed, self.per_node)
         momentum = self.M @ rigid
         if free.size:
             gram = rigid[:, free].T @ momentum[:, free]
             X = X - rigid[:, free] @ np.linalg.solve(gram, momentum[:, free].T @ X)
-        whole, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
-        J1, J2, G1, S2 = deformed_inertia(self.samples, X, origin, None if D is None else D[1])
+        whole, length = rigid_inertia(rigid.T @ momentum), np.abs(placed).max(initial=0)
+        placed_shapes = Shapes(X, rigid, origin, None if D is None else D[1], whole, length)
+        own = placed_shapes.invariants(self.M, self.samples)
         nodal = X.reshape(k, self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
         nodal2 = np.zeros((k, 3, n, n)) if D is None else D[0].reshape(k, self.per_node, n, n)[:, :3]
-        # Sizes relative to which values are rounding: of the body, and of each mode.
-        length, root = np.abs(placed).max(initial=0), np.sqrt(whole.mass)
+        # Size of each mode, relative to which values are rounding.
         size = np.maximum(np.abs(shapes).max(axis=(0, 1)), length * np.abs(rotations).max(axis=(0, 1)))
-        return Modes(
-            mass=whole.mass,
+        ratio = self._terms.middle(zeta) if is_law(zeta) else zeta
+        modes = Modes(
+            **{name: getattr(own, name) for name in ("mass", "J0", "J1", "J2", "S", "S2", "G0", "G1")},
             center=cleaned(whole.center, length),
-            J0=cleaned(whole.J0, np.trace(whole.J0)),
-            J1=cleaned(J1, root * length),
-            J2=cleaned(J2, max(1.0, np.abs(J2).max(initial=0))),
-            S=cleaned(first[:3], root),
-            S2=cleaned(S2, 1 / length),
-            G0=cleaned(first[3:], root * length),
-            G1=cleaned(G1, 1.0),
             stiffness=stiffness,
-            damping=2 * zeta * np.sqrt(stiffness),
+            damping=2 * ratio * np.sqrt(stiffness),
             origin=origin,
             positions=cleaned(placed, length),
             shapes=cleaned(shapes, size),
             rotations=cleaned(rotations, size / length),
             shapes2=cleaned(nodal2, np.abs(nodal2).max(initial=0)),
         )
+        return modes, placed_shapes
 
     def _check(
         self, interfaces: list[int], fixed: list[int], count: int | None, cutoff: float | None, stiffening: bool
@@ -293,6 +350,16 @@ class FiniteElements:
         size = np.abs(shapes)
         first = np.argmax(size >= (1 - 1e-6) * size.max(axis=0), axis=0)
         return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)
+
+
+def _pairs(given: Any, name: str) -> list[tuple[Expr, Any]]:
+    """Pairs (factor, matrix) of a sum of matrices, or of one matrix."""
+    if not (isinstance(given, list) and given and all(isinstance(x, tuple) and len(x) == 2 for x in given)):
+        return [(1.0, given)]
+    owner = f"FiniteElements.matrices: a factor of {name}"
+    return [
+        (factor if is_law(factor) else float(numbers(factor, owner, "the value")), matrix) for factor, matrix in given
+    ]
 
 
 def _require_modes(found: int, count: int | None, cutoff: float | None, interfaces: list[int]) -> None:

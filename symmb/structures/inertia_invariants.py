@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.structures.mass_samples import MassSamples
+from symmb.structures.mass_samples import MassSamples, Sparse
 
 ROUNDING = 1e-12
 """Share of the largest entry below which an entry is rounding, and becomes 0."""
+OF_MODES = 100.0
+"""Rounding of products of modes over that of other sums."""
 EPSILON = np.array(
     [[[0, 0, 0], [0, 0, 1], [0, -1, 0]], [[0, 0, -1], [0, 0, 0], [1, 0, 0]], [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]], float
 )
@@ -16,19 +18,74 @@ EPSILON = np.array(
 
 @dataclass(frozen=True, eq=False)
 class RigidInertia:
-    """Mass [kg], centre of mass [m] and inertia about the origin [kg m^2]."""
+    """Mass [kg], its first moment [kg m] and inertia about the origin [kg m^2]."""
 
     mass: float
-    center: Array
+    moment: Array
     J0: Array
+
+    @property
+    def center(self) -> Array:
+        """Centre of mass [m]."""
+        return self.moment / self.mass
+
+
+@dataclass(frozen=True, eq=False)
+class Invariants:
+    """Inertia of a body, or a part of it: fields as in `Modes`, the first moment [kg m], and the modal mass (n, n)."""
+
+    mass: float
+    moment: Array
+    J0: Array
+    J1: Array
+    J2: Array
+    S: Array
+    S2: Array
+    G0: Array
+    G1: Array
+    modal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Shapes X (d, n) and rigid motions (d, 6) in a frame at an origin, and foreshortening D (s, 3, n, n) of samples.
+
+    The inertia and the length of the whole body tell what is rounding.
+    """
+
+    X: Array
+    rigid: Array
+    origin: Array
+    D: Array | None
+    whole: RigidInertia
+    length: float
+
+    def invariants(self, M: Sparse, samples: MassSamples) -> Invariants:
+        """Those of the body or of a part of it, from its mass matrix and samples."""
+        momentum, modal = M @ self.rigid, self.X.T @ (M @ self.X)
+        part, first = rigid_inertia(self.rigid.T @ momentum), momentum.T @ self.X
+        J1, J2, G1, S2 = deformed_inertia(samples, self.X, self.origin, self.D)
+        length, root = self.length, np.sqrt(self.whole.mass)
+        return Invariants(
+            mass=part.mass,
+            moment=cleaned(part.moment, length * self.whole.mass),
+            J0=cleaned(part.J0, np.trace(self.whole.J0)),
+            J1=cleaned(J1, root * length),
+            J2=cleaned(J2, max(1.0, np.abs(J2).max(initial=0))),
+            S=cleaned(first[:3], root),
+            S2=cleaned(S2, 1 / length),
+            G0=cleaned(first[3:], root * length),
+            G1=cleaned(G1, 1.0),
+            modal=cleaned((modal + modal.T) / 2, OF_MODES),
+        )
 
 
 def rigid_inertia(M: Array) -> RigidInertia:
     """Rigid inertia from the (6, 6) mass matrix Rᵀ M R of unit rigid translations and rotations about the origin."""
     mass = np.trace(M[:3, :3]) / 3
     moment = M[:3, 3:]  # -m [c ×]
-    center = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]]) / 2
-    return RigidInertia(float(mass), center / mass, (M[3:, 3:] + M[3:, 3:].T) / 2)
+    first = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]]) / 2
+    return RigidInertia(float(mass), first, (M[3:, 3:] + M[3:, 3:].T) / 2)
 
 
 def deformed_inertia(

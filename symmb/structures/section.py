@@ -1,10 +1,14 @@
 """Cross-sections and materials of beams."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
+import casadi as ca
+
 from symmb._errors import DeclarationError
-from symmb.structures.validation import numbers, positive
+from symmb._types import Expr
+from symmb.structures.validation import is_law, numbers, positive_law
 
 NU = 0.3
 """Poisson's ratio for the shear areas of the ready-made sections, which hardly depend on it."""
@@ -14,15 +18,17 @@ NU = 0.3
 class Section:
     """Properties of a cross-section about its centroid, in its principal axes y and z; the beam runs along x.
 
+    All of them may be expressions of parameters, whose values `FiniteElements.beams(..., at=...)` gets.
+
     Parameters
     ----------
-    area : float
+    area : Expr
         A [m^2]
-    Iy, Iz : float
+    Iy, Iz : Expr
         second moments ∫ z² dA and ∫ y² dA [m^4]: bending in the x-z and in the x-y plane
-    J : float
+    J : Expr
         torsion constant [m^4]; Iy + Iz for a circle only
-    shear_y, shear_z : float
+    shear_y, shear_z : Expr
         effective shear areas κA along y and z [m^2]. Infinite ones (the default) make an Euler-Bernoulli beam, finite
         ones a Timoshenko beam
 
@@ -38,43 +44,46 @@ class Section:
     ('3.1416e-04', '2.0', inf)
     """
 
-    area: float
-    Iy: float
-    Iz: float
-    J: float
-    shear_y: float = math.inf
-    shear_z: float = math.inf
+    area: Expr
+    Iy: Expr
+    Iz: Expr
+    J: Expr
+    shear_y: Expr = math.inf
+    shear_z: Expr = math.inf
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            rigid = field.name.startswith("shear") and isinstance(value, float) and value == math.inf
-            object.__setattr__(self, field.name, math.inf if rigid else positive(value, "Section", field.name))
+            stiff = field.name.startswith("shear") and is_rigid(value)
+            object.__setattr__(self, field.name, math.inf if stiff else positive_law(value, "Section", field.name))
 
     @classmethod
-    def circle(cls, radius: float, inner: float = 0.0) -> "Section":
+    def circle(cls, radius: Expr, inner: Expr = 0.0) -> "Section":
         """Solid or hollow circle of outer and inner radius [m].
 
         Shear areas after G. R. Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33 (1966),
         at Poisson's ratio 0.3.
         """
-        R, r = positive(radius, "Section.circle", "radius"), float(numbers(inner, "Section.circle", "inner"))
-        if not 0 <= r < R:
+        R = positive_law(radius, "Section.circle", "radius")
+        r = inner if is_law(inner) else float(numbers(inner, "Section.circle", "inner"))
+        if not (is_law(R) or is_law(r) or 0 <= r < R):
             raise DeclarationError(f"Section.circle: inner must lie between 0 and the radius {R:g}, got {r:g}.")
         area, second, m2 = math.pi * (R**2 - r**2), math.pi / 4 * (R**4 - r**4), (r / R) ** 2
         kappa = 6 * (1 + NU) * (1 + m2) ** 2 / ((7 + 6 * NU) * (1 + m2) ** 2 + (20 + 12 * NU) * m2)
         return cls(area, second, second, 2 * second, kappa * area, kappa * area)
 
     @classmethod
-    def rectangle(cls, width: float, height: float) -> "Section":
+    def rectangle(cls, width: Expr, height: Expr) -> "Section":
         """Solid rectangle, width along y and height along z [m].
 
         Torsion constant by Saint-Venant's series (S. P. Timoshenko, J. N. Goodier, Theory of Elasticity, art. 109),
         shear areas after Cowper as for the circle.
         """
-        b, h = positive(width, "Section.rectangle", "width"), positive(height, "Section.rectangle", "height")
-        long, short = max(b, h), min(b, h)
-        series = sum(math.tanh(n * math.pi * long / (2 * short)) / n**5 for n in range(1, 40, 2))
+        b, h = positive_law(width, "Section.rectangle", "width"), positive_law(height, "Section.rectangle", "height")
+        law = is_law(b) or is_law(h)
+        tanh: Callable[[Expr], Expr] = ca.tanh if law else math.tanh
+        long, short = (ca.fmax(b, h), ca.fmin(b, h)) if law else (max(b, h), min(b, h))
+        series = sum(tanh(n * math.pi * long / (2 * short)) / n**5 for n in range(1, 40, 2))
         J = long * short**3 * (1 / 3 - 64 * short / (math.pi**5 * long) * series)
         kappa = 10 * (1 + NU) / (12 + 11 * NU)
         return cls(b * h, b * h**3 / 12, h * b**3 / 12, J, kappa * b * h, kappa * b * h)
@@ -84,17 +93,22 @@ class Section:
         return replace(self, shear_y=math.inf, shear_z=math.inf)
 
 
+def is_rigid(shear: Expr) -> bool:
+    """Whether a shear area is infinite."""
+    return isinstance(shear, float) and shear == math.inf
+
+
 @dataclass(frozen=True)
 class Material:
-    """A linear elastic, isotropic material.
+    """A linear elastic, isotropic material, in numbers or in expressions of parameters.
 
     Parameters
     ----------
-    E : float
+    E : Expr
         Young's modulus [Pa]
-    density : float
+    density : Expr
         [kg/m^3]
-    nu, G : float
+    nu, G : Expr
         Poisson's ratio, or the shear modulus [Pa] itself
 
     Raises
@@ -108,10 +122,10 @@ class Material:
     80000000000.0
     """
 
-    E: float
-    density: float
-    nu: float | None = None
-    G: float | None = None
+    E: Expr
+    density: Expr
+    nu: Expr | None = None
+    G: Expr | None = None
 
     def __post_init__(self) -> None:
         if (self.nu is None) == (self.G is None):
@@ -119,13 +133,13 @@ class Material:
         for field in fields(self):
             value = getattr(self, field.name)
             if value is not None and field.name != "nu":
-                object.__setattr__(self, field.name, positive(value, "Material", field.name))
-        if self.nu is not None:
+                object.__setattr__(self, field.name, positive_law(value, "Material", field.name))
+        if self.nu is not None and not is_law(self.nu):
             object.__setattr__(self, "nu", float(numbers(self.nu, "Material", "nu")))
             if not -1 < self.nu <= 0.5:
                 raise DeclarationError(f"Material: nu must lie above -1 and not above 0.5, got {self.nu:g}.")
 
     @property
-    def shear_modulus(self) -> float:
+    def shear_modulus(self) -> Expr:
         """G [Pa]."""
-        return self.E / (2 * (1 + self.nu)) if self.nu is not None else float(self.G or 0.0)
+        return self.G if self.nu is None else self.E / (2 * (1 + self.nu))

@@ -1,5 +1,8 @@
-"""Checks of mesh data: finite numbers, no symbols."""
+"""Checks of mesh data: finite numbers, and symbols in few places."""
 
+from typing import Any
+
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -21,7 +24,8 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
     if any(type(item).__module__.split(".")[0] in ("casadi", "sympy") for item in _items(value)):
         raise DeclarationError(
             f"{owner}: {name} holds a symbol. Modes are computed once, in numbers; a parameter of the scene would need "
-            "them anew at every value. Put what is uncertain into joints, forces or rigid bodies."
+            "them anew at every value. Put what is uncertain into joints, forces or rigid bodies, or into materials, "
+            "sections and damping ratios."
         )
     shapes = shapes or ((),)
     expected = " or ".join(map(_words, shapes))
@@ -49,6 +53,16 @@ def positive(value: npt.ArrayLike, owner: str, name: str) -> float:
     if number > LARGEST:
         raise DeclarationError(f"{owner}: {name} must be at most {LARGEST:g}, got {number:g}.")
     return number
+
+
+def is_law(value: Any) -> bool:
+    """Whether a value is a scalar expression of symbols."""
+    return isinstance(value, ca.SX) and value.is_scalar() and not value.is_constant()
+
+
+def positive_law(value: Any, owner: str, name: str) -> Any:
+    """A number above zero, or an expression of parameters."""
+    return value if is_law(value) else positive(value, owner, name)
 
 
 def _items(value: npt.ArrayLike, depth: int = 0) -> list[object]:

@@ -24,6 +24,10 @@ SLENDER = 0.3
 """Width over length of a body of nodes without rotations up to which it bends, so that tension makes it stiffer."""
 MISSING = 0.08
 """Share of what deformations add to an output that modes may leave out."""
+ACCURATE = 0.01
+"""Relative error of squared frequencies that the common shapes of a box of parameters may have."""
+_ROUNDING = 1e-9
+"""Share of an interval by which rounding may leave it."""
 STRETCH = 1e-3
 """Displacement, over the size of a body, along directions in which no mode moves, from which these count."""
 
@@ -48,13 +52,13 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
 
 
 def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
-    """Which flexible bodies bend or spin too much for linear theory in such states."""
+    """Which flexible bodies bend or spin too much for linear theory in such states, or are not those of p (n_p,)."""
     for k, body in enumerate(scene.system.bodies):
         if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
             moved = ca.vertcat(body.eta, body.frame.omega)
             f = scene.remembered((deformation_doubts, k), lambda: output_function(dae, scene, moved))  # noqa: B023
             eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
-            yield from (*_turned(body, eta, t), *_spun(body, omega, t))
+            yield from (*_turned(body, eta, t), *_spun(body, omega, t), *_beyond(scene, body, p))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +94,21 @@ def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
             f"t = {first:.3g} s on, by {turn.max():.2g} rad at t = {worst:.3g} s. Its modes are linear: deflections "
             "become too large, and its ends do not come closer as they should. Divide it into several bodies."
         )
+
+
+def _beyond(scene: Scene, body: FlexibleBody, p: Array) -> Iterator[str]:
+    family, values = body.modes.family, dict(zip(scene.system.parameters, p.tolist(), strict=True))
+    if family is not None and family.error > ACCURATE:
+        yield (
+            f"FlexibleBody {body.name!r}: its modes have common shapes for a box of parameters, by which squared "
+            f"frequencies have errors of up to {family.error:.1%}. Narrow the intervals of at=, or ask for more modes."
+        )
+    for name, (low, high) in family.box.items() if family is not None else ():
+        if not low - _ROUNDING * (high - low) <= values[name] <= high + _ROUNDING * (high - low):
+            yield (
+                f"FlexibleBody {body.name!r}: {name} = {values[name]:.6g} lies outside ({low:.6g}, {high:.6g}), for "
+                "which its modes were computed. Widen the interval of at=."
+            )
 
 
 def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:

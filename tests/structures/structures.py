@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 from scipy.linalg import eigh
 
@@ -58,3 +59,31 @@ def dofs(nodes, directions=range(6)):
 
 def slope(sizes, errors):
     return -np.polyfit(np.log(sizes), np.log(np.abs(errors)), 1)[0]
+
+
+def squares(modes, parameters, free):
+    """A function from values of parameters to rising ω² of a body with parametric modes, clamped or free in space."""
+    sums = (sum((law * ca.SX(ca.DM(of(part))) for law, part in modes.masses), ca.SX(0)) for of in (modal, rigid, along))
+    f = ca.Function("parts", [parameters], [modes.family.stiffness, *sums])
+
+    def at(values):
+        K, M, frame, coupling = (part.full() for part in f(values))
+        return eigh(K, M - coupling.T @ np.linalg.solve(frame, coupling) if free else M, eigvals_only=True)
+
+    return at
+
+
+def modal(part):
+    return part.modal
+
+
+def rigid(part):
+    """Mass matrix (6, 6) of the frame's velocity and angular velocity."""
+    x, y, z = part.moment
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.block([[part.mass * np.eye(3), -cross], [cross, part.J0]])
+
+
+def along(part):
+    """Momenta (6, n) of the frame's directions by the rates of modes."""
+    return np.vstack([part.S, part.G0])

@@ -7,16 +7,19 @@ from structures import LIGHT, SLENDER, STEEL, cantilever, frame, lattice
 import symmb as mb
 from symmb import Beam, FiniteElements, Material, Section
 
-LENGTH = mb.Parameters(length=1.0).length
+P = mb.Parameters(length=1.0)
+LENGTH = P.length
 LINE = [(0, 0, 0), (1, 0, 0)]
 CIRCLE = Section.circle(0.1)
 POSITIONS, K, M, _ = lattice()
 REASON = "Modes are computed once, in numbers; a parameter .* Put what is uncertain into joints, forces or rigid bodies"
 
 FAULTS = {
-    "parameter in a section": (lambda: Section.circle(LENGTH), f"radius holds a symbol. {REASON}"),
-    "parameter in a section's property": (lambda: Section(LENGTH, 1.0, 1.0, 1.0), f"Section: area holds .* {REASON}"),
-    "parameter in a material": (lambda: Material(E=1.0, nu=0.3, density=LENGTH), f"density holds a symbol. {REASON}"),
+    "parameter without a value": (
+        lambda: FiniteElements.beams(Beam(LINE, Section.circle(LENGTH).without_shear(), STEEL)),
+        r"'length' has no value. Give its interval, at=mb.Box\(length=\(lower, upper\)\), or its nominal value, at=",
+    ),
+    "parameters in a section": (lambda: Section.circle([LENGTH]), f"radius holds a symbol. {REASON}"),
     "parameter among points": (lambda: Beam([(0, 0, 0), (LENGTH, 0, 0)], CIRCLE, STEEL), f"points holds .* {REASON}"),
     "parameter in a mass": (lambda: frame().with_mass(0, LENGTH), f"mass holds a symbol. {REASON}"),
     "parameter in an inertia": (lambda: frame().with_mass(0, 1.0, LENGTH), f"inertia holds a symbol. {REASON}"),
@@ -24,7 +27,8 @@ FAULTS = {
         lambda: FiniteElements.matrices(POSITIONS, K.astype(object) * LENGTH, M),
         f"K holds a symbol. {REASON}",
     ),
-    "parameter in damping": (lambda: frame().modes(count=2, damping=LENGTH), f"damping holds a symbol. {REASON}"),
+    "parameter in damping": (lambda: frame().modes(count=2, damping=LENGTH), "'length' has no value. Give its interv"),
+    "parameters in damping": (lambda: frame().modes(count=2, damping=[LENGTH] * 2), f"damping holds a .* {REASON}"),
     "negative area": (lambda: Section(-1.0, 1, 1, 1), "Section: area must be above 0, got -1"),
     "infinite area": (lambda: Section(np.inf, 1, 1, 1), "Section: area must be finite"),
     "shear area next to nothing": (
