@@ -10,7 +10,8 @@ Bodies
     Body, Ground, Planar, Spatial, Particle, rotation, FlexibleBody, Beam, FiniteElements, Modes, Material, Section
 Joints, motors, stops
     Revolute, Prismatic, Cylindrical, Spherical, Universal, PlanarJoint, Screw, Weld, Distance, PointOnLine, Gear,
-    PointOnCurve, CamFollower, Motion, VelocityConstraint, Actuator, Stop, Release, Latch
+    PointOnCurve, CamFollower, Motion, VelocityConstraint, Actuator, Motor, Clutch, Stop, Release,
+    Latch
 Forces
     Gravity, Spring, Damper, SpringDamper, TorsionSpring, Bushing, NonlinearSpring, GasSpring, Rope, Force, Torque,
     Orifice, Soil, Table, Sampled

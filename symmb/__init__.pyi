@@ -51,6 +51,7 @@ from .mechanics.actuator import Actuator as Actuator
 from .mechanics.actuator import Stop as Stop
 from .mechanics.body import Body as Body
 from .mechanics.body import Ground as Ground
+from .mechanics.clutch import Clutch as Clutch
 from .mechanics.constraint import Motion as Motion
 from .mechanics.constraint import VelocityConstraint as VelocityConstraint
 from .mechanics.contact import BushContact as BushContact

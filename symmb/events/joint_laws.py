@@ -35,6 +35,8 @@ class JointLaws:
         self._opens, self.count = np.array(joints.opens), len(joints.names)
         same = np.array(joints.names)[:, None] == joints.names
         self._same = same.astype(float)  # events of the same joint
+        self._clutches = at + np.array(joints.clutches, dtype=np.intp).reshape(-1, 2).T
+        self._declared = ~np.isin(self._flags, self._clutches[0])  # by a user: their conditions hold at the start
 
     def _margins(self, x: Array, p: Array, t: Array) -> list[Array]:
         return evaluate_padded(self._joints.margins, *arguments_of(self._dae, x, p, t))
@@ -44,14 +46,17 @@ class JointLaws:
         return np.asarray((x[:, self._flags] @ self._same > 0.5) == self._opens)
 
     def started(self, x: Array, p: Array, t: Array) -> Array:
-        """States at the start, with the conditions that hold there."""
-        x = x.copy()
-        x[:, self._holding] = self._margins(x, p, t)[0] < -self._tolerances
+        """States at the start, with the conditions that hold there. Clutches without slip stick."""
+        x, (sticks, side) = x.copy(), self._clutches
+        slip, rounding = evaluate_padded(self._joints.slips, *arguments_of(self._dae, x, p, t))
+        fresh, rest = (x[:, sticks] == 0) & (x[:, side] == 0), np.abs(slip) <= rounding
+        x[:, sticks], x[:, side] = np.where(fresh, rest, x[:, sticks]), np.where(fresh, np.sign(slip) * ~rest, x[:, side])
+        x[:, self._holding] = (self._margins(x, p, t)[0] < -self._tolerances) & self._declared
         return x
 
     def start_faults(self, x: Array, p: Array, t: Array) -> dict[int, str]:
         """Samples whose joints would have opened or closed before the start."""
-        holds = (self._margins(x, p, t)[0] < -self._tolerances) & self._armed(x)
+        holds = (self._margins(x, p, t)[0] < -self._tolerances) & self._armed(x) & self._declared
         return {
             i: f"{self._joints.titles[k]}: its condition holds at the start, and counts where it becomes true; start "
             f"where it does not hold, or {'leave the joint out' if self._opens[k] else 'leave the Latch out'}"

@@ -13,6 +13,7 @@ from symmb._errors import DeclarationError
 from symmb.mechanics import (
     Action,
     Body,
+    Clutch,
     Constraint,
     Element,
     ForceElement,
@@ -248,6 +249,8 @@ def _write_equations(
     actions = {f.title: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
     declared = {c.name: attempt(nothing, c.position_rows, bind) for c in constraints}
     events = [(e, ca.SX(1)) for e in _of_kind(JointEvent, elements)]
+    for clutch in _of_kind(Clutch, elements):
+        events += [(e, ca.SX(1)) for e in attempt((), clutch.events, bind)]
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,
@@ -264,20 +267,20 @@ def _write_equations(
     if events and not faults.lines:
         _gate_rows(equations, bind)
         for k, (e, _) in enumerate(events):
-            events[k] = e, attempt(ca.SX(1), event_margin, e, equations.positions[e.joint.name], bind, what=e.title)
+            rows = [*equations.positions[e.joint.name], *equations.velocities[e.joint.name]]
+            events[k] = e, attempt(ca.SX(1), event_margin, e, rows, bind, what=e.title)
     return equations
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:
     """Rows of joints that open or close are 0 while these are open, and those where they closed after a Latch."""
     for name in row_gates(event for event, _ in equations.joint_events):
-        parts = []
+        parts, own = [], equations.positions[name]
         for event, _ in equations.joint_events:
-            if event.joint.name == name:
-                own = equations.positions[name]
+            if own and event.joint.name == name:
                 rows = position_rows(event.joint, event.rows(bind), bind) if isinstance(event, Latch) else own
                 parts.append(event.closed * ca.vertcat(*rows))
-        equations.positions[name] = ca.vertsplit(sum(parts[1:], parts[0]))
+        equations.positions[name] = ca.vertsplit(sum(parts[1:], parts[0])) if parts else []
 
 
 def _of_kind(kind: type[T], elements: Sequence[object]) -> list[T]:

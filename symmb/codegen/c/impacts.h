@@ -9,7 +9,7 @@
    their rates behind them; forces(x, c, t, out): forces in closed contacts, accelerations of gaps, sizes of the terms of
    these and effective inertias; impulses(x, c, t, out): W (N_I, N_V) and B (N_V, N_I) by columns, rates of gaps at rest and
    restitutions; held(x, c, t, out), the state moved into its closed contacts; margins(x, c, t, out), with their rates behind
-   them; places(x, c, t, out), the values of place_state; and jump(x, c, t, out): velocities after the jump, impulses of the
+   them; places(x, c, t, out), the values of place_state that events set; and jump(x, c, t, out): velocities after the jump, impulses of the
    N_ROWS rows and their work. contact_state tells the states that are 1 for closed contacts. LENGTH and ENERGY are sizes of the motion, displacement those of displacements (N_V). */
 #ifndef IMPACTS_H
 #define IMPACTS_H
@@ -178,7 +178,7 @@ PRIVATE void move_joint(Block *b, int k) {
   a->x[place[flag_state[k]]] = each(!opens[k]);
   for (int i = 0; i < N_OTHERS; ++i)
     if (other_owner[i] == k) a->x[place[other_state[i]]] = zero();
-  for (int i = 0; i < N_PLACE && !opens[k]; ++i)
+  for (int i = 0; i < N_PLACE; ++i)
     if (place_owner[i] == k) a->x[place[place_state[i]]] = b->closing[i];
 }
 
