@@ -103,6 +103,7 @@ from .mechanics.load import GasSpring as GasSpring
 from .mechanics.load import NonlinearSpring as NonlinearSpring
 from .mechanics.load import Orifice as Orifice
 from .mechanics.load import Soil as Soil
+from .mechanics.motor import Motor as Motor
 from .mechanics.parameter import Parameters as Parameters
 from .mechanics.pose import Particle as Particle
 from .mechanics.pose import Planar as Planar

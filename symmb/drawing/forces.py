@@ -17,11 +17,13 @@ from symmb.mechanics import (
     AxisJoint,
     BushContact,
     Bushing,
+    Clutch,
     Contact,
     Element,
     Force,
     Friction,
     Ground,
+    Motor,
     NonlinearSpring,
     Point,
     Soil,
@@ -133,7 +135,8 @@ def _(soil: Soil, survey: Survey) -> Build:
 
 @sketch.register(TorsionSpring)
 @sketch.register(TorsionContact)
-def _(element: TorsionSpring | TorsionContact, survey: Survey) -> Build:
+@sketch.register(Clutch)
+def _(element: TorsionSpring | TorsionContact | Clutch, survey: Survey) -> Build:
     place = _shared_place(element.body_a, element.body_b, survey)
     body = element.body_b if not isinstance(element.body_b, Ground) else element.body_a
     axis = survey.direction(body, element.axis)
@@ -171,10 +174,12 @@ def _(torque: Torque, survey: Survey) -> Build | None:
     return _arrow(torque, "twist", origin(torque.body), tuple(law), survey)
 
 
-@sketch.register
-def _(actuator: Actuator, survey: Survey) -> Build | None:
+@sketch.register(Actuator)
+@sketch.register(Motor)
+def _(actuator: Actuator | Motor, survey: Survey) -> Build | None:
     form = "twist" if actuator.handle == "angle" else "arrow"
-    load = survey.bind(actuator.law, actuator.title) * actuator.axis
+    law = actuator.law if isinstance(actuator, Actuator) else actuator.torque
+    load = survey.bind(law, actuator.title) * actuator.axis
     return _arrow(actuator, form, actuator.joint.point_b, tuple(ca.vertsplit(load)), survey)
 
 

@@ -43,6 +43,7 @@ from symmb.mechanics.joint import (
 )
 from symmb.mechanics.joint_event import JointEvent, Latch, Release, closed_at_start, row_gates
 from symmb.mechanics.load import NonlinearSpring, Soil
+from symmb.mechanics.motor import Motor
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Frame, Particle, Planar, Spatial
 from symmb.mechanics.rope import Rope
