@@ -22,6 +22,8 @@ from symmb.symbolic import common, least_multipliers, symmetric_solver, t
 
 _SMALL, _REST = 1e-12, 1e-10
 """Shares of the terms of an angular acceleration, and of an angular velocity at the start, that are rounding."""
+_UNBOUNDED = 100.0
+"""Multipliers of rows that contradict each other, over those of least norm: the solver's lift makes them 1e10 times larger."""
 
 
 @dataclass(frozen=True)
@@ -130,9 +132,13 @@ class ContactEquations:
         symbols = {event.joint.name: event.lam for event, _ in c.joint_events if ca.depends_on(expression, event.lam)}
         if not symbols:
             return expression
+        clutches = {event.joint.name for event, _ in c.joint_events if isinstance(event, Sticks)}
         least, values = least_multipliers(system.G, system.G.T @ multipliers), []
         for name, lam in symbols.items():
-            own = least[c.rows.get(name, slice(0, 0))]
+            at = c.rows.get(name, slice(0, 0))
+            own, raw = least[at], multipliers[at]
+            if name in clutches:  # no finite torque holds what other rows move: the solver's multipliers tell which way
+                own = ca.if_else(ca.fabs(raw) > _UNBOUNDED * ca.fabs(own), raw, own)
             values.append(ca.vertcat(own, ca.SX.zeros(lam.numel() - own.numel())))
         return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
 

@@ -186,11 +186,12 @@ PRIVATE void move_joint(Block *b, int k) {
    condition that holds before its event is armed must first cease to. */
 PRIVATE void move_joints(Block *b, Study *s, int passed) {
   Part *a = b->part;
+  const V t = each(between_stops(b, b->t));
   for (int n = 0; n <= 2 * N_E; ++n, passed = -1) {
     int acts[N_E], any = 0, closes = 0;
     double rate[N_E], work = 0.0;
-    margins(a->x, a->c, each(b->t), b->margin);
-    places(a->x, a->c, each(b->t), b->closing);
+    margins(a->x, a->c, t, b->margin);
+    places(a->x, a->c, t, b->closing);
     for (int k = 0; k < N_E; ++k) {
       const double off = hysteresis[N_S - N_E + k], margin = b->margin[k][0];
       const int held = flag(a, holding_state, k) > 0.5, armed = is_armed(a, k);
@@ -207,11 +208,11 @@ PRIVATE void move_joints(Block *b, Study *s, int passed) {
       if (acts[k]) move_joint(b, k);
     memset(b->jumped, 0, sizeof b->jumped);
     if (closes) {
-      jump(a->x, a->c, each(b->t), b->jumped);
+      jump(a->x, a->c, t, b->jumped);
       for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] = b->jumped[i];
       work = b->jumped[N_V + N_ROWS][0];
       if (N_WORK) a->x[place[N_X - 1]] += work;
-      margins(a->x, a->c, each(b->t), b->margin);
+      margins(a->x, a->c, t, b->margin);
     }
     for (int k = 0; k < N_E; ++k) {
       if (!acts[k]) continue;
