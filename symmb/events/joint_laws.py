@@ -50,7 +50,10 @@ class JointLaws:
         x, (sticks, side) = x.copy(), self._clutches
         slip, rounding = evaluate_padded(self._joints.slips, *arguments_of(self._dae, x, p, t))
         fresh, rest = (x[:, sticks] == 0) & (x[:, side] == 0), np.abs(slip) <= rounding
-        x[:, sticks], x[:, side] = np.where(fresh, rest, x[:, sticks]), np.where(fresh, np.sign(slip) * ~rest, x[:, side])
+        x[:, sticks], x[:, side] = (
+            np.where(fresh, rest, x[:, sticks]),
+            np.where(fresh, np.sign(slip) * ~rest, x[:, side]),
+        )
         x[:, self._holding] = (self._margins(x, p, t)[0] < -self._tolerances) & self._declared
         return x
 

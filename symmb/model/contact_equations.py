@@ -201,7 +201,11 @@ class ContactEquations:
                 holding=tuple(s_names.index(e.holding.name) for e in events),
                 flags=tuple(flags),
                 others=tuple(
-                    tuple(flags[i] for i, other in enumerate(events) if other.joint is e.joint and other.flag is not e.flag)
+                    tuple(
+                        flags[i]
+                        for i, other in enumerate(events)
+                        if other.joint is e.joint and other.flag is not e.flag
+                    )
                     for e in events
                 ),
                 rows=tuple(c.rows.get(e.joint.name, slice(0, 0)) for e in events),

@@ -101,7 +101,11 @@ class _Values:
         self._decoupled = {name for x, _, vx, _ in c.decoupled for name in (x, vx)}
         self._spatial = {b.name for b in c.bodies if isinstance(b.pose, Spatial)}
         self._joints = {e.name: e for e in system.elements if isinstance(e, Joint)}
-        own = [e.name if isinstance(e, OwnState) else f"{e.name}.current" for e in system.elements if isinstance(e, OwnState | Motor)]
+        own = [
+            e.name if isinstance(e, OwnState) else f"{e.name}.current"
+            for e in system.elements
+            if isinstance(e, OwnState | Motor)
+        ]
         self._states = {state.name for state in c.states} & {*own}
         self.q: dict[int, ca.SX] = {}
         self.v: dict[int, ca.SX] = {}

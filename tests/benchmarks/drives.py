@@ -139,7 +139,15 @@ class Drive:
 
         margins = [margin(k) for k in range(len(self.pairs))]
         solution = solve_ivp(
-            rates, (t, end), y, "DOP853", dense_output=True, events=margins or None, rtol=1e-12, atol=1e-13, max_step=0.02
+            rates,
+            (t, end),
+            y,
+            "DOP853",
+            dense_output=True,
+            events=margins or None,
+            rtol=1e-12,
+            atol=1e-13,
+            max_step=0.02,
         )
         assert solution.success
         for time in TIMES[(TIMES >= t) & (TIMES <= solution.t[-1])]:
@@ -231,7 +239,106 @@ def shafts(random: np.random.Generator, chain: Sequence[tuple[int, int]], n: int
     return mb.Scene(system, start, TIMES, outputs), reference
 
 
+def motor(random: np.random.Generator, braked: bool) -> tuple[mb.Scene, Reference]:
+    """A motor that turns a wheel under a load, perhaps against a brake, by a voltage that is a law of time or a controller."""
+    J, R, k, ratio, n, b, c = random.uniform([0.5, 0.5, 0.3, 0.8, 1, 0, 0], [2, 2, 1, 1.2, 4, 0.05, 0.3])
+    L = random.choice([0.0, random.uniform(0.05, 0.5)])
+    voltage, load = law(random, random.uniform(5, 20)), law(random, random.uniform(-3, 3))
+    gain = random.choice([0.0, random.uniform(1, 5)])
+    hold = capacity(random, random.uniform(5, 40))
+    wheel, ground = mb.Body("wheel", 1.0, J), mb.Ground()
+    shaft = mb.Revolute("shaft", ground.point(0, 0), wheel.point(0, 0))
+    drive = mb.Motor("motor", shaft, voltage[1] - gain * shaft.angle, R, k, L, n, b, ratio * k)
+    brake = [mb.Clutch("brake", ground, wheel, hold[1])] if braked else []
+    loads = mb.Actuator("load", shaft, load[1] - c * shaft.angle_rate)
+    outputs = {"angle": shaft.angle, "speed": shaft.angle_rate, "current": drive.current, "power": drive.power}
+    scene = mb.Scene(mb.System(wheel, shaft, drive, loads, *brake), {"wheel.omega": 2.0}, TIMES, outputs)
+
+    def left(t, y):  # voltage without what the rotation induces
+        return voltage[0](t) - gain * y[0] - ratio * k * n * y[1]
+
+    def current(t, y):
+        return y[2] if L else left(t, y) / R
+
+    def forces(t, y):
+        return np.array([n * (k * current(t, y) - b * n * y[1]) + load[0](t) - c * y[1]])
+
+    own = Drive(
+        inertia=lambda y: np.array([[J]]),
+        forces=forces,
+        pairs=[Pair("brake", -1, 0, hold[0], 1.0)] if braked else [],
+        breaks=sorted({at for *_, breaks in (voltage, load, hold) for at in breaks}),
+        others=(lambda t, y: np.array([(left(t, y) - R * y[2]) / L])) if L else (lambda t, y: np.empty(0)),
+    )
+
+    def out(t, y):
+        i = current(t, y)
+        return [y[0], y[1], i, i * (voltage[0](t) - gain * y[0])]
+
+    return scene, own.run([0.0, 2.0, *([0.0] if L else [])], out)
+
+
+def press(random: np.random.Generator) -> tuple[mb.Scene, Reference]:
+    """A flywheel that a clutch couples to a slider-crank, which a brake stops."""
+    J, Jc, m, Jr, ram = random.uniform([2, 0.1, 0.5, 0.02, 1], [5, 0.3, 1, 0.1, 3])
+    r, length = random.uniform([0.1, 0.4], [0.2, 0.6])
+    speed, begin, drag, torque = random.uniform([8, 0.2, 1, 1], [15, 0.6, 20, 5])
+    push, stopping = random.uniform(5, 40), random.uniform(1.0, 1.4)
+    top, hold = random.uniform([10, 20], [40, 60])
+    t, ground = mb.t, mb.Ground()
+    wheel, crank = mb.Body("wheel", 1.0, J), mb.Body("crank", 1.0, Jc)
+    rod, slide = mb.Body("rod", m, Jr), mb.Body("ram", ram, 1.0)
+    joints = [
+        mb.Revolute("bearing", ground.point(0, 0), wheel.point(0, 0)),
+        mb.Revolute("main", ground.point(0, 0), crank.point(0, 0)),
+        mb.Revolute("pin", crank.point(r, 0), rod.point(-length / 2, 0)),
+        mb.Revolute("wrist", rod.point(length / 2, 0), slide.point(0, 0)),
+        mb.Prismatic("guide", ground.point(0, 0), slide.point(0, 0), axis=(1, 0, 0)),
+    ]
+    clutch = mb.Clutch("clutch", wheel, crank, ca.if_else(t < stopping, top * ca.fmin(t / begin, 1), 0))
+    brake = mb.Clutch("brake", ground, crank, ca.if_else(t < stopping, 0, hold))
+    loads = mb.Torque("drive", wheel, torque), mb.Force("work", slide.point(0, 0), (-push - drag * slide.vx, 0))
+    scene = mb.Scene(
+        mb.System(wheel, crank, rod, slide, *joints, clutch, brake, *loads),
+        {"wheel.omega": speed, "wheel.theta": 0.0, "crank.theta": 0.3, "crank.omega": 0.0},
+        TIMES,
+        {"wheel": wheel.theta, "crank": crank.theta, "wheel speed": wheel.omega, "crank speed": crank.omega},
+        guess={"rod.theta": -0.1, "ram.x": length, "rod.x": length / 2},
+    )
+
+    def ways(a):
+        """Derivatives with respect to the crank's angle: x and y of the rod's centre, the rod's angle, x of the ram."""
+        sine = -r / length * np.sin(a)
+        cosine = np.sqrt(1 - sine**2)
+        turn = -r / length * np.cos(a) / cosine
+        x = -r * np.sin(a) - length / 2 * sine * turn
+        return x, r * np.cos(a) + length / 2 * cosine * turn, turn, -r * np.sin(a) - length * sine * turn
+
+    def inertia(a):
+        x, y, turn, way = ways(a)
+        return Jc + m * (x**2 + y**2) + Jr * turn**2 + ram * way**2
+
+    def forces(t, y):
+        a, w = y[1], y[3]
+        way, slope = ways(a)[3], inertia(a + 1e-30j).imag / 1e-30
+        return np.array([torque, (-push - drag * way * w) * way - slope * w**2 / 2])
+
+    own = Drive(
+        inertia=lambda y: np.diag([J, inertia(y[1])]),
+        forces=forces,
+        pairs=[
+            Pair("clutch", 0, 1, lambda t: top * min(t / begin, 1.0) if t < stopping else 0.0, 1.0),
+            Pair("brake", -1, 1, lambda t: hold if t >= stopping else 0.0, 1.0),
+        ],
+        breaks=[begin, stopping],
+    )
+    return scene, own.run([0.0, 0.3, speed, 0.0], lambda t, y: y)
+
+
 KINDS: dict[str, Callable[[np.random.Generator], tuple[mb.Scene, Reference]]] = {
+    "motor": lambda random: motor(random, False),
+    "motor with brake": lambda random: motor(random, True),
+    "press": press,
     "brake": lambda random: shafts(random, [(-1, 0)], 1),
     "clutch": lambda random: shafts(random, [(0, 1)], 2),
     "clutch in space": lambda random: shafts(random, [(0, 1)], 2, space=True),
