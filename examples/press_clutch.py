@@ -78,9 +78,8 @@ assert low < run["slowest"] < high
 assert shares.parameters[int(shares.alone[0, k].argmax())] == "part"
 
 if __name__ == "__main__":
-    print(
-        f"The clutch sticks {1e3 * (bounds['lock'][0] - START):.1f} to {1e3 * (bounds['lock'][1] - START):.1f} ms after it begins."
-    )
+    early, late = (1e3 * (time - START) for time in bounds["lock"])
+    print(f"The clutch sticks {early:.1f} to {late:.1f} ms after it begins to slip.")
     print(f"The flywheel slows down by {100 * (1 - high / SPEED):.1f} to {100 * (1 - low / SPEED):.1f} %.")
     print(f"The crank stops {bounds['stop'][0]:.0f} to {bounds['stop'][1]:.0f} degrees before the top.")
     print(shares)

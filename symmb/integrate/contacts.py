@@ -47,7 +47,7 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
 def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
     """Margins of conditions (m,) that are 0 but for rounding. Those of forces are seen with one joint closed.
 
-    Sizes of states do not fulfil constraints: forces of joints that are redundant together would be without bounds there.
+    Sizes of states fulfil no constraints: forces of joints that are redundant together would have no bounds there.
     """
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
 

@@ -23,17 +23,17 @@ class Clutch(PairTorque, Constraint):
 
     While it slips, the torque of body a on body b is `capacity`, against the slip, as dry friction has it. At the
     instant at which the slip comes to 0 the shafts stick, without impact: a row of the equations keeps their speeds
-    equal, and its torque is what this needs. Where that is more than `static_ratio` times the capacity, the clutch slips
-    again, in the direction in which the torque drives it. A clutch whose shafts have the same speed at the start sticks
-    from there on, if its capacity is enough.
+    equal, and its torque is what this needs. Where that is more than `static_ratio` times the capacity, the clutch
+    slips again, in the direction in which the torque drives it. A clutch whose shafts have the same speed at the start
+    sticks from there on, if its capacity is enough.
 
     Parameters
     ----------
     name : str
     body_a, body_b : Body or Ground
     capacity : Expr
-        torque while it slips [N m]: an expression of `t`, coordinates, velocities, states and parameters. It counts as 0
-        where it is negative
+        torque while it slips [N m]: an expression of `t`, coordinates, velocities, states and parameters. It counts as
+        0 where it is negative
     static_ratio : Expr
         torque up to which it sticks over that with which it slips, from 1 on [-]
     axis : tuple
@@ -104,7 +104,9 @@ class Clutch(PairTorque, Constraint):
     def events(self, bind: Bind) -> tuple[JointEvent, JointEvent]:
         """The events at which it begins to slip and to stick."""
         limit = bind(self.static_ratio, f"{self.title}: static_ratio") * self._held(bind)
-        return Slips(self, ca.fabs(self.lam) > limit), Sticks(self, self.direction * self.slip < 0)
+        # Neither condition holds while it does not count: one that held already could not begin to.
+        slips = ca.fabs(self.lam) > limit + (1 - self.closed)
+        return Slips(self, slips), Sticks(self, self.direction * self.slip + self.closed < 0)
 
     @cached_property
     def lam(self) -> ca.SX:

@@ -277,8 +277,8 @@ def _clutch_faults(elements: Sequence[Element], impacts: Sequence[Impact]) -> It
     sources = [*(impact.title for impact in impacts), *(latch.title for latch in _of_kind(Latch, elements))]
     for clutch in _of_kind(Clutch, elements) if sources else ():
         yield (
-            f"{clutch.title}: the impulses of {sources[0]} would change its slip in no time. Use a law of contact, such "
-            "as KelvinVoigt(...), in the place of impulses."
+            f"{clutch.title}: the impulses of {sources[0]} would change its slip in no time. Use a law of contact, "
+            "such as KelvinVoigt(...), in the place of impulses."
         )
 
 

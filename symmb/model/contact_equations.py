@@ -19,11 +19,11 @@ from symmb.mechanics import JointEvent, Sticks
 from symmb.model.system import System
 from symmb.symbolic import common, least_multipliers, symmetric_solver, t
 
-
 _SMALL, _REST = 1e-12, 1e-10
 """Shares of the terms of an angular acceleration, and of an angular velocity at the start, that are rounding."""
 _UNBOUNDED = 100.0
-"""Multipliers of rows that contradict each other, over those of least norm: the solver's lift makes them 1e10 times larger."""
+"""Multipliers of rows that contradict each other, over those of least norm: the solver's lift makes them 1e10 times
+larger. tests/events/test_clutches.py"""
 
 
 @dataclass(frozen=True)

@@ -146,5 +146,5 @@ def test_faults_are_told():
         with pytest.raises(mb.DeclarationError, match=f"Clutch 'brake': .*{text}"):
             mb.System(wheel, shaft, mb.Clutch("brake", *arguments))
     stop = mb.Stop("stop", shaft, None, 1.0, restitution=0.5)
-    with pytest.raises(mb.DeclarationError, match="Clutch 'brake': the impulses of Impact 'stop.upper'"):
+    with pytest.raises(mb.DeclarationError, match=r"Clutch 'brake': the impulses of Impact 'stop\.upper'"):
         mb.System(wheel, shaft, stop, mb.Clutch("brake", ground, wheel, 1.0))

@@ -52,7 +52,7 @@ def test_a_linear_motor():
 
 
 def test_a_brake_stalls_a_motor():
-    """The stalled current is V / R, and its torque holds until the brake of 6 N m becomes weaker than 3 N m at 0.5 s."""
+    """The stalled current is V / R. The brake of 6 N m holds its torque until it is weaker than 3 N m, at 0.5 s."""
     wheel = mb.Body("wheel", 1.0, 0.1)
     shaft = mb.Revolute("shaft", GROUND.point(0, 0), wheel.point(0, 0))
     motor = mb.Motor("motor", shaft, 12.0, 2.0, 0.5)
