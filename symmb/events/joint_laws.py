@@ -75,15 +75,20 @@ class JointLaws:
         first : int           number of the first event among those that are noted
         """
         x, n_v = after.x, slice(self._dae.n_q, self._dae.n_q + self._dae.n_v)
-        passed, every = passed.copy(), np.arange(self.count)
-        for _ in range(2 * self.count + 1):
+        passed, every, slips = passed.copy(), np.arange(self.count), self._opens & ~self._declared
+        fresh = np.zeros((len(x), self.count), dtype=bool)  # clutches that have stuck at this instant
+        for _ in range(4 * self.count + 1):
             margin, rate = self._margins(x, p, t)
             (place,) = evaluate_padded(self._joints.places, *arguments_of(self._dae, x, p, t))
             held, rounding, armed = x[:, self._holding] > 0.5, self._tolerances, self._armed(x)
             falls = (margin < -rounding) | (armed & (margin <= rounding) & (rate < 0))
             holds = np.where(passed[:, None] == every, ~held, np.where(held, margin <= rounding, falls))
-            x[:, self._holding] = holds
             acts = armed & holds & ~held
+            # Of several clutches one begins to slip at a time, by which others may hold.
+            excess = np.where(acts & slips, np.where(fresh, np.inf, -margin), -np.inf)
+            waits = slips & (every != excess.argmax(axis=1)[:, None])
+            acts, x[:, self._holding] = acts & ~waits, holds & ~waits
+            fresh |= (acts & ~self._opens) @ self._same > 0
             if not acts.any():
                 break
             for k in every.tolist():

@@ -114,6 +114,7 @@ class Clutch(PairTorque, Constraint):
         return ca.SX.sym(f"{self.name}.lam")
 
 
+@dataclass(frozen=True, eq=False)
 class ClutchEvent(JointEvent):
     """An event of a clutch."""
 
@@ -138,7 +139,11 @@ class Slips(ClutchEvent):
     """The event at which a clutch begins to slip. The torque on body b is -lam, and friction keeps its sign."""
 
     opens = True
-    closed = ca.SX(0)
+
+    @property
+    def closed(self) -> ca.SX:
+        """It keeps nothing closed."""
+        return ca.SX(0)
 
     @property
     def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:

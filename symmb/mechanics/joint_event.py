@@ -213,7 +213,10 @@ def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
 
 
 def closed_at_start(events: Iterable[JointEvent]) -> dict[str, bool]:
-    """Joints that open or close, and whether they are closed at the start: all but those that only have a Latch."""
+    """Joints that open or close, and whether they are closed at the start.
+
+    Clutches are not, nor are joints that only have a Latch.
+    """
     events = list(events)
     released = {event.joint.name for event in events if float(event.flag.value)}
     return {event.joint.name: event.joint.name in released for event in events}

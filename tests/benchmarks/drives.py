@@ -349,7 +349,7 @@ KINDS: dict[str, Callable[[np.random.Generator], tuple[mb.Scene, Reference]]] = 
 
 
 def errors(kind: str, seed: int) -> tuple[float, float, float]:
-    """Errors of outputs, of times of events, and of the energy, for one random scene; of odd seeds without a compiler."""
+    """Errors of outputs, of times of events, and of the energy of one random scene; odd seeds take no compiler."""
     scene, (values, events) = KINDS[kind](np.random.default_rng(seed))
     with patch("symmb.integrate.explicit.has_compiler", lambda: not seed % 2):
         run = mb.simulate(scene)

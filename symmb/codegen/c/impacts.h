@@ -183,12 +183,15 @@ PRIVATE void move_joint(Block *b, int k) {
 }
 
 /* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. A
-   condition that holds before its event is armed must first cease to. */
+   condition that holds before its event is armed must first cease to. Of several clutches one begins to slip at a time, by
+   which others may hold: one that has just stuck, or that with the largest excess of torque. */
 PRIVATE void move_joints(Block *b, Study *s, int passed) {
   Part *a = b->part;
   const V t = each(between_stops(b, b->t));
-  for (int n = 0; n <= 2 * N_E; ++n, passed = -1) {
-    int acts[N_E], any = 0, closes = 0;
+  int fresh[N_E]; /* clutches that have stuck at this instant */
+  memset(fresh, 0, sizeof fresh);
+  for (int n = 0; n <= 4 * N_E; ++n, passed = -1) {
+    int acts[N_E], any = 0, closes = 0, first = -1;
     double rate[N_E], work = 0.0;
     margins(a->x, a->c, t, b->margin);
     places(a->x, a->c, t, b->closing);
@@ -202,10 +205,14 @@ PRIVATE void move_joints(Block *b, Study *s, int passed) {
       acts[k] = armed && holds && !held;
       any |= acts[k];
       closes |= acts[k] && !opens[k];
+      if (acts[k] && slips[k] && (first < 0 || fresh[k] > fresh[first] || (fresh[k] == fresh[first] && margin < b->margin[first][0]))) first = k;
     }
     if (!any) return;
-    for (int k = 0; k < N_E; ++k)
+    for (int k = 0; k < N_E; ++k) {
+      if (slips[k] && k != first) acts[k] = (a->x[place[holding_state[k]]] = zero(), 0);
+      for (int i = 0; i < N_E && acts[k]; ++i) fresh[i] |= slips[i] && !opens[k] && flag_state[i] == flag_state[k];
       if (acts[k]) move_joint(b, k);
+    }
     memset(b->jumped, 0, sizeof b->jumped);
     if (closes) {
       jump(a->x, a->c, t, b->jumped);
