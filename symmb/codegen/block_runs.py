@@ -234,7 +234,7 @@ class BlockRuns:
         blocks, fails = steps.live[lanes], np.zeros(len(steps.live), dtype=bool)
         t, p = steps.t[blocks], self._switches.parameters[:, lanes]
         behind = np.clip(t, self._switches.after[blocks], self._switches.before[blocks])
-        after = events.meet(blocks, self._x[:, lanes].T, p.T, behind, contact)
+        after = events.meet(blocks, self._x[:, lanes].T, p.T, t, behind, contact)
         self._x[:, lanes] = x = after.x.T
         self._c[:, lanes] = c = self._switches.settle(x, self._c[:, lanes], t, lanes)
         self._switches.lift_slow(lanes, after.slow.T)
