@@ -75,7 +75,7 @@ class JointLaws:
         first : int           number of the first event among those that are noted
         """
         x, n_v = after.x, slice(self._dae.n_q, self._dae.n_q + self._dae.n_v)
-        passed, every, slips = passed.copy(), np.arange(self.count), self._opens & ~self._declared
+        passed, every, slips = passed.copy(), np.arange(self.count), np.array(self._joints.let_slip)
         fresh = np.zeros((len(x), self.count), dtype=bool)  # clutches that have stuck at this instant
         for _ in range(4 * self.count + 1):
             margin, rate = self._margins(x, p, t)

@@ -20,10 +20,7 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
         lists = {
             "opens": tuple(map(int, joints.opens)),
             "by_force": tuple(map(int, joints.by_force)),
-            "slips": tuple(
-                int(o and k in {own for own, _ in joints.clutches})
-                for o, k in zip(joints.opens, joints.flags, strict=True)
-            ),
+            "slips": tuple(map(int, joints.let_slip)),
             "holding_state": tuple(at + k for k in joints.holding),
             "flag_state": tuple(at + k for k in joints.flags),
             "other_owner": tuple(k for k, _ in others),

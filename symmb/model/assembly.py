@@ -248,9 +248,8 @@ def _write_equations(
     sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in _of_kind(Sampled, states)]
     actions = {f.title: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
     declared = {c.name: attempt(nothing, c.position_rows, bind) for c in constraints}
-    events = [(e, ca.SX(1)) for e in _of_kind(JointEvent, elements)]
-    for clutch in _of_kind(Clutch, elements):
-        events += [(e, ca.SX(1)) for e in attempt((), clutch.events, bind)]
+    of_clutches = chain.from_iterable(attempt((), clutch.events, bind) for clutch in _of_kind(Clutch, elements))
+    events = [(e, ca.SX(1)) for e in (*_of_kind(JointEvent, elements), *of_clutches)]
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,
@@ -266,10 +265,15 @@ def _write_equations(
     faults.lines += [*equations.faults(), *_clutch_faults(elements, impacts)]
     if events and not faults.lines:
         _gate_rows(equations, bind)
-        for k, (e, _) in enumerate(events):
-            rows = [*equations.positions[e.joint.name], *equations.velocities[e.joint.name]]
-            events[k] = e, attempt(ca.SX(1), event_margin, e, rows, bind, what=e.title)
+        _write_margins(equations, bind, faults)
     return equations
+
+
+def _write_margins(equations: _Equations, bind: Binding, faults: _Faults) -> None:
+    """The margins of conditions at which joints open and close."""
+    for k, (e, _) in enumerate(equations.joint_events):
+        rows = [*equations.positions[e.joint.name], *equations.velocities[e.joint.name]]
+        equations.joint_events[k] = e, faults.attempt(ca.SX(1), event_margin, e, rows, bind, what=e.title)
 
 
 def _clutch_faults(elements: Sequence[Element], impacts: Sequence[Impact]) -> Iterator[str]:

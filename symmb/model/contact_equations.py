@@ -98,6 +98,12 @@ class JointEvents:
     slips: ca.Function
     jump: ca.Function
 
+    @property
+    def let_slip(self) -> tuple[bool, ...]:
+        """Whether events are those at which a clutch begins to slip, (m,)."""
+        flags = {own for own, _ in self.clutches}
+        return tuple(opens and flag in flags for opens, flag in zip(self.opens, self.flags, strict=True))
+
 
 class ContactEquations:
     """The equations of a system's impacts in SX."""

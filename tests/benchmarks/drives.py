@@ -106,20 +106,19 @@ class Drive:
                 y, t, passed = self._phase(t, end, y, modes, at, out, values)
                 if passed is None:
                     break
-                k, before = passed, list(modes)
-                n = self.inertia(y).shape[0]
-                if modes[k] == 0:  # it breaks away
-                    known = {k: int(np.sign(self.solved(at(t), y, modes)[1][k]))}
-                else:
-                    known = {}
-                    pair = self.pairs[k]
-                    y[n + pair.b] = y[n + pair.a] if pair.a >= 0 else 0.0
-                known |= {i: mode for i, mode in enumerate(modes) if mode and i != k}
-                slips = [abs(pair.row(n) @ y[n : 2 * n]) for pair in self.pairs]
-                known = {i: mode for i, mode in known.items() if i == k or slips[i] > 1e-9}
-                modes = self.settled(at(t), y, known)
-                events += self._changes(before, modes, t, k)
+                before, modes = list(modes), self.settled(at(t), y, self._known(at(t), y, modes, passed))
+                events += self._changes(before, modes, t)
         return np.array([values[time] for time in TIMES]), events
+
+    def _known(self, t: float, y: np.ndarray, modes: Sequence[int], k: int) -> dict[int, int]:
+        """Modes that are known behind the event of clutch k, whose shafts get one speed if it has slipped."""
+        n, pair, known = self.inertia(y).shape[0], self.pairs[k], {}
+        if modes[k]:
+            y[n + pair.b] = y[n + pair.a] if pair.a >= 0 else 0.0
+        else:  # it breaks away
+            known[k] = int(np.sign(self.solved(t, y, modes)[1][k]))
+        slips = [abs(pair.row(n) @ y[n : 2 * n]) for pair in self.pairs]
+        return known | {i: mode for i, mode in enumerate(modes) if mode and i != k and slips[i] > 1e-9}
 
     def _phase(self, t, end, y, modes, at, out, values):
         n = self.inertia(y).shape[0]
@@ -156,7 +155,7 @@ class Drive:
         which = [k for k, found in enumerate(solution.t_events or []) if found.size]
         return solution.y[:, -1].copy(), float(solution.t[-1]), which[0] if which else None
 
-    def _changes(self, before, after, t, passed=None):
+    def _changes(self, before, after, t):
         """Events as symmb tells them. One that comes to 0 and goes on in the other direction closes and opens."""
         events = []
         for k, pair in enumerate(self.pairs):
@@ -198,6 +197,16 @@ def capacity(random: np.random.Generator, size: float) -> tuple[Callable, ca.SX,
     return lambda s: size * a, ca.SX(size * a), []
 
 
+def bearings(random: np.random.Generator, J: np.ndarray, space: bool):
+    """The ground, shafts with inertias J (n,), their hinges and their axis, which is skew in space."""
+    ground, axis = mb.Ground(), random.normal(size=3) if space else np.array([0, 0, 1])
+    centre, z = (0, 0, 0)[: 2 + space], tuple(axis / np.linalg.norm(axis))
+    kind = [((j, j, j), mb.Spatial()) if space else (j, mb.Planar()) for j in J]
+    bodies = [mb.Body(f"shaft{k}", 1.0, *own) for k, own in enumerate(kind)]
+    hinges = [mb.Revolute(f"hinge{k}", ground.point(*centre), b.point(*centre), axis=z) for k, b in enumerate(bodies)]
+    return ground, bodies, hinges, z
+
+
 def shafts(random: np.random.Generator, chain: Sequence[tuple[int, int]], n: int, space: bool = False):
     """n shafts on one axis under laws of time and viscous friction, with clutches between them."""
     J, c = random.uniform(0.3, 2, n), random.uniform(0, 0.4, n)
@@ -205,16 +214,7 @@ def shafts(random: np.random.Generator, chain: Sequence[tuple[int, int]], n: int
     holds = [capacity(random, random.uniform(2, 12)) for _ in chain]
     ratios = [random.choice([1.0, random.uniform(1, 1.5)]) for _ in chain]
     speeds = random.uniform(-4, 4, n) * random.integers(0, 2, n)
-    ground = mb.Ground()
-    if space:
-        axis = random.normal(size=3)
-        axis = axis / np.linalg.norm(axis)
-        bodies = [mb.Body(f"shaft{k}", 1.0, (j, j, j), mb.Spatial()) for k, j in enumerate(J)]
-        centre, z = (0, 0, 0), tuple(axis)
-    else:
-        bodies = [mb.Body(f"shaft{k}", 1.0, j) for k, j in enumerate(J)]
-        centre, z = (0, 0), (0, 0, 1)
-    hinges = [mb.Revolute(f"hinge{k}", ground.point(*centre), b.point(*centre), axis=z) for k, b in enumerate(bodies)]
+    ground, bodies, hinges, z = bearings(random, J, space)
     drives = [
         mb.Actuator(f"load{k}", hinge, load[1] - friction * hinge.angle_rate)
         for k, (hinge, load, friction) in enumerate(zip(hinges, loads, c, strict=True))
