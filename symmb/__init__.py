@@ -12,7 +12,8 @@ Shapes of bodies in drawings
     Box3, Cylinder, Sphere, Mesh
 Joints, motors, stops
     Revolute, Prismatic, Cylindrical, Spherical, Universal, PlanarJoint, Screw, Weld, Distance, PointOnLine, Gear,
-    PointOnCurve, CamFollower, Motion, VelocityConstraint, Actuator, Stop, Release, Latch
+    PointOnCurve, CamFollower, Motion, VelocityConstraint, Actuator, Motor, Clutch, Stop, Release,
+    Latch
 Forces
     Gravity, Spring, Damper, SpringDamper, TorsionSpring, Bushing, NonlinearSpring, GasSpring, Rope, Force, Torque,
     Orifice, Soil, Table, Sampled

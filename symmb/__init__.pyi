@@ -51,6 +51,7 @@ from .mechanics.actuator import Actuator as Actuator
 from .mechanics.actuator import Stop as Stop
 from .mechanics.body import Body as Body
 from .mechanics.body import Ground as Ground
+from .mechanics.clutch import Clutch as Clutch
 from .mechanics.constraint import Motion as Motion
 from .mechanics.constraint import VelocityConstraint as VelocityConstraint
 from .mechanics.contact import BushContact as BushContact
@@ -106,6 +107,7 @@ from .mechanics.load import GasSpring as GasSpring
 from .mechanics.load import NonlinearSpring as NonlinearSpring
 from .mechanics.load import Orifice as Orifice
 from .mechanics.load import Soil as Soil
+from .mechanics.motor import Motor as Motor
 from .mechanics.parameter import Parameters as Parameters
 from .mechanics.pose import Particle as Particle
 from .mechanics.pose import Planar as Planar

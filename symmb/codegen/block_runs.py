@@ -176,7 +176,11 @@ class BlockRuns:
             t_end = np.where(theta <= 1, steps.t[blocks] + theta * h[accepted], t_end)
             end = np.where(self._by_lane(theta) <= 1, interpolated(x, F, np.minimum(self._by_lane(theta), 1.0)), end)
         by_contacts = passed & (which >= switches.n_sided)
-        meets = by_contacts | (t_end >= engine.times[-1]) if engine.contacts else by_contacts
+        meets = by_contacts
+        if engine.contacts:
+            # A law of time may jump where a step ends, and margins of joints by that.
+            jumps = (t_end >= switches.stop[blocks]) & bool(engine.contacts.joints)
+            meets = by_contacts | jumps | (t_end >= engine.times[-1])
         if F.size:
             until = np.where(meets, np.nextafter(t_end, -np.inf), t_end) if meets.any() else t_end
             self._sample_outputs(blocks, x, F, c, until, h[accepted])
@@ -229,7 +233,8 @@ class BlockRuns:
         events, lanes, steps, engine = cast(ContactEvents, self.events), np.flatnonzero(some), self._steps, self._engine
         blocks, fails = steps.live[lanes], np.zeros(len(steps.live), dtype=bool)
         t, p = steps.t[blocks], self._switches.parameters[:, lanes]
-        after = events.meet(blocks, self._x[:, lanes].T, p.T, t, contact)
+        behind = np.clip(t, self._switches.after[blocks], self._switches.before[blocks])
+        after = events.meet(blocks, self._x[:, lanes].T, p.T, t, behind, contact)
         self._x[:, lanes] = x = after.x.T
         self._c[:, lanes] = c = self._switches.settle(x, self._c[:, lanes], t, lanes)
         self._switches.lift(lanes, after.lift.T)

@@ -132,12 +132,16 @@ class ContactEvents:
         self._contacts, self._span, self.rows = contacts, span, [np.empty((0, len(EVENT)))]
         self._crowd_start, self._crowd, self._count = t.copy(), np.zeros(len(t), int), np.zeros(len(t), int)
 
-    def meet(self, samples: Indices, x: Array, p: Array, t: Array, contact: Indices) -> PostImpact:
-        """Samples (N,) after events at states x (N, n_x), which may end with the work."""
-        after = self._contacts.laws(x, p, t, contact)
+    def meet(self, samples: Indices, x: Array, p: Array, t: Array, behind: Array, contact: Indices) -> PostImpact:
+        """Samples (N,) after events at states x (N, n_x), which may end with the work.
+
+        Laws of time have the values that they have `behind` the times t (N,) of the events.
+        """
+        after = self._contacts.laws(x, p, behind, contact)
         if self._contacts.with_work:
             after.x[:, -1] += after.work
         rows = np.array(after.rows).reshape(-1, len(EVENT))
+        rows[:, EVENT.index("time")] = t[rows[:, 0].astype(np.intp)]
         rows[:, 0] = samples[rows[:, 0].astype(np.intp)]
         self.rows.append(rows)
         after.soon = np.maximum(after.soon, _CONTACT_STEP * self._span)

@@ -17,12 +17,14 @@ from symmb.mechanics import (
     AxisJoint,
     BushContact,
     Bushing,
+    Clutch,
     Contact,
     Element,
     Force,
     Friction,
     GasSpring,
     Ground,
+    Motor,
     NonlinearSpring,
     Orifice,
     Point,
@@ -141,7 +143,8 @@ def _(soil: Soil, survey: Survey) -> Build:
 
 @sketch.register(TorsionSpring)
 @sketch.register(TorsionContact)
-def _(element: TorsionSpring | TorsionContact, survey: Survey) -> Build:
+@sketch.register(Clutch)
+def _(element: TorsionSpring | TorsionContact | Clutch, survey: Survey) -> Build:
     place = _shared_place(element.body_a, element.body_b, survey)
     body = element.body_b if not isinstance(element.body_b, Ground) else element.body_a
     axis = survey.direction(body, element.axis)
@@ -179,11 +182,13 @@ def _(torque: Torque, survey: Survey) -> Build | None:
     return _arrow(torque, "twist", origin(torque.body), tuple(law), survey)
 
 
-@sketch.register
-def _(actuator: Actuator, survey: Survey) -> Build:
+@sketch.register(Actuator)
+@sketch.register(Motor)
+def _(actuator: Actuator | Motor, survey: Survey) -> Build:
     """A motor about the joint, or a cylinder along it with its rod, and the arrow of what it does."""
     joint, turns = cast(AxisJoint, actuator.joint), actuator.handle == "angle"
-    load = survey.bind(actuator.law, actuator.title) * actuator.axis
+    law = actuator.law if isinstance(actuator, Actuator) else actuator.torque
+    load = survey.bind(law, actuator.title) * actuator.axis
     arrow = _arrow(actuator, "twist" if turns else "arrow", joint.point_b, tuple(ca.vertsplit(load)), survey)
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
     axis = survey.direction(joint.point_a.body, joint.axes[0])

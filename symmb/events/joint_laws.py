@@ -35,6 +35,8 @@ class JointLaws:
         self._opens, self.count = np.array(joints.opens), len(joints.names)
         same = np.array(joints.names)[:, None] == joints.names
         self._same = same.astype(float)  # events of the same joint
+        self._clutches = at + np.array(joints.clutches, dtype=np.intp).reshape(-1, 2).T
+        self._declared = ~np.isin(self._flags, self._clutches[0])  # by a user: their conditions hold at the start
 
     def _margins(self, x: Array, p: Array, t: Array) -> list[Array]:
         return evaluate_padded(self._joints.margins, *arguments_of(self._dae, x, p, t))
@@ -44,14 +46,20 @@ class JointLaws:
         return np.asarray((x[:, self._flags] @ self._same > 0.5) == self._opens)
 
     def started(self, x: Array, p: Array, t: Array) -> Array:
-        """States at the start, with the conditions that hold there."""
-        x = x.copy()
-        x[:, self._holding] = self._margins(x, p, t)[0] < -self._tolerances
+        """States at the start, with the conditions that hold there. Clutches without slip stick."""
+        x, (sticks, side) = x.copy(), self._clutches
+        slip, rounding = evaluate_padded(self._joints.slips, *arguments_of(self._dae, x, p, t))
+        fresh, rest = (x[:, sticks] == 0) & (x[:, side] == 0), np.abs(slip) <= rounding
+        x[:, sticks], x[:, side] = (
+            np.where(fresh, rest, x[:, sticks]),
+            np.where(fresh, np.sign(slip) * ~rest, x[:, side]),
+        )
+        x[:, self._holding] = (self._margins(x, p, t)[0] < -self._tolerances) & self._declared
         return x
 
     def start_faults(self, x: Array, p: Array, t: Array) -> dict[int, str]:
         """Samples whose joints would have opened or closed before the start."""
-        holds = (self._margins(x, p, t)[0] < -self._tolerances) & self._armed(x)
+        holds = (self._margins(x, p, t)[0] < -self._tolerances) & self._armed(x) & self._declared
         return {
             i: f"{self._joints.titles[k]}: its condition holds at the start, and counts where it becomes true; start "
             f"where it does not hold, or {'leave the joint out' if self._opens[k] else 'leave the Latch out'}"
@@ -67,15 +75,20 @@ class JointLaws:
         first : int           number of the first event among those that are noted
         """
         x, n_v = after.x, slice(self._dae.n_q, self._dae.n_q + self._dae.n_v)
-        passed, every = passed.copy(), np.arange(self.count)
-        for _ in range(2 * self.count + 1):
+        passed, every, slips = passed.copy(), np.arange(self.count), np.array(self._joints.let_slip)
+        fresh = np.zeros((len(x), self.count), dtype=bool)  # clutches that have stuck at this instant
+        for _ in range(4 * self.count + 1):
             margin, rate = self._margins(x, p, t)
             (place,) = evaluate_padded(self._joints.places, *arguments_of(self._dae, x, p, t))
             held, rounding, armed = x[:, self._holding] > 0.5, self._tolerances, self._armed(x)
             falls = (margin < -rounding) | (armed & (margin <= rounding) & (rate < 0))
             holds = np.where(passed[:, None] == every, ~held, np.where(held, margin <= rounding, falls))
-            x[:, self._holding] = holds
             acts = armed & holds & ~held
+            # Of several clutches one begins to slip at a time, by which others may hold.
+            excess = np.where(acts & slips, np.where(fresh, np.inf, -margin), -np.inf)
+            waits = slips & (every != excess.argmax(axis=1)[:, None])
+            acts, x[:, self._holding] = acts & ~waits, holds & ~waits
+            fresh |= (acts & ~self._opens) @ self._same > 0
             if not acts.any():
                 break
             for k in every.tolist():

@@ -20,6 +20,7 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
         lists = {
             "opens": tuple(map(int, joints.opens)),
             "by_force": tuple(map(int, joints.by_force)),
+            "slips": tuple(map(int, joints.let_slip)),
             "holding_state": tuple(at + k for k in joints.holding),
             "flag_state": tuple(at + k for k in joints.flags),
             "other_owner": tuple(k for k, _ in others),
@@ -45,10 +46,20 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
 
 
 def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
-    """Margins of conditions (m,) that are 0 but for rounding."""
+    """Margins of conditions (m,) that are 0 but for rounding. Those of forces are seen with one joint closed.
+
+    Sizes of states fulfil no constraints: forces of joints that are redundant together would have no bounds there.
+    """
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
-    margins, _ = joints.margins(*dae.arguments(x, p, t))
-    return hysteresis_of(dae, margins, x, p, t, ca.SX.sym("side", len(joints.names)))
+
+    def of(number: int) -> float:
+        closed = ca.SX(x)
+        closed[[dae.n_q + dae.n_v + k for k in joints.flags if joints.by_force[number]]] = 0
+        closed[dae.n_q + dae.n_v + joints.flags[number]] = 1
+        margins, _ = joints.margins(*dae.arguments(closed, p, t))
+        return hysteresis_of(dae, margins[number], x, p, t, ca.SX.sym("side"))[0]
+
+    return tuple(of(k) for k in range(len(joints.names)))
 
 
 def with_gaps(

@@ -19,7 +19,7 @@ from symmb.start import Start
 
 @dataclass(frozen=True, repr=False)
 class EventDriven(Explicit):
-    """Explicit pair of order 8 whose steps end at the events of an `Impact`, a `Release` or a `Latch`.
+    """Explicit pair of order 8 whose steps end at the events of an `Impact`, a `Release`, a `Latch` or a `Clutch`.
 
     They are located on the interpolant of a step to rounding. Without a C compiler the same steps are taken with NumPy.
     Each sample has steps of its own. After every step positions and velocities are moved onto the constraints, with
@@ -94,4 +94,4 @@ def round_otherwise(engine: AnyEngine, other: AnyEngine) -> None:
 def impacts_text(impacts: Impacts) -> str:
     """The impacts by name, for messages."""
     titles = () if impacts.joints is None else impacts.joints.titles
-    return ", ".join([*(f"Impact {name!r}" for name in impacts.names), *titles])
+    return ", ".join(dict.fromkeys([*(f"Impact {name!r}" for name in impacts.names), *titles]))

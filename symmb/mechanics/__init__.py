@@ -6,6 +6,7 @@ All are frozen values; equations are derived in `model`.
 from symmb.mechanics.actuator import Actuator, JointForce, Stop
 from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body, Ground, Inertial, Point, as_matrix, inertia_matrix
+from symmb.mechanics.clutch import Clutch, Sticks
 from symmb.mechanics.constraint import Constraint, Motion
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
 from symmb.mechanics.curve import Curve
@@ -44,6 +45,7 @@ from symmb.mechanics.joint import (
 from symmb.mechanics.joint_event import JointEvent, Latch, Release, closed_at_start, row_gates
 from symmb.mechanics.load import GasSpring, NonlinearSpring, Orifice, Soil
 from symmb.mechanics.mesh_file import coarser
+from symmb.mechanics.motor import Motor
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Frame, Particle, Planar, Spatial
 from symmb.mechanics.rope import Rope

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from symmb._options import require_truth
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Bind, Element
@@ -26,6 +27,9 @@ class Constraint(Element):
         return ca.SX(0, 1)
 
     unilateral: bool = False
+
+    def __post_init__(self) -> None:
+        require_truth(self.title, "unilateral", self.unilateral)
 
     def pressure(self, lam: ca.SX) -> ca.SX:
         """The force of its multipliers (n,) that a unilateral constraint can exert where it is positive [N]."""

@@ -17,7 +17,7 @@ from symmb.mechanics.joint import Distance, PointOnLine, Screw, Spherical
 from symmb.symbolic import Kind, Symbol, declare
 
 
-def _flag(name: str, value: float) -> Symbol:
+def event_state(name: str, value: float) -> Symbol:
     """A state that changes at events only."""
     return declare([name], Kind.STATE, ca.SX.sym(name), ca.SX(1, 1), ca.SX(value))[0]
 
@@ -63,17 +63,22 @@ class JointEvent(Element):
     @cached_property
     def flag(self) -> Symbol:
         """The record of `closed`."""
-        return _flag(f"{self.name}.closed", float(self.opens))
+        return event_state(f"{self.name}.closed", float(self.opens))
 
     @cached_property
     def holding(self) -> Symbol:
         """The record of whether the condition holds."""
-        return _flag(f"{self.name}.holds", 0.0)
+        return event_state(f"{self.name}.holds", 0.0)
 
     @property
     def states(self) -> tuple[Symbol, ...]:
         """All states that change at the events of this element only."""
-        return self.flag, self.holding
+        return self.flag, self.holding, *(symbol for symbol, _ in self.place)
+
+    @property
+    def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
+        """States that the event sets, with what they are then."""
+        return ()
 
 
 class Release(JointEvent):
@@ -156,10 +161,6 @@ class Latch(JointEvent):
         aligns = isinstance(joint, AxisJoint) and joint.aligns and not isinstance(joint, Screw)
         return aligns or isinstance(joint, Spherical | PointOnLine | Distance)
 
-    @property
-    def states(self) -> tuple[Symbol, ...]:
-        return *super().states, *(symbol for symbol, _ in self.place)
-
     @cached_property
     def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
         """States that keep where the joint closes, with what they are at this instant."""
@@ -182,7 +183,7 @@ class Latch(JointEvent):
         """The joint with the point and the frame of body a where those of body b were, and its states."""
         joint = self.joint
         if isinstance(joint, Distance):
-            return joint, ((_flag(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)
+            return joint, ((event_state(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)
         R_a, R_b = (body.frame.R for body in joint.bodies())
         shift, place = self._kept("shift", R_a.T @ joint.d, ca.SX(3, 1))
         grip = copy(joint)
@@ -202,7 +203,7 @@ class Latch(JointEvent):
         matrix = ca.SX(value)
         for i, entry in enumerate(ca.vertsplit(ca.vec(value))):
             if not entry.is_constant():
-                state = _flag(f"{self.name}.{name}[{i}]", float(ca.densify(start).nz[i]))
+                state = event_state(f"{self.name}.{name}[{i}]", float(ca.densify(start).nz[i]))
                 kept.append((state, entry))
                 matrix[i] = state.sx
         return matrix, tuple(kept)
@@ -217,7 +218,10 @@ def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
 
 
 def closed_at_start(events: Iterable[JointEvent]) -> dict[str, bool]:
-    """Joints that open or close, and whether they are closed at the start: all but those that only have a Latch."""
+    """Joints that open or close, and whether they are closed at the start.
+
+    Clutches are not, nor are joints that only have a Latch.
+    """
     events = list(events)
-    released = {event.joint.name for event in events if event.opens}
+    released = {event.joint.name for event in events if float(event.flag.value)}
     return {event.joint.name: event.joint.name in released for event in events}

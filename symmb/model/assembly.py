@@ -13,6 +13,7 @@ from symmb._errors import DeclarationError
 from symmb.mechanics import (
     Action,
     Body,
+    Clutch,
     Constraint,
     Element,
     ForceElement,
@@ -254,7 +255,8 @@ def _write_equations(
     sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in _of_kind(Sampled, states)]
     actions = {f: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
     declared = {c.name: attempt(nothing, c.position_rows, bind) for c in constraints}
-    events = [(e, ca.SX(1)) for e in _of_kind(JointEvent, elements)]
+    of_clutches = chain.from_iterable(attempt((), clutch.events, bind) for clutch in _of_kind(Clutch, elements))
+    events = [(e, ca.SX(1)) for e in (*_of_kind(JointEvent, elements), *of_clutches)]
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,
@@ -267,24 +269,39 @@ def _write_equations(
         laws={e.name: attempt((nothing, nothing), impact_law, e, bind, parameters) for e in impacts},
         n_declared_rows=sum(rows.numel() for rows in declared.values()),
     )
-    faults.lines += equations.faults()
+    faults.lines += [*equations.faults(), *_clutch_faults(elements, impacts)]
     if events and not faults.lines:
         _gate_rows(equations, bind)
-        for k, (e, _) in enumerate(events):
-            events[k] = e, attempt(ca.SX(1), event_margin, e, equations.positions[e.joint.name], bind, what=e.title)
+        _write_margins(equations, bind, faults)
     return equations
+
+
+def _write_margins(equations: _Equations, bind: Binding, faults: _Faults) -> None:
+    """The margins of conditions at which joints open and close."""
+    for k, (e, _) in enumerate(equations.joint_events):
+        rows = [*equations.positions[e.joint.name], *equations.velocities[e.joint.name]]
+        equations.joint_events[k] = e, faults.attempt(ca.SX(1), event_margin, e, rows, bind, what=e.title)
+
+
+def _clutch_faults(elements: Sequence[Element], impacts: Sequence[Impact]) -> Iterator[str]:
+    """Clutches of systems with impulses, which would change their slips in no time."""
+    sources = [*(impact.title for impact in impacts), *(latch.title for latch in _of_kind(Latch, elements))]
+    for clutch in _of_kind(Clutch, elements) if sources else ():
+        yield (
+            f"{clutch.title}: the impulses of {sources[0]} would change its slip in no time. Use a law of contact, "
+            "such as KelvinVoigt(...), in the place of impulses."
+        )
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:
     """Rows of joints that open or close are 0 while these are open, and those where they closed after a Latch."""
     for name in row_gates(event for event, _ in equations.joint_events):
-        parts = []
+        parts, own = [], equations.positions[name]
         for event, _ in equations.joint_events:
-            if event.joint.name == name:
-                own = equations.positions[name]
+            if own and event.joint.name == name:
                 rows = position_rows(event.joint, event.rows(bind), bind) if isinstance(event, Latch) else own
                 parts.append(event.closed * ca.vertcat(*rows))
-        equations.positions[name] = ca.vertsplit(sum(parts[1:], parts[0]))
+        equations.positions[name] = ca.vertsplit(sum(parts[1:], parts[0])) if parts else []
 
 
 def _of_kind(kind: type[T], elements: Sequence[object]) -> list[T]:

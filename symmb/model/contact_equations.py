@@ -15,9 +15,15 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Indices
-from symmb.mechanics import Latch
+from symmb.mechanics import JointEvent, Sticks
 from symmb.model.system import System
 from symmb.symbolic import common, least_multipliers, symmetric_solver, t
+
+_SMALL, _REST = 1e-12, 1e-10
+"""Shares of the terms of an angular acceleration, and of an angular velocity at the start, that are rounding."""
+_UNBOUNDED = 100.0
+"""Multipliers of rows that contradict each other, over those of least norm: the solver's lift makes them 1e10 times
+larger. tests/events/test_clutches.py"""
 
 
 @dataclass(frozen=True)
@@ -66,10 +72,12 @@ class JointEvents:
     others : m tuples of int    these states of other events of the same joint
     rows : m slices             rows of the joints
     by_force : m bool           whether the margin needs multipliers
-    place : k int               the states s that keep where joints closed
+    place : k int               the states s that keep where joints closed, or which way clutches slip
     owners : k int              the events that set them
+    clutches : c pairs of int   the states s that are 1 while clutches stick, and those that tell which way they slip
     margins                     -> margins (m,), below 0 where conditions hold, and their rates (m,)
     places                      -> where joints close now (k,)
+    slips                       -> slips of the clutches (c,), and their rounding (c,)
     jump                        -> v (n_v,), after the least change in the norm of M that makes the rates of all rows 0,
                                 impulses (n_r,) of the rows that are kept, and their work [J]
     """
@@ -84,9 +92,17 @@ class JointEvents:
     by_force: tuple[bool, ...]
     place: tuple[int, ...]
     owners: tuple[int, ...]
+    clutches: tuple[tuple[int, int], ...]
     margins: ca.Function
     places: ca.Function
+    slips: ca.Function
     jump: ca.Function
+
+    @property
+    def let_slip(self) -> tuple[bool, ...]:
+        """Whether events are those at which a clutch begins to slip, (m,)."""
+        flags = {own for own, _ in self.clutches}
+        return tuple(opens and flag in flags for opens, flag in zip(self.opens, self.flags, strict=True))
 
 
 class ContactEquations:
@@ -116,17 +132,30 @@ class ContactEquations:
         system = self._system
         return ca.jtimes(f, system.q, system.qdot) + ca.jtimes(f, system.s, system.s_rate) + ca.jacobian(f, t)
 
-    def _margins(self, multipliers: ca.SX) -> ca.SX:
-        """Margins of the conditions at which joints open and close, (m,), some of which need multipliers (n_r,)."""
+    def _with_multipliers(self, expression: ca.SX, multipliers: ca.SX) -> ca.SX:
+        """An expression of conditions of joints, with the multipliers (n_r,) in the place of their symbols."""
         c, system = self._c, self._system
-        margins, symbols = ca.vertcat(*[e for _, e in c.joint_events]), [event.lam for event, _ in c.joint_events]
-        if not ca.depends_on(margins, ca.vertcat(*symbols)):
-            return margins
+        symbols = {event.joint.name: event.lam for event, _ in c.joint_events if ca.depends_on(expression, event.lam)}
+        if not symbols:
+            return expression
+        clutches = {event.joint.name for event, _ in c.joint_events if isinstance(event, Sticks)}
         least, values = least_multipliers(system.G, system.G.T @ multipliers), []
-        for event, _ in c.joint_events:
-            own = least[c.rows.get(event.joint.name, slice(0, 0))]
-            values.append(ca.vertcat(own, ca.SX.zeros(event.lam.numel() - own.numel())))
-        return ca.substitute(margins, ca.vertcat(*symbols), ca.vertcat(*values))
+        for name, lam in symbols.items():
+            at = c.rows.get(name, slice(0, 0))
+            own, raw = least[at], multipliers[at]
+            if name in clutches:  # no finite torque holds what other rows move: the solver's multipliers tell which way
+                own = ca.if_else(ca.fabs(raw) > _UNBOUNDED * ca.fabs(own), raw, own)
+            values.append(ca.vertcat(own, ca.SX.zeros(lam.numel() - own.numel())))
+        return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
+
+    def _rounding(self, event: JointEvent, accelerations: ca.SX) -> ca.SX:
+        """What of the rate of an event's margin is rounding: a clutch does not stick where it just does not slip."""
+        if not isinstance(event, Sticks):
+            return ca.SX(0)
+        system, W = self._system, ca.jacobian(event.joint.slip, self._system.v)
+        friction = ca.densify(ca.jacobian(system.Q, event.joint.direction))
+        effect, _ = system.solve(friction, ca.SX(system.lam.numel(), 1))
+        return _SMALL * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
 
     def _opposing(self, r: ca.SX) -> ca.SX:
         """Forces or impulses along closed gaps that compensate r, (n,)."""
@@ -161,8 +190,13 @@ class ContactEquations:
         def joints() -> JointEvents:
             events, s_names = [e for e, _ in c.joint_events], [state.name for state in c.states]
             accelerations, multipliers = self.solve(system.Q, system.gamma)
-            margins = self._margins(multipliers)
-            own = [(k, state, value) for k, e in enumerate(events) if isinstance(e, Latch) for state, value in e.place]
+            margins = self._with_multipliers(ca.vertcat(*[e for _, e in c.joint_events]), multipliers)
+            roundings = ca.vertcat(*[self._rounding(e, accelerations) for e in events])
+            own = [(k, state, value) for k, e in enumerate(events) for state, value in e.place]
+            places = self._with_multipliers(ca.vertcat(ca.SX(0, 1), *[value for *_, value in own]), multipliers)
+            clutches = [e.joint for e in events if isinstance(e, Sticks)]
+            slip = ca.vertcat(ca.SX(0, 1), *[clutch.slip for clutch in clutches])
+            size = ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v)
             flags = [s_names.index(e.flag.name) for e in events]
             lam = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
             at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
@@ -173,17 +207,25 @@ class ContactEquations:
                 holding=tuple(s_names.index(e.holding.name) for e in events),
                 flags=tuple(flags),
                 others=tuple(
-                    tuple(flags[i] for i, other in enumerate(events) if other.joint is e.joint and other is not e)
+                    tuple(
+                        flags[i]
+                        for i, other in enumerate(events)
+                        if other.joint is e.joint and other.flag is not e.flag
+                    )
                     for e in events
                 ),
                 rows=tuple(c.rows.get(e.joint.name, slice(0, 0)) for e in events),
                 by_force=tuple(ca.depends_on(margin, e.lam) for e, margin in c.joint_events),
                 place=tuple(s_names.index(state.name) for _, state, _ in own),
                 owners=tuple(k for k, *_ in own),
+                clutches=tuple((s_names.index(e.flag.name), s_names.index(e.side.name)) for e in clutches),
                 margins=function(
-                    "margins", margin=margins, rate=self._along(margins) + ca.jtimes(margins, system.v, accelerations)
+                    "margins",
+                    margin=margins,
+                    rate=self._along(margins) + ca.jtimes(margins, system.v, accelerations) + roundings,
                 ),
-                places=function("places", place=ca.vertcat(ca.SX(0, 1), *[value for *_, value in own])),
+                places=function("places", place=places),
+                slips=function("slips", slip=slip, rounding=_REST * size),
                 jump=function(
                     "jump", v_new=system.v - lam[0], impulse=-lam[1], work=ca.dot(lam[1], system.Phi_dot / 2 - at_rest)
                 ),

@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import shown
 from symmb._types import Expr
-from symmb.mechanics import Joint, OwnState, Rotation, Spatial
+from symmb.mechanics import Joint, Motor, OwnState, Rotation, Spatial
 from symmb.model.system import System
 from symmb.symbolic import Kind, Symbol, lookup, symbols_in
 
@@ -101,7 +101,12 @@ class _Values:
         self._decoupled = {name for x, _, vx, _ in c.decoupled for name in (x, vx)}
         self._spatial = {b.name for b in c.bodies if isinstance(b.pose, Spatial)}
         self._joints = {e.name: e for e in system.elements if isinstance(e, Joint)}
-        self._states = {e.name for e in system.elements if isinstance(e, OwnState)}
+        own = [
+            e.name if isinstance(e, OwnState) else f"{e.name}.current"
+            for e in system.elements
+            if isinstance(e, OwnState | Motor)
+        ]
+        self._states = {state.name for state in c.states} & {*own}
         self.q: dict[int, ca.SX] = {}
         self.v: dict[int, ca.SX] = {}
         self.displacements: set[int] = set()

@@ -341,7 +341,8 @@ def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[s
             f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
             f"{solver!r} do not end at them, and may pass over some. Use DormandPrince().",
         )
-    missed = switches.passed_over(states.switch_values[~later], states.t[~later], stops.passes)
+    ends = np.append(stops.passes, [event.time for event in trajectory.events])  # an event may pass a switch as well
+    missed = switches.passed_over(states.switch_values[~later], states.t[~later], ends)
     if np.isnan(missed):
         return ()
     return (

@@ -179,8 +179,9 @@ PRIVATE int run(Block *b, Study *s) {
   b->steps = 0;
   begin_tolerances(b, s);
   follow_sizes(b, s);
-  find_stop(b, s);
+  const int begins = find_stop(b, s);
   settle(b);
+  if (N_E > 0 && begins && !meet_contacts(b, s, -1)) return 0;
   restart(b, s);
   int shortened = 0;
   while (b->next < s->n_t) {
@@ -212,7 +213,8 @@ PRIVATE int run(Block *b, Study *s) {
       continue;
     }
     if (z <= 1.0) b->t_new = b->t + z * b->h;
-    const int contact = contact_at(b, z), meets = N_G > 0 && (contact >= 0 || b->t_new >= end);
+    const int jumps = N_E > 0 && b->t_new >= b->stop_time; /* a law of time, and margins of joints by that */
+    const int contact = contact_at(b, z), meets = N_G > 0 && (contact >= 0 || jumps || b->t_new >= end);
     if (!sample_outputs(b, s, meets ? nextafter(b->t_new, -INFINITY) : b->t_new)) return 0;
     if (z <= 1.0 && !change_sides(b, s, z)) return 0;
     EACH_PART(b) {

@@ -9,7 +9,7 @@
    their rates and the sizes of the coordinates in them behind them; forces(x, c, t, out): forces in closed contacts, accelerations of gaps, sizes of the terms of
    these and effective inertias; impulses(x, c, t, out): W (N_I, N_V) and B (N_V, N_I) by columns, rates of gaps at rest and
    restitutions; held(x, c, t, out), the state moved into its closed contacts; margins(x, c, t, out), with their rates behind
-   them; places(x, c, t, out), the values of place_state; and jump(x, c, t, out): velocities after the jump, impulses of the
+   them; places(x, c, t, out), the values of place_state that events set; and jump(x, c, t, out): velocities after the jump, impulses of the
    N_ROWS rows and their work. contact_state tells the states that are 1 for closed contacts. LENGTH and ENERGY are sizes of the motion, displacement those of displacements (N_V). */
 #ifndef IMPACTS_H
 #define IMPACTS_H
@@ -178,19 +178,23 @@ PRIVATE void move_joint(Block *b, int k) {
   a->x[place[flag_state[k]]] = each(!opens[k]);
   for (int i = 0; i < N_OTHERS; ++i)
     if (other_owner[i] == k) a->x[place[other_state[i]]] = zero();
-  for (int i = 0; i < N_PLACE && !opens[k]; ++i)
+  for (int i = 0; i < N_PLACE; ++i)
     if (place_owner[i] == k) a->x[place[place_state[i]]] = b->closing[i];
 }
 
 /* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. A
-   condition that holds before its event is armed must first cease to. */
+   condition that holds before its event is armed must first cease to. Of several clutches one begins to slip at a time, by
+   which others may hold: one that has just stuck, or that with the largest excess of torque. */
 PRIVATE void move_joints(Block *b, Study *s, int passed) {
   Part *a = b->part;
-  for (int n = 0; n <= 2 * N_E; ++n, passed = -1) {
-    int acts[N_E], any = 0, closes = 0;
+  const V t = each(between_stops(b, b->t));
+  int fresh[N_E]; /* clutches that have stuck at this instant */
+  memset(fresh, 0, sizeof fresh);
+  for (int n = 0; n <= 4 * N_E; ++n, passed = -1) {
+    int acts[N_E], any = 0, closes = 0, first = -1;
     double rate[N_E], work = 0.0;
-    margins(a->x, a->c, each(b->t), b->margin);
-    places(a->x, a->c, each(b->t), b->closing);
+    margins(a->x, a->c, t, b->margin);
+    places(a->x, a->c, t, b->closing);
     for (int k = 0; k < N_E; ++k) {
       const double off = hysteresis[N_S - N_E + k], margin = b->margin[k][0];
       const int held = flag(a, holding_state, k) > 0.5, armed = is_armed(a, k);
@@ -201,17 +205,21 @@ PRIVATE void move_joints(Block *b, Study *s, int passed) {
       acts[k] = armed && holds && !held;
       any |= acts[k];
       closes |= acts[k] && !opens[k];
+      if (acts[k] && slips[k] && (first < 0 || fresh[k] > fresh[first] || (fresh[k] == fresh[first] && margin < b->margin[first][0]))) first = k;
     }
     if (!any) return;
-    for (int k = 0; k < N_E; ++k)
+    for (int k = 0; k < N_E; ++k) {
+      if (slips[k] && k != first) acts[k] = (a->x[place[holding_state[k]]] = zero(), 0);
+      for (int i = 0; i < N_E && acts[k]; ++i) fresh[i] |= slips[i] && !opens[k] && flag_state[i] == flag_state[k];
       if (acts[k]) move_joint(b, k);
+    }
     memset(b->jumped, 0, sizeof b->jumped);
     if (closes) {
-      jump(a->x, a->c, each(b->t), b->jumped);
+      jump(a->x, a->c, t, b->jumped);
       for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] = b->jumped[i];
       work = b->jumped[N_V + N_ROWS][0];
       if (N_WORK) a->x[place[N_X - 1]] += work;
-      margins(a->x, a->c, each(b->t), b->margin);
+      margins(a->x, a->c, t, b->margin);
     }
     for (int k = 0; k < N_E; ++k) {
       if (!acts[k]) continue;

@@ -1,0 +1,150 @@
+"""Clutches and brakes that slip and stick, against closed forms."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+TIMES = np.linspace(0.0, 3.0, 13)
+
+
+def braked(capacity, load, *, omega=0.0, inertia=2.0, p=None, ratio=1.0, more=(), box=None, outputs=None):
+    """A wheel under a torque, with a brake."""
+    wheel, ground = mb.Body("wheel", 1.0, inertia), mb.Ground()
+    shaft = mb.Revolute("shaft", ground.point(0, 0), wheel.point(0, 0))
+    brake = mb.Clutch("brake", ground, wheel, capacity, ratio)
+    more = [element(wheel, shaft) for element in more]
+    system = mb.System(wheel, shaft, brake, mb.Torque("load", wheel, load), *more, parameters=p)
+    outputs = outputs(wheel, brake) if outputs else {"w": wheel.omega, "torque": system.lam("brake")}
+    return mb.Scene(system, {"wheel.omega": omega}, TIMES, outputs, box)
+
+
+def happened(run):
+    return [(event.name, event.what, round(event.time, 9)) for event in run.events]
+
+
+@pytest.mark.parametrize("compiles", [True, False])
+def test_a_brake_stops_a_wheel_and_lets_it_go(compiles, monkeypatch):
+    """The load rises as 2 t. The brake of 4 N m holds it up to 1.3 times that, at 2.6 s."""
+    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: compiles)
+    run = mb.simulate(braked(4.0, 2 * mb.t, omega=1.75, ratio=1.3))
+    # 2 w' = 2 t - 4: w = 1.75 + t^2 / 2 - 2 t is 0 at 2 - sqrt(0.5)
+    stop = 2 - np.sqrt(0.5)
+    assert [event[:2] for event in happened(run)] == [("brake", "closes"), ("brake", "opens")]
+    assert_allclose([event.time for event in run.events], (stop, 2.6), atol=1e-12)
+    t, after = run.t, np.maximum(run.t, 2.6)
+    falls = 1.75 + t**2 / 2 - 2 * t
+    assert_allclose(run["w"], np.where(t < stop, falls, (after**2 - 2.6**2) / 2 - 2 * (after - 2.6)), atol=1e-10)
+    assert_allclose(run["torque"], np.where((t > stop) & (t < 2.6), 2 * t, 0.0), atol=1e-12)
+    assert abs(run.events[0].work) < 1e-20 and run.energy_drift < 1e-9 and not run.doubts
+
+
+def test_starts_without_slip():
+    for load, events, slope in ((3.0, [], 0.0), (4.0, [], 0.0), (-6.0, [("brake", "opens", 0.0)], -1.0)):
+        run = mb.simulate(braked(4.0, load))
+        assert happened(run) == events
+        assert_allclose(run["w"], slope * run.t, atol=1e-12)
+
+
+def test_a_slip_that_goes_through_changes_its_direction_at_once():
+    run = mb.simulate(braked(4.0, -9.0, omega=6.5))
+    assert happened(run) == [("brake", "closes", 1.0), ("brake", "opens", 1.0)]
+    assert_allclose(run["w"], np.where(run.t < 1, 6.5 - 6.5 * run.t, -2.5 * (run.t - 1)), atol=1e-12)
+
+
+def test_capacities_that_are_zero_rise_or_are_negative():
+    run = mb.simulate(braked(0.0, -2 * ca.cos(mb.t), omega=0.5))
+    assert_allclose(run["w"], 0.5 - np.sin(run.t), atol=1e-10)
+    run = mb.simulate(braked(3 * mb.t, 2.0))
+    assert happened(run) == [("brake", "opens", 0.0), ("brake", "closes", round(4 / 3, 9))]
+    assert_allclose(run["w"], np.where(run.t < 4 / 3, run.t - 0.75 * run.t**2, 0.0), atol=1e-12)
+    run = mb.simulate(braked(4.0 - 4 * mb.t, 0.5))  # it slips from 0.875 s on, and nothing brakes from 1 s on
+    u = np.clip(run.t, 0.875, 1.0) - 0.875
+    assert_allclose(run["w"], u**2 + np.maximum(run.t - 1, 0) / 4, atol=1e-10)
+
+
+@pytest.mark.parametrize("compiles", [True, False])
+def test_a_pulse_of_time_is_not_passed_over(compiles, monkeypatch):
+    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: compiles)
+    pulse = ca.if_else(ca.logic_and(mb.t > 1, mb.t < 1.001), 50.0, 1.0)
+    run = mb.simulate(braked(5.0, pulse))
+    assert happened(run) == [("brake", "opens", 1.0), ("brake", "closes", 1.01225)]
+
+
+def test_two_clutches_in_a_row_stick_at_once():
+    ground, inertias = mb.Ground(), (1.0, 2.0, 3.0)
+    shafts = [mb.Body(name, 1.0, J) for name, J in zip("abc", inertias, strict=True)]
+    pins = [mb.Revolute(f"pin_{e.name}", ground.point(0, 0), e.point(0, 0)) for e in shafts]
+    clutches = [mb.Clutch(f"c{k}", shafts[k], shafts[k + 1], capacity) for k, capacity in enumerate((4.0, 3.0))]
+    start = {"a.omega": 6.0, "b.omega": 1.5, "c.omega": 1.0}
+    run = mb.simulate(mb.Scene(mb.System(*shafts, *pins, *clutches), start, [0.0, 0.5, 2.0]))
+    assert happened(run) == [("c0", "closes", 1.0), ("c1", "closes", 1.0)]
+    speeds = np.column_stack([run[f"{name}.omega"] for name in "abc"])
+    assert_allclose(speeds, [(6, 1.5, 1), (4, 1.75, 1.5), (2, 2, 2)], atol=1e-12)
+
+
+def test_a_brake_on_a_shaft_that_a_motion_drives():
+    """It cannot stick where the speed changes its sign, whatever its capacity."""
+    scene = braked(2.0, 0.0, omega=1.0, more=[lambda wheel, shaft: mb.Motion("motion", shaft.angle, ca.sin(mb.t))])
+    run = mb.simulate(scene)
+    assert happened(run) == [("brake", what, round(np.pi / 2, 9)) for what in ("closes", "opens")]
+    driving = -run(scene.system.lam("motion"))
+    assert_allclose(driving, -2 * np.sin(run.t) + 2 * np.sign(np.cos(run.t)), atol=1e-6)
+
+
+def test_a_brake_takes_over_from_a_weld_that_opens():
+    wheel, ground = mb.Body("wheel", 1.0, 2.0), mb.Ground()
+    shaft = mb.Revolute("shaft", ground.point(0, 0), wheel.point(0, 0))
+    held = mb.Weld("weld", ground.point(0, 0), wheel.point(0, 0))
+    brake = mb.Clutch("brake", ground, wheel, 2.0)
+    system = mb.System(wheel, shaft, held, brake, mb.Release(held, mb.t > 1), mb.Torque("load", wheel, 3.0))
+    run = mb.simulate(mb.Scene(system, times=TIMES, outputs={"w": wheel.omega}))
+    assert happened(run) == [("weld", "opens", 1.0), ("brake", "opens", 1.0)]
+    assert_allclose(run["w"], np.maximum(run.t - 1, 0) / 2, atol=1e-9)
+
+
+def test_samples_stick_at_times_of_their_own():
+    p = mb.Parameters(capacity=4.0, load=1.0)
+    box = mb.Box(capacity=(3.0, 6.0), load=(0.5, 1.0))
+    scene = braked(p.capacity, p.load, omega=3.0, p=p, box=box)
+
+    def speed(capacity, load):
+        return np.maximum(3 - (capacity - load) / 2 * TIMES, 0)
+
+    swept = mb.sweep(scene, {"capacity": np.linspace(3, 6, 5)})
+    for values, capacity in zip(swept.values, np.linspace(3, 6, 5), strict=True):
+        assert_allclose(values[:, 0], speed(capacity, 1.0), atol=1e-12)
+    bounds = mb.propagate(scene, mb.Vertex())
+    assert_allclose(bounds["w"], (speed(6.0, 0.5), speed(3.0, 1.0)), atol=1e-12)
+    figures = braked(
+        p.capacity, p.load, omega=3.0, p=p, box=box, outputs=lambda _, brake: {"t": mb.first_time(brake.closed > 0.5)}
+    )
+    assert_allclose(mb.propagate(figures, mb.PolynomialChaos(order=8))["t"], (6 / 5.5, 3.0), rtol=1e-4)
+
+
+def test_a_run_goes_on_with_its_clutches():
+    scene = braked(4.0, 1.0, omega=3.0)
+    run = mb.simulate(scene.with_times([0.0, 2.5]))
+    longer = mb.simulate(scene.starting_at(run))
+    assert len(run.events) == 1 and longer.events == ()
+    assert_allclose(longer["w"], 0.0, atol=1e-12)
+    half = mb.simulate(scene.with_times([0.0, 1.0]))
+    assert_allclose(mb.simulate(scene.starting_at(half)).events[0].time, 2.0, atol=1e-12)
+
+
+def test_faults_are_told():
+    wheel, ground = mb.Body("wheel", 1.0, 2.0), mb.Ground()
+    shaft = mb.Revolute("shaft", ground.point(0, 0), wheel.point(0, 0))
+    for arguments, text in (
+        ((ground, wheel, -1.0), "capacity is -1; it must be at least 0"),
+        ((ground, wheel, 1.0, 0.9), "static_ratio is 0.9; it must be at least 1"),
+        ((ground, ground, 1.0), "nothing is left to act on"),
+        ((shaft, wheel, 1.0), "expected a body, got Revolute"),
+    ):
+        with pytest.raises(mb.DeclarationError, match=f"Clutch 'brake': .*{text}"):
+            mb.System(wheel, shaft, mb.Clutch("brake", *arguments))
+    stop = mb.Stop("stop", shaft, None, 1.0, restitution=0.5)
+    with pytest.raises(mb.DeclarationError, match=r"Clutch 'brake': the impulses of Impact 'stop\.upper'"):
+        mb.System(wheel, shaft, stop, mb.Clutch("brake", ground, wheel, 1.0))
