@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 
-TOLERANCE, SOLVER = 1e-7, mb.DormandPrince(rtol=1e-11)
+TOLERANCE, SOLVER = 1e-7, mb.DormandPrince(rtol=1e-12)
 K, MU, SPEED, CHI = 1e5, 0.3, 0.05, 0.05
 
 
@@ -62,10 +62,10 @@ def marched(rates, gaps, y, times):
     t, found = times[0], [y]
     for end in times[1:]:
         while t < end:
-            run = solve_ivp(rates, (t, end), y, "DOP853", rtol=1e-12, atol=1e-13, events=events, max_step=2e-3)
+            run = solve_ivp(rates, (t, end), y, "DOP853", rtol=1e-13, atol=1e-15, events=events, max_step=2e-3)
             y, at = run.y[:, -1], run.t[-1]
             if run.status == 1:  # past the event by a little
-                on = solve_ivp(rates, (at, min(at + 1e-7, end)), y, "DOP853", rtol=1e-12, atol=1e-13)
+                on = solve_ivp(rates, (at, min(at + 1e-7, end)), y, "DOP853", rtol=1e-13, atol=1e-15)
                 y, at = on.y[:, -1], on.t[-1]
             t = at
         found.append(y)
