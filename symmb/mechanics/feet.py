@@ -103,8 +103,8 @@ class Side(NamedTuple):
             beyond, angle = ca.logic_or(bounds.before, bounds.behind), fan * (s - on)
             tangent = ca.cos(angle) * tangent + ca.sin(angle) * left(tangent)
             before, behind = self.measured.corners_at(self.part, self.side)
-            excess = ca.fabs(angle) - ca.if_else(bounds.before, before, behind)
-            excess = ca.if_else(ca.logic_and(beyond, excess > 0), excess, 0)
+            excess = ca.if_else(bounds.before, self.side * angle - before, -self.side * angle - behind)
+            excess = ca.if_else(ca.logic_and(beyond, -excess < -SOFT), excess, 0)
             turn, speed = ca.if_else(beyond, fan, turn), ca.if_else(beyond, 0, speed)
         return Spot(place, tangent, speed, turn, excess)
 
