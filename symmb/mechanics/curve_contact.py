@@ -10,14 +10,14 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import is_real, number_text, shown
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.axis_joint import Joint
 from symmb.mechanics.body import Body, Point
 from symmb.mechanics.contact import distance_and_direction, touch
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.curve import Curve, Measured
-from symmb.mechanics.element import Bind
+from symmb.mechanics.element import Bind, size_faults
 from symmb.mechanics.feet import (
     ALL_SAMPLES,
     Bounds,
@@ -49,21 +49,24 @@ def _side(measured: Measured, inside: bool) -> float:
     return -outside if inside else outside
 
 
-def _curve_faults(title: str, curve: object, radius: Expr) -> Iterator[str]:
-    if not isinstance(curve, Curve):
-        yield f"{title}: expected a curve, got {shown(curve)}. Use Curve(...)."
-    if is_real(radius) and not radius >= 0:
-        yield f"{title}: radius is {number_text(radius)}; it must be at least 0."
+def _curve_faults(element: "CurveContact | PointOnCurve", *curves: object) -> Iterator[str]:
+    for curve in curves:
+        if not isinstance(curve, Curve):
+            yield f"{element.title}: expected a curve, got {shown(curve)}. Use Curve(...)."
+    yield from size_faults(element, "radius")
 
 
 @dataclass(frozen=True, eq=False)
 class CurveContact(ShapeContact):
-    """A circle, or a point, against a curve in the xy plane of point_a's body: a roller on a cam, a ball on a track.
+    """A circle, a point or another curve against a curve in the xy plane of point_a's body: a roller on a cam.
 
     The foot of the circle on the curve is a first-order state, `name.foot`, which follows the motion, one for each part
     that bends to one side by a quarter of a turn. The nearest one counts. In a corner that the circle can lie in it
     touches at two places, with a force at each. An open curve is thin, and has two sides for a circle; a point may
     be beneath it.
+
+    Two curves have a foot on each, `name.foot.a` and `name.foot.b`, for each pair of parts. They touch with their
+    outsides, open ones with their left sides. Where one bends inward, the other must bend more tightly everywhere.
 
     Parameters
     ----------
@@ -74,14 +77,14 @@ class CurveContact(ShapeContact):
     point_b : Point
         centre of the circle
     radius : Expr
-        of the circle [m]; 0 is a point
-    law : ContactLaw
-        `HuntCrossley(...)`, ...
-    friction : FrictionLaw, optional
-        `Coulomb(...)` or `Bristle(...)`
+        of the circle [m]; 0 is a point. Two curves are apart by it where they touch
+    law, friction
+        as of `Contact`
     inside : bool
         the circle is inside of a closed curve, or to the right of an open one. It is else outside, or to the left in
         the direction of rising s, as above y(x)
+    curve_b : Curve, optional
+        of point_b's body, which touches in place of a circle
 
     Examples
     --------
@@ -108,11 +111,9 @@ class CurveContact(ShapeContact):
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from _curve_faults(self.title, self.curve, self.radius)
-        if self.curve_b is not None:
-            yield from _curve_faults(self.title, self.curve_b, self.radius)
-            if any(isinstance(body.pose, Spatial) for body in self.bodies()):
-                yield f"{self.title}: two curves touch in one plane, which spatial bodies leave. Use pose=Planar()."
+        yield from _curve_faults(self, *self._curves)
+        if self.curve_b is not None and any(isinstance(body.pose, Spatial) for body in self.bodies()):
+            yield f"{self.title}: two curves touch in one plane, which spatial bodies leave. Use pose=Planar()."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radius = self.number(bind, "radius")
@@ -206,7 +207,7 @@ class PointOnCurve(Joint):
     radius : Expr
         of a roller that rolls on the curve [m]; 0 holds the point itself on it
     inside : bool
-        the roller is inside of a closed curve, or to the right of an open one
+        as of `CurveContact`
     unilateral : bool
         a doubt tells from when on the curve would have to pull, so that a roller on a cam would lift off
 
@@ -231,7 +232,7 @@ class PointOnCurve(Joint):
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from _curve_faults(self.title, self.curve, self.radius)
+        yield from _curve_faults(self, self.curve)
         if isinstance(self.curve, Curve) and self.curve.corners:
             yield f"{self.title}: its curve has corners, where no motion can turn at once. Use CurveContact."
 
