@@ -87,6 +87,11 @@ class Side(NamedTuple):
     side: float
 
     @property
+    def bend(self) -> float:
+        """The least curvature [1/m] away from the side, negative where the part bends toward it."""
+        return self.measured.bend(self.part, self.side)
+
+    @property
     def samples(self) -> tuple[float, float, int]:
         """The range of s, and how many samples it takes."""
         return (*self.part, _SAMPLES) if np.isfinite(self.part[0]) else (*self.measured.curve.ends, ALL_SAMPLES)
@@ -160,8 +165,18 @@ class Feet(NamedTuple):
         det = sign * cross(by_a, by_b)
         det = sign * ca.if_else(det - touching < -SOFT, touching, det)
 
+        # The foot on the part that bends more keeps the tangents opposite, also where the other one has to turn back.
+        is_first = a.bend > b.bend
+        turn = [-side.side * spot.turn for side, spot in ((a, p), (b, q))][not is_first]
+        least_turn = _SINGULAR * 2 * np.pi / (a if is_first else b).measured.period
+        turn = ca.if_else(turn - least_turn < -SOFT, least_turn, turn)
+
         def solved(r: ca.SX) -> ca.SX:
-            return -ca.vertcat(cross(r, by_b), cross(by_a, r)) / det
+            if is_first:
+                on_b = -cross(by_a, r) / det
+                return ca.vertcat((r[1] + by_b[1] * on_b) * a.side / turn, on_b)
+            on_a = -cross(r, by_b) / det
+            return ca.vertcat(on_a, -(r[1] + by_a[1] * on_a) * b.side / turn)
 
         by_motion = ca.vertcat(
             ca.dot(motion.velocity(q.place), middle) - motion.omega * ca.dot(offset, left(v)) / 2, -motion.omega
@@ -261,7 +276,7 @@ _STRAIGHT = 1e-6
 
 
 def _is_hollow(side: Side) -> bool:
-    return side.measured.bend(side.part, side.side) * side.measured.length < -_STRAIGHT
+    return side.bend * side.measured.length < -_STRAIGHT
 
 
 def may_touch(a: Side, b: Side) -> bool:
@@ -276,10 +291,10 @@ def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None,
     """
     measured, parts, side = group[0].measured, [one.part for one in group], group[0].side
     if others is not None:
-        bends = [one.measured.bend(one.part, one.side) for some in others for one in some if not _is_hollow(one)]
+        bends = [one.bend for some in others for one in some if not _is_hollow(one)]
         least = min(bends, default=0.0)
         is_flat = least * others[0][0].measured.length < _STRAIGHT
-        if is_flat and any(measured.bend(one.part, side) * measured.length < _STRAIGHT for one in group):
+        if is_flat and any(one.bend * measured.length < _STRAIGHT for one in group):
             raise DeclarationError(
                 "a straight part of one curve may touch the other at several places, or along a line. Bend it slightly "
                 "outward, or give the parts that touch as curves of their own"
