@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
-from itertools import product
+from itertools import chain, product
 from typing import ClassVar
 
 import casadi as ca
@@ -18,24 +18,12 @@ from symmb.mechanics.contact import distance_and_direction, touch
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.curve import Curve, Measured
 from symmb.mechanics.element import Bind, size_faults
-from symmb.mechanics.feet import (
-    ALL_SAMPLES,
-    Bounds,
-    Feet,
-    Foot,
-    Motion,
-    Side,
-    follow_curve,
-    follow_point,
-    left,
-    may_touch,
-    require_room,
-)
+from symmb.mechanics.feet import ALL_SAMPLES, Bounds, Foot, Motion, Side, follow_curve, follow_point, left, require_room
 from symmb.mechanics.force import Action
 from symmb.mechanics.friction import FrictionLaw
 from symmb.mechanics.pose import Particle, Planar, Spatial
 from symmb.mechanics.shape_contact import ShapeContact
-from symmb.symbolic import SOFT, is_zero
+from symmb.symbolic import SOFT, Symbol, is_zero
 
 
 def _normal(along: ca.SX, side: float) -> ca.SX:
@@ -121,27 +109,31 @@ class CurveContact(ShapeContact):
             places = self._places(bind, float(ca.evalf(bind.nominal(radius))))
         except DeclarationError as error:
             raise DeclarationError(f"{self.title}: {error}.") from None
-        has_back = not (self.curve.closed or is_zero(radius))
-        fixed = (self.point_a.s, self.point_b.s, *map(_parameters, self._curves))
-        count = sum(map(len, places))
-        numbers = iter(range(1, count + 1))
-        R = (self.point_a.body.frame.R.T @ self.point_b.body.frame.R)[:2, :2]
-        motion = Motion.of(self.offset[:2], R)
+        fixed = [ca.substitute(curve.place, curve.s, 0) for curve in self._curves]  # what else they depend on
+        count, number = sum(map(len, places)), 0
+        motion = Motion.of(self.offset[:2], (self.point_a.body.frame.R.T @ self.point_b.body.frame.R)[:2, :2])
         for k, place in enumerate(places):
-            names = [f"{self.name}.foot" if count == 1 else f"{self.name}.foot_{next(numbers)}" for _ in place]
-            if self.curve_b is None:
-                found = [follow_point(side, motion.P, name) for (side,), name in zip(place, names, strict=True)]
-                states = [(state,) for _, state in found]
-                nearest = _nearest([foot for foot, _ in found], place[0][0].side, has_back)
-            else:
-                pairs = [follow_curve(*sides, motion, name) for sides, name in zip(place, names, strict=True)]
-                states, nearest = [state for _, state in pairs], _nearest_feet([feet for feet, _ in pairs])
-            yield Action((), states=tuple(record for some in states for record in some))
-            height, normal, on_b = nearest
-            axis, rate = ca.vertcat(normal, 0), ca.dot(normal, motion.velocity(on_b))
+            found = []
+            for sides in place:
+                number += 1
+                name = f"{self.name}.foot" if count == 1 else f"{self.name}.foot_{number}"
+                found.append(self._found(sides, motion, name, not (self.curve.closed or is_zero(radius))))
+            yield Action((), states=tuple(chain.from_iterable(states for _, states in found)))
+            best = reduce(lambda a, b: ca.if_else(b[0] - a[0] < -SOFT, b, a), [feet for feet, _ in found])
+            height, normal, on_b = best[1], best[2:4], best[4:]
             b = Point(self.point_b.body, self.point_b.s + ca.vertcat(on_b, 0))
-            name = self.name if len(places) == 1 else f"{self.name}.{k + 1}"
-            yield from touch(self, bind, self.point_a.body, b, radius, axis, height, *fixed, rate=rate, name=name)
+            yield from touch(
+                self,
+                bind,
+                self.point_a.body,
+                b,
+                radius,
+                ca.vertcat(normal, 0),
+                height,
+                *(self.point_a.s, self.point_b.s, *fixed),
+                rate=ca.dot(normal, motion.velocity(on_b)),
+                name=self.name if len(places) == 1 else f"{self.name}.{k + 1}",
+            )
 
     @property
     def _curves(self) -> tuple[Curve, ...]:
@@ -159,35 +151,25 @@ class CurveContact(ShapeContact):
                 require_room(group, others, radius)
         if self.curve_b is None:
             return [[(side,) for side in group] for group in groups[0]]
-        pairs = [[pair for pair in product(*both) if may_touch(*pair)] for both in product(*groups)]
+        # Two parts that bend inward cannot touch each other.
+        pairs = [[(a, b) for a, b in product(*both) if not (a.is_hollow and b.is_hollow)] for both in product(*groups)]
         return [some for some in pairs if some]
 
+    def _found(
+        self, sides: tuple[Side, ...], motion: Motion, name: str, has_back: bool
+    ) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        """Squared distance, height of b [m], the normal there (2,) and the place on b (2,); and the states.
 
-def _parameters(curve: Curve) -> ca.SX:
-    """A curve without its parameter, to see what else it depends on."""
-    return ca.substitute(curve.place, curve.s, 0)
-
-
-def _nearest_feet(pairs: Sequence[Feet]) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Height of curve b above a where both are nearest [m], the normal there (2,), and the place on b (2,)."""
-    found = [ca.vertcat(feet.cost, ca.dot(feet.offset, feet.normal), feet.normal, feet.on_b) for feet in pairs]
-    best = reduce(lambda a, b: ca.if_else(b[0] - a[0] < -SOFT, b, a), found)
-    return best[1], best[2:4], best[4:]
-
-
-def _nearest(feet: Sequence[Foot], side: float, has_back: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Height of the point above the nearest foot [m], the normal there (2,), which leads to the point at an end, and 0.
-
-    A curve that has a back is thin: the point is on either side of it. Beneath others heights are negative.
-    """
-    found = []
-    for foot in feet:
-        normal, (distance, away) = _normal(foot.along, side), distance_and_direction(foot.offset)
+        A curve that has a back is thin: a circle is on either side of it. Beneath others heights are negative.
+        """
+        if self.curve_b is not None:
+            feet, states = follow_curve(*sides, motion, name)
+            return ca.vertcat(feet.cost, ca.dot(feet.offset, feet.normal), feet.normal, feet.on_b), states
+        foot, state = follow_point(sides[0], motion.P, name)
+        normal, (distance, away) = _normal(foot.along, sides[0].side), distance_and_direction(foot.offset)
         beyond = ca.SX(1) if has_back else foot.beyond
-        height = ca.if_else(beyond, distance, ca.dot(foot.offset, normal))
-        found.append(ca.vertcat(ca.sumsqr(foot.offset), height, ca.if_else(beyond, away, normal)))
-    best = reduce(lambda a, b: ca.if_else(b[0] - a[0] < -SOFT, b, a), found)
-    return best[1], best[2:], ca.SX(2, 1)
+        height, normal = ca.if_else(beyond, distance, ca.dot(foot.offset, normal)), ca.if_else(beyond, away, normal)
+        return ca.vertcat(ca.sumsqr(foot.offset), height, normal, 0, 0), (state,)
 
 
 @dataclass(frozen=True, eq=False)

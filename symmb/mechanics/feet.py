@@ -20,6 +20,8 @@ _SAMPLES, ALL_SAMPLES = 12, 64
 """Places on a part, and on a curve, from which the search of a foot chooses."""
 _AT_REST = 1e-6
 """Speed [m/s] of a point at rest by which its foot still approaches."""
+_STRAIGHT = 1e-6
+"""Curvature over 1 / length of the curve up to which a part is straight."""
 _ROUNDS, _STEPS = 2, 8
 """Searches of two feet by turns, and Newton's steps from there."""
 
@@ -90,6 +92,11 @@ class Side(NamedTuple):
     def bend(self) -> float:
         """The least curvature [1/m] away from the side, negative where the part bends toward it."""
         return self.measured.bend(self.part, self.side)
+
+    @property
+    def is_hollow(self) -> bool:
+        """Whether the part bends toward the side."""
+        return self.bend * self.measured.length < -_STRAIGHT
 
     @property
     def samples(self) -> tuple[float, float, int]:
@@ -271,19 +278,6 @@ def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
     return ca.vertcat(s, u)
 
 
-_STRAIGHT = 1e-6
-"""Curvature over 1 / length of the curve up to which a part is straight."""
-
-
-def _is_hollow(side: Side) -> bool:
-    return side.bend * side.measured.length < -_STRAIGHT
-
-
-def may_touch(a: Side, b: Side) -> bool:
-    """Whether parts of two curves may touch each other: two that bend inward cannot."""
-    return not (_is_hollow(a) and _is_hollow(b))
-
-
 def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None, radius: float) -> None:
     """DeclarationError if what touches a group of parts of a curve at one place may be over it at another.
 
@@ -291,7 +285,7 @@ def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None,
     """
     measured, parts, side = group[0].measured, [one.part for one in group], group[0].side
     if others is not None:
-        bends = [one.bend for some in others for one in some if not _is_hollow(one)]
+        bends = [one.bend for some in others for one in some if not one.is_hollow]
         least = min(bends, default=0.0)
         is_flat = least * others[0][0].measured.length < _STRAIGHT
         if is_flat and any(one.bend * measured.length < _STRAIGHT for one in group):
@@ -299,7 +293,12 @@ def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None,
                 "a straight part of one curve may touch the other at several places, or along a line. Bend it slightly "
                 "outward, or give the parts that touch as curves of their own"
             )
-        if not any(map(_is_hollow, group)):
+        if not any(one.is_hollow for one in group):
             return
         radius += 1 / least
-    measured.require_room(parts, side, radius)
+    try:
+        measured.require_room(parts, side, radius)
+    except DeclarationError as error:
+        if others is None:
+            raise
+        raise DeclarationError(f"{error}. The circle is where the other curve bends least") from None

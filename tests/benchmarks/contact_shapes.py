@@ -365,10 +365,10 @@ def tumbling(rng):
 
 
 def extreme(shape, n):
-    """The place of an ellipse (2,), or of a polygon (n, 2), that is farthest in a direction."""
+    """The places of an ellipse (2,), or of a polygon (n, 2), that are farthest in directions (2,) or (2, m)."""
     if shape.ndim == 2:
-        return shape[(shape @ n).argmax()]
-    return shape**2 * n / np.hypot(*(shape * n))
+        return shape[(shape @ n).argmax(axis=0)].T
+    return (shape**2 * n.T).T / np.hypot(*(shape * n.T).T)
 
 
 def by_supports(a, b, inside):
@@ -378,19 +378,19 @@ def by_supports(a, b, inside):
     def shape(d, angle):
         def both(w):
             n = np.array([np.cos(w), np.sin(w)])
-            return n, extreme(a, n), d + turned(angle, extreme(b, turned(-angle, -sign * n)))
+            return n, (d + turned(angle, extreme(b, turned(-angle, -sign * n))).T).T, extreme(a, n)
 
         def slope(w):
-            n, x, z = both(w)
-            return sign * (z - x) @ np.array([-n[1], n[0]])
+            n, z, x = both(w)
+            return sign * cross(n, z - x)
 
         def gap(w):
-            n, x, z = both(w)
-            return sign * (z - x) @ n
+            n, z, x = both(w)
+            return sign * ((z - x) * n).sum(axis=0)
 
-        w = max(angles, key=gap) if not inside else min(angles, key=gap)
+        w = angles[gap(angles).argmin() if inside else gap(angles).argmax()]
         w = brentq(slope, w - 0.09, w + 0.09, xtol=1e-15)
-        n, _, z = both(w)
+        n, z, _ = both(w)
         return [(gap(w), sign * n, z - gap(w) * sign * n)]
 
     return shape
