@@ -22,7 +22,7 @@ _AT_REST = 1e-6
 """Speed [m/s] of a point at rest by which its foot still approaches."""
 _STRAIGHT = 1e-6
 """Curvature over 1 / length of the curve up to which a part is straight."""
-_ROUNDS, _STEPS = 2, 8
+_ROUNDS, _STEPS = 2, 6
 """Searches of two feet by turns, and Newton's steps from there."""
 
 
@@ -272,8 +272,8 @@ def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
     on_a, on_b = a.measured.curve, b.measured.curve
     stay: Callable[[ca.SX], ca.SX] = lambda s: s  # noqa: E731
     for _ in range(_ROUNDS):
-        s = on_a.nearest(P, *a.samples, stay)
-        u = on_b.nearest(motion.R.T @ (on_a.at(s)[0] - motion.P), *b.samples, stay)
+        s = on_a.nearest(P, *a.samples[:2], 2 * _SAMPLES, stay)
+        u = on_b.nearest(motion.R.T @ (on_a.at(s)[0] - motion.P), *b.samples[:2], 2 * _SAMPLES, stay)
         P = motion.P + motion.R @ on_b.at(u)[0]
     return ca.vertcat(s, u)
 
