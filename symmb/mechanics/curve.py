@@ -218,7 +218,7 @@ class Measured:
         _, d, dd = self._numbers(np.linspace(low + inset, high - inset, 100))
         return float((-side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3).min())
 
-    def require_room(self, group: list[Part], side: float, radius: float) -> None:
+    def require_room(self, group: list[Part], side: float, radius: float, circle: str) -> None:
         """DeclarationError if a circle that touches a group of parts somewhere is over its edge elsewhere."""
         ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
         sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
@@ -229,7 +229,7 @@ class Measured:
         if (distance < (1 - 1e-6) * radius).any():
             place = ", ".join(f"{value:.3g}" for value in x[distance.argmin()])
             raise DeclarationError(
-                f"where its circle of radius {radius:g} touches the curve at ({place}), it is over it elsewhere: the "
+                f"where {circle} of radius {radius:g} touches the curve at ({place}), it is over it elsewhere: the "
                 "curve bends more tightly than the circle. Use a smaller circle, or one contact for each part"
             )
 

@@ -189,7 +189,8 @@ class Feet(NamedTuple):
             ca.dot(motion.velocity(q.place), middle) - motion.omega * ca.dot(offset, left(v)) / 2, -motion.omega
         )
         step = solved(miss)
-        catch_up = _CATCH_UP / lengths[0] * ca.sqrt(motion.speed_squared(lengths[1]) + _AT_REST**2)
+        speed = ca.sqrt(ca.sumsqr(motion.rates[0]) + (motion.omega * lengths[1] / 6) ** 2 + _AT_REST**2)
+        catch_up = _CATCH_UP / lengths[0] * speed
         cost = ca.sumsqr(offset) + (lengths[0] * (p.excess + q.excess)) ** 2
         return cls(offset, left(middle) / ca.norm_2(middle), q.place, step, solved(by_motion) + catch_up * step, cost)
 
@@ -211,10 +212,6 @@ class Motion(NamedTuple):
     def velocity(self, place: ca.SX) -> ca.SX:
         """Velocity (2,) [m/s] of a place (2,) that is at rest in b."""
         return self.rates[0] + self.rates[1] @ place
-
-    def speed_squared(self, length: float) -> ca.SX:
-        """Squared speed [m^2/s^2] of a body with an outline of a length [m]."""
-        return ca.sumsqr(self.rates[0]) + (self.omega * length / 6) ** 2
 
 
 def cross(a: ca.SX, b: ca.SX) -> ca.SX:
@@ -296,9 +293,4 @@ def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None,
         if not any(one.is_hollow for one in group):
             return
         radius += 1 / least
-    try:
-        measured.require_room(parts, side, radius)
-    except DeclarationError as error:
-        if others is None:
-            raise
-        raise DeclarationError(f"{error}. The circle is where the other curve bends least") from None
+    measured.require_room(parts, side, radius, "its circle" if others is None else "the other curve's flattest circle")
