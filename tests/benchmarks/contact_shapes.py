@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 import symmb as mb
 
-TOLERANCE, SOLVER = 1e-7, mb.DormandPrince(rtol=1e-12)
+TOLERANCE = 1e-7
 
 
 def circle(rng):
@@ -430,6 +430,11 @@ KINDS = {
 }
 
 
+def solver_of(name):
+    """A slot throws its pin to and fro so often that errors grow by ten thousand."""
+    return mb.DormandPrince(rtol=1e-12 if name == "slot" else 1e-11)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("names", nargs="*", default=[])
@@ -440,7 +445,7 @@ def main():
         errors, drifts, begin = [], [], time.perf_counter()
         for seed in range(options.count):
             scene, known = KINDS[name](np.random.default_rng([seed, len(name)]))
-            run = mb.simulate(scene, SOLVER)
+            run = mb.simulate(scene, solver_of(name))
             errors.append(float((np.abs(run.values - known) / np.maximum(np.abs(known).max(axis=0), 1)).max()))
             drifts.append(run.energy_drift)
             if errors[-1] > TOLERANCE:
