@@ -163,7 +163,7 @@ class CurveContact(ShapeContact):
         A curve that has a back is thin: a circle is on either side of it. Beneath others heights are negative.
         """
         if self.curve_b is not None:
-            feet, states = follow_curve(*sides, motion, name)
+            feet, states = follow_curve(sides[0], sides[1], motion, name)
             return ca.vertcat(feet.cost, ca.dot(feet.offset, feet.normal), feet.normal, feet.on_b), states
         foot, state = follow_point(sides[0], motion.P, name)
         normal, (distance, away) = _normal(foot.along, sides[0].side), distance_and_direction(foot.offset)
