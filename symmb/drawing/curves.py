@@ -17,6 +17,7 @@ from symmb.mechanics import (
     BoxContact,
     CamFollower,
     CircleContact,
+    Curve,
     CurveContact,
     Point,
     PointOnCurve,
@@ -65,17 +66,26 @@ def _(rope: Rope, survey: Survey) -> Build:
 @sketch.register(CurveContact)
 @sketch.register(PointOnCurve)
 def _(element: CurveContact | PointOnCurve, survey: Survey) -> Build:
-    curve, colour = element.curve, JOINT if isinstance(element, PointOnCurve) else CONTACT
-    lines = [ca.substitute(curve.place, curve.s, s) for s in np.linspace(*curve.ends, _LINES + 1).tolist()]
-    outline, b = _outline(element.point_a, lines, survey), survey.place(element.point_b)
-    radius = survey.ask(survey.bind(element.radius, "radius"))
+    colour = JOINT if isinstance(element, PointOnCurve) else CONTACT
+    curve_b = element.curve_b if isinstance(element, CurveContact) else None
+    outlines = [_outline(element.point_a, _lines_of(element.curve), survey)]
+    if curve_b is not None:
+        outlines.append(_outline(element.point_b, _lines_of(curve_b), survey))
+    b, radius = survey.place(element.point_b), survey.ask(survey.bind(element.radius, "radius"))
 
     def build(u: float) -> Iterator[Shape]:
-        yield shape_of(element, "curve", GUIDE, outline(), (0.4 * u,))
+        for outline in outlines:
+            yield shape_of(element, "curve", GUIDE, outline(), (0.4 * u,))
         r = float(radius.first[0])
-        yield shape_of(element, "ball", colour, (b,), (max(r, 0.9 * u),), faint=r > u)
+        if curve_b is None:
+            yield shape_of(element, "ball", colour, (b,), (max(r, 0.9 * u),), faint=r > u)
 
     return build
+
+
+def _lines_of(curve: Curve) -> list[ca.SX]:
+    """Places (2,) on a curve between which it is drawn straight [m]."""
+    return [ca.substitute(curve.place, curve.s, s) for s in np.linspace(*curve.ends, _LINES + 1).tolist()]
 
 
 @sketch.register

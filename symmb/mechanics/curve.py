@@ -129,7 +129,7 @@ class Measured:
         x, d, _ = numbers(s)
         if not np.isfinite([x, d]).all() or not np.hypot(*d.T).min() > 0:
             raise DeclarationError("its curve has places that are no numbers, or where it has no direction")
-        self.length = float(np.hypot(*np.diff(x, axis=0).T).sum())
+        self.length, self.middle = float(np.hypot(*np.diff(x, axis=0).T).sum()), x[:-1].mean(axis=0)
         moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]
         self.area = float((moment[1:] + moment[:-1]) @ np.diff(s)) / 4
         if curve.closed and np.hypot(*(x[-1] - x[0])) > 1e-9 * self.length:
@@ -197,7 +197,28 @@ class Measured:
             parts.append((low, high + more * (whole or high < cuts[-1])))
         return parts
 
-    def require_room(self, group: list[Part], side: float, radius: float) -> None:
+    def corners_at(self, part: Part, side: float) -> tuple[float, float]:
+        """Angles [rad] by which the curve bends away at the ends of a part: 0 where it goes on smoothly."""
+        found, (start, end) = [], self.curve.ends
+        for s, sign in zip(part, (-1, 1), strict=True):
+            beyond = s + sign * 3 * _INSET * self.period
+            if not self.curve.closed and not start <= beyond <= end:
+                found.append(np.pi / 2)
+                continue
+            if not self.is_periodic or self.curve.corners:
+                beyond = start + (beyond - start) % self.period
+            u, v = self._numbers(np.array([s, beyond]))[1]
+            found.append(max(0.0, float(-side * sign * np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v))))
+        return found[0], found[1]
+
+    def bend(self, part: Part, side: float) -> float:
+        """The least curvature [1/m] of a part, away from the side: negative where it bends toward it."""
+        low, high = part if np.isfinite(part[0]) else self.curve.ends
+        inset = _OVERLAP * (high - low)
+        _, d, dd = self._numbers(np.linspace(low + inset, high - inset, 100))
+        return float((-side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3).min())
+
+    def require_room(self, group: list[Part], side: float, radius: float, circle: str) -> None:
         """DeclarationError if a circle that touches a group of parts somewhere is over its edge elsewhere."""
         ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
         sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
@@ -208,7 +229,7 @@ class Measured:
         if (distance < (1 - 1e-6) * radius).any():
             place = ", ".join(f"{value:.3g}" for value in x[distance.argmin()])
             raise DeclarationError(
-                f"where its circle of radius {radius:g} touches the curve at ({place}), it is over it elsewhere: the "
+                f"where {circle} of radius {radius:g} touches the curve at ({place}), it is over it elsewhere: the "
                 "curve bends more tightly than the circle. Use a smaller circle, or one contact for each part"
             )
 

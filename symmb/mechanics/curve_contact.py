@@ -3,90 +3,32 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import ClassVar, NamedTuple
+from itertools import chain, product
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import is_real, number_text, shown
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.axis_joint import Joint
 from symmb.mechanics.body import Body, Point
 from symmb.mechanics.contact import distance_and_direction, touch
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.curve import Curve, Measured, Part
-from symmb.mechanics.element import Bind
+from symmb.mechanics.curve import Curve, Measured
+from symmb.mechanics.element import Bind, size_faults
+from symmb.mechanics.feet import ALL_SAMPLES, Bounds, Foot, Motion, Side, follow_curve, follow_point, left, require_room
 from symmb.mechanics.force import Action
 from symmb.mechanics.friction import FrictionLaw
 from symmb.mechanics.pose import Particle, Planar, Spatial
 from symmb.mechanics.shape_contact import ShapeContact
-from symmb.symbolic import SOFT, Kind, Symbol, ddt, declare, is_zero
-
-_CLOSE = 0.2
-"""Least slope of the foot's condition, as a share of that of a straight line: it is 0 at a centre of curvature."""
-_CATCH_UP = 100.0
-"""A foot that is off comes e times nearer while the point moves by this share, 1 / 100, of the curve's length."""
-_SAMPLES, _ALL_SAMPLES = 12, 64
-"""Places on a part, and on a curve, from which the search of a foot chooses."""
-_AT_REST = 1e-6
-"""Speed [m/s] of a point at rest by which its foot still approaches."""
-
-
-class Foot(NamedTuple):
-    """The foot of P (2,) at the parameter s of a curve, which goes on straight beyond the ends of a part.
-
-    Attributes
-    ----------
-    offset, along : (2,)     from the place on the part to P [m], and derivative of the curve by s
-    miss, slope              minus half the rate of the squared distance by s, and its slope [m^2]
-    beyond                   whether s is beyond the ends
-    """
-
-    offset: ca.SX
-    along: ca.SX
-    miss: ca.SX
-    slope: ca.SX
-    beyond: ca.SX
-
-    @property
-    def step(self) -> ca.SX:
-        """Newton's step of s."""
-        return self.miss / self.slope
-
-
-class Bounds(NamedTuple):
-    """Ends of a part, and whether its foot is beyond them."""
-
-    low: ca.SX
-    high: ca.SX
-    before: ca.SX
-    behind: ca.SX
-
-    @classmethod
-    def of(cls, s: ca.SX, low: Expr, high: Expr) -> "Bounds":
-        """Those at the parameter s."""
-        return cls(ca.SX(low), ca.SX(high), s < low, s > high)
-
-
-def _foot(curve: Curve, s: ca.SX, P: ca.SX, bounds: Bounds | None = None) -> Foot:
-    """The foot of P (2,) at s, on the curve, or on the tangents at the ends of a part."""
-    on, beyond = s, ca.SX(0)
-    if bounds is not None:
-        on = ca.if_else(bounds.before, bounds.low, ca.if_else(bounds.behind, bounds.high, s))
-        beyond = ca.logic_or(bounds.before, bounds.behind)
-    place, along, bend = curve.at(on)
-    offset = P - place
-    straight, curved = ca.sumsqr(along), ca.dot(offset, bend)
-    slope = straight - (curved if bounds is None else ca.if_else(beyond, 0, curved))
-    is_close = slope - _CLOSE * straight < -SOFT
-    slope = ca.if_else(is_close, _CLOSE * straight, slope)
-    return Foot(offset, along, ca.dot(along, offset - along * (s - on)), slope, beyond)
+from symmb.symbolic import SOFT, Symbol, is_zero
 
 
 def _normal(along: ca.SX, side: float) -> ca.SX:
     """The unit normal (2,) of a curve to the left for a side of 1, to the right for -1."""
-    return side * ca.vertcat(-along[1], along[0]) / ca.norm_2(along)
+    return side * left(along) / ca.norm_2(along)
 
 
 def _side(measured: Measured, inside: bool) -> float:
@@ -95,21 +37,24 @@ def _side(measured: Measured, inside: bool) -> float:
     return -outside if inside else outside
 
 
-def _curve_faults(title: str, curve: object, radius: Expr) -> Iterator[str]:
-    if not isinstance(curve, Curve):
-        yield f"{title}: expected a curve, got {shown(curve)}. Use Curve(...)."
-    if is_real(radius) and not radius >= 0:
-        yield f"{title}: radius is {number_text(radius)}; it must be at least 0."
+def _curve_faults(element: "CurveContact | PointOnCurve", *curves: object) -> Iterator[str]:
+    for curve in curves:
+        if not isinstance(curve, Curve):
+            yield f"{element.title}: expected a curve, got {shown(curve)}. Use Curve(...)."
+    yield from size_faults(element, "radius")
 
 
 @dataclass(frozen=True, eq=False)
 class CurveContact(ShapeContact):
-    """A circle, or a point, against a curve in the xy plane of point_a's body: a roller on a cam, a ball on a track.
+    """A circle, a point or another curve against a curve in the xy plane of point_a's body: a roller on a cam.
 
     The foot of the circle on the curve is a first-order state, `name.foot`, which follows the motion, one for each part
     that bends to one side by a quarter of a turn. The nearest one counts. In a corner that the circle can lie in it
     touches at two places, with a force at each. An open curve is thin, and has two sides for a circle; a point may
     be beneath it.
+
+    Two curves have a foot on each, `name.foot.a` and `name.foot.b`, for each pair of parts. They touch with their
+    outsides, open ones with their left sides. Where one bends inward, the other must bend more tightly everywhere.
 
     Parameters
     ----------
@@ -120,14 +65,14 @@ class CurveContact(ShapeContact):
     point_b : Point
         centre of the circle
     radius : Expr
-        of the circle [m]; 0 is a point
-    law : ContactLaw
-        `HuntCrossley(...)`, ...
-    friction : FrictionLaw, optional
-        `Coulomb(...)` or `Bristle(...)`
+        of the circle [m]; 0 is a point. Two curves are apart by it where they touch
+    law, friction
+        as of `Contact`
     inside : bool
         the circle is inside of a closed curve, or to the right of an open one. It is else outside, or to the left in
         the direction of rising s, as above y(x)
+    curve_b : Curve, optional
+        of point_b's body, which touches in place of a circle
 
     Examples
     --------
@@ -150,76 +95,81 @@ class CurveContact(ShapeContact):
     law: ContactLaw
     friction: FrictionLaw | None = None
     inside: bool = False
+    curve_b: Curve | None = None
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from _curve_faults(self.title, self.curve, self.radius)
+        yield from _curve_faults(self, *self._curves)
+        if self.curve_b is not None and any(isinstance(body.pose, Spatial) for body in self.bodies()):
+            yield f"{self.title}: two curves touch in one plane, which spatial bodies leave. Use pose=Planar()."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        radius, P = self.number(bind, "radius"), self.offset[:2]
+        radius = self.number(bind, "radius")
         try:
-            measured = self.curve.measured(bind)
-            side = _side(measured, self.inside)
-            groups = measured.groups(side)
-            for group in groups:
-                measured.require_room(group, side, float(ca.evalf(bind.nominal(radius))))
+            places = self._places(bind, float(ca.evalf(bind.nominal(radius))))
         except DeclarationError as error:
             raise DeclarationError(f"{self.title}: {error}.") from None
-        count = sum(map(len, groups))
-        numbers = iter(range(1, count + 1))
-        for k, group in enumerate(groups):
-            names = [f"{self.name}.foot" if count == 1 else f"{self.name}.foot_{next(numbers)}" for _ in group]
-            feet = [self._following(P, part, name, measured) for part, name in zip(group, names, strict=True)]
-            yield Action((), states=tuple(state for *_, state in feet))
-            has_back = not (self.curve.closed or is_zero(radius))
-            height, normal = _nearest([foot for foot, _ in feet], side, has_back)
-            axis, rate = ca.vertcat(normal, 0), ca.dot(normal, ddt(P))
-            fixed = (self.point_a.s, self.point_b.s, self._parameters)
-            name = self.name if len(groups) == 1 else f"{self.name}.{k + 1}"
+        fixed = [ca.substitute(curve.place, curve.s, 0) for curve in self._curves]  # what else they depend on
+        count, number = sum(map(len, places)), 0
+        motion = Motion.of(self.offset[:2], (self.point_a.body.frame.R.T @ self.point_b.body.frame.R)[:2, :2])
+        for k, place in enumerate(places):
+            found = []
+            for sides in place:
+                number += 1
+                name = f"{self.name}.foot" if count == 1 else f"{self.name}.foot_{number}"
+                found.append(self._found(sides, motion, name, not (self.curve.closed or is_zero(radius))))
+            yield Action((), states=tuple(chain.from_iterable(states for _, states in found)))
+            best = reduce(lambda a, b: ca.if_else(b[0] - a[0] < -SOFT, b, a), [feet for feet, _ in found])
+            height, normal, on_b = best[1], best[2:4], best[4:]
+            b = Point(self.point_b.body, self.point_b.s + ca.vertcat(on_b, 0))
             yield from touch(
-                self, bind, self.point_a.body, self.point_b, radius, axis, height, *fixed, rate=rate, name=name
+                self,
+                bind,
+                self.point_a.body,
+                b,
+                radius,
+                ca.vertcat(normal, 0),
+                height,
+                *(self.point_a.s, self.point_b.s, *fixed),
+                rate=ca.dot(normal, motion.velocity(on_b)),
+                name=self.name if len(places) == 1 else f"{self.name}.{k + 1}",
             )
 
     @property
-    def _parameters(self) -> ca.SX:
-        """The curve without its parameter, to see what else it depends on."""
-        return ca.substitute(self.curve.place, self.curve.s, 0)
+    def _curves(self) -> tuple[Curve, ...]:
+        return (self.curve,) if self.curve_b is None else (self.curve, self.curve_b)
 
-    def _following(self, P: ca.SX, part: Part, name: str, measured: Measured) -> tuple[Foot, Symbol]:
-        """The foot on a part of the curve, and the record of the state that follows it."""
-        s, rate = ca.SX.sym(name), ddt(P)
-        bounded = bool(np.isfinite(part[0]))
+    def _places(self, bind: Bind, radius: float) -> list[list[tuple[Side, ...]]]:
+        """For each place at which there may be contact, the parts of the curve, or pairs of parts of both."""
+        measured = [curve.measured(bind) for curve in self._curves]
+        groups = [
+            [[Side(some, part, side) for part in group] for group in some.groups(side)]
+            for some, side in zip(measured, (_side(measured[0], self.inside), _side(measured[-1], False)), strict=False)
+        ]
+        for own, others in (groups, groups[::-1]) if self.curve_b is not None else [(groups[0], None)]:
+            for group in own:
+                require_room(group, others, radius)
+        if self.curve_b is None:
+            return [[(side,) for side in group] for group in groups[0]]
+        # Two parts that bend inward cannot touch each other.
+        pairs = [[(a, b) for a, b in product(*both) if not (a.is_hollow and b.is_hollow)] for both in product(*groups)]
+        return [some for some in pairs if some]
 
-        def bounds_at(s: ca.SX) -> Bounds | None:
-            return Bounds.of(s, *part) if bounded else None
+    def _found(
+        self, sides: tuple[Side, ...], motion: Motion, name: str, has_back: bool
+    ) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        """Squared distance, height of b [m], the normal there (2,) and the place on b (2,); and the states.
 
-        def moved(s: ca.SX, bounds: Bounds | None) -> ca.SX:
-            return s + _foot(self.curve, s, P, bounds).step
-
-        bounds = bounds_at(s)
-        foot = _foot(self.curve, s, P, bounds)
-        catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
-        following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
-        low, high, samples = (*part, _SAMPLES) if bounded else (*self.curve.ends, _ALL_SAMPLES)
-        start = self.curve.nearest(P, low, high, samples, lambda s: moved(s, bounds_at(s)))
-        (state,) = declare([name], Kind.STATE, s, following, start)
-        # The state only chooses the foot: two of Newton's steps leave of its error the fourth power.
-        return _foot(self.curve, moved(moved(s, bounds), bounds), P, bounds), state
-
-
-def _nearest(feet: Sequence[Foot], side: float, has_back: bool) -> tuple[ca.SX, ca.SX]:
-    """Height of the point above the nearest foot [m] and the normal there (2,), which leads to the point at an end.
-
-    A curve that has a back is thin: the point is on either side of it. Beneath others heights are negative.
-    """
-    found = []
-    for foot in feet:
-        normal, (distance, away) = _normal(foot.along, side), distance_and_direction(foot.offset)
+        A curve that has a back is thin: a circle is on either side of it. Beneath others heights are negative.
+        """
+        if self.curve_b is not None:
+            feet, states = follow_curve(sides[0], sides[1], motion, name)
+            return ca.vertcat(feet.cost, ca.dot(feet.offset, feet.normal), feet.normal, feet.on_b), states
+        foot, state = follow_point(sides[0], motion.P, name)
+        normal, (distance, away) = _normal(foot.along, sides[0].side), distance_and_direction(foot.offset)
         beyond = ca.SX(1) if has_back else foot.beyond
-        height = ca.if_else(beyond, distance, ca.dot(foot.offset, normal))
-        found.append(ca.vertcat(ca.sumsqr(foot.offset), height, ca.if_else(beyond, away, normal)))
-    best = reduce(lambda a, b: ca.if_else(b[0] - a[0] < -SOFT, b, a), found)
-    return best[1], best[2:]
+        height, normal = ca.if_else(beyond, distance, ca.dot(foot.offset, normal)), ca.if_else(beyond, away, normal)
+        return ca.vertcat(ca.sumsqr(foot.offset), height, normal, 0, 0), (state,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +189,7 @@ class PointOnCurve(Joint):
     radius : Expr
         of a roller that rolls on the curve [m]; 0 holds the point itself on it
     inside : bool
-        the roller is inside of a closed curve, or to the right of an open one
+        as of `CurveContact`
     unilateral : bool
         a doubt tells from when on the curve would have to pull, so that a roller on a cam would lift off
 
@@ -264,7 +214,7 @@ class PointOnCurve(Joint):
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from _curve_faults(self.title, self.curve, self.radius)
+        yield from _curve_faults(self, self.curve)
         if isinstance(self.curve, Curve) and self.curve.corners:
             yield f"{self.title}: its curve has corners, where no motion can turn at once. Use CurveContact."
 
@@ -280,9 +230,9 @@ class PointOnCurve(Joint):
         def foot_at(s: ca.SX) -> Foot:
             """The foot at s. Rows and their slopes go over the ends of an open curve without a jump."""
             bounds = Bounds(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT)
-            return _foot(curve, s, P, None if curve.closed else bounds)
+            return Foot.at(curve, s, P, None if curve.closed else bounds)
 
-        foot = foot_at(curve.nearest(P, low, high, _ALL_SAMPLES, lambda s: s + foot_at(s).step))
+        foot = foot_at(curve.nearest(P, low, high, ALL_SAMPLES, lambda s: s + foot_at(s).step))
         return ca.dot(foot.offset, _normal(foot.along, side)) - radius
 
     def pressure(self, lam: ca.SX) -> ca.SX:

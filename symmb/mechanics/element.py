@@ -64,6 +64,13 @@ def point_faults(title: str, *points: object) -> Iterator[str]:
             )
 
 
+def size_faults(element: Element, *names: str) -> Iterator[str]:
+    """Faults of sizes of an element that are negative."""
+    for name in names:
+        if is_real(value := getattr(element, name)) and not value >= 0:
+            yield f"{element.title}: {name} is {number_text(value)}; it must be at least 0."
+
+
 def body_faults(title: str, *bodies: object) -> Iterator[str]:
     """Faults of the bodies an element is attached to."""
     for body in bodies:

@@ -12,7 +12,7 @@ from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import press
 from symmb.mechanics.contact_law import KelvinVoigt
-from symmb.mechanics.element import Bind, bound, pair_faults, point_faults
+from symmb.mechanics.element import Bind, bound, pair_faults, point_faults, size_faults
 from symmb.mechanics.force import MEETING, Action, ForceElement, Load, force_at
 from symmb.mechanics.pose import Spatial
 from symmb.symbolic import Z
@@ -78,9 +78,7 @@ class Rope(ForceElement):
         if len({id(body) for body in self.bodies()}) == 1:
             yield f"{self.title}: all its points are on body {self.bodies()[0].name!r}, nothing is left to act on."
         yield from self._pulley_faults([radius is not None for _, radius in wraps])
-        for what in ("length", "damping"):
-            if is_real(value := getattr(self, what)) and not value >= 0:
-                yield f"{self.title}: {what} is {number_text(value)}; it must be at least 0."
+        yield from size_faults(self, "length", "damping")
         if is_real(self.stiffness) and not self.stiffness > 0:
             yield f"{self.title}: stiffness is {number_text(self.stiffness)}; it must be above 0."
 
@@ -100,6 +98,15 @@ class Rope(ForceElement):
             for ((a, r), (b, s)), u in zip(pairwise(zip(points, radii, strict=True)), directions, strict=True)
         ]
         return parts, bind(self.length, f"{self.title}: length") - way
+
+    def room(self, bind: Bind) -> ca.SX:
+        """What is above 0 until the rope is wound up: squares of straight parts [m^2], and the length of free parts."""
+        free = bind(self.length, f"{self.title}: length")
+        parts = []
+        for (a, r), (b, s) in pairwise(self._wraps):
+            parts.append(ca.sumsqr(b.r - a.r) - (bind(s or 0, "radius") - bind(r or 0, "radius")) ** 2)
+            free -= ca.sqrt(ca.fmax(parts[-1], 0)) if a.body is b.body else 0
+        return ca.vertcat(free, *parts)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radii = [bind(0 if r is None else r, f"{self.title}: radius") for _, r in self._wraps]

@@ -7,12 +7,12 @@ from itertools import product
 
 import casadi as ca
 
-from symmb._options import is_real, number_text, shown
+from symmb._options import is_real, shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import SurfaceContact, distance_and_direction, touch
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, direction_faults, pair_faults, point_faults
+from symmb.mechanics.element import Bind, direction_faults, pair_faults, point_faults, size_faults
 from symmb.mechanics.force import Action
 from symmb.mechanics.friction import FrictionLaw
 from symmb.mechanics.pose import Planar
@@ -42,13 +42,6 @@ class ShapeContact(SurfaceContact):
         """A field as an expression."""
         return bind(getattr(self, what), f"{self.title}: {what}")
 
-    def sizes(self, *what: str) -> Iterator[str]:
-        """Faults of sizes that are negative."""
-        for name in what:
-            value = getattr(self, name)
-            if is_real(value) and not value >= 0:
-                yield f"{self.title}: {name} is {number_text(value)}; it must be at least 0."
-
     def round(self, bind: Bind, d: ca.SX, *fixed: ca.SX, inside: bool) -> Iterator[Action]:
         """Actions between round shapes whose centres are apart by d (3,) [m] in the axes of body a."""
         radius_a, radius_b = (self.number(bind, what) for what in ("radius_a", "radius_b"))
@@ -60,7 +53,7 @@ class ShapeContact(SurfaceContact):
 
 
 class RoundContact(ShapeContact):
-    """A contact of two round shapes, one beside the other or in it."""
+    """A contact with a round shape, which is beside the other one or in it."""
 
     radius_a: Expr
     radius_b: Expr
@@ -68,7 +61,7 @@ class RoundContact(ShapeContact):
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from self.sizes("radius_a", "radius_b")
+        yield from size_faults(self, "radius_a", "radius_b")
         if self.inside is True and is_real(self.radius_a) and is_real(self.radius_b):
             if not self.radius_b < self.radius_a:
                 yield f"{self.title}: radius_b is not below radius_a, so that it does not fit inside."
@@ -87,10 +80,8 @@ class CircleContact(RoundContact):
         centres
     radius_a, radius_b : Expr
         [m]
-    law : ContactLaw
-        `HuntCrossley(...)`, ...
-    friction : FrictionLaw, optional
-        `Coulomb(...)` or `Bristle(...)`
+    law, friction
+        as of `Contact`
     inside : bool
         circle b is in circle a
 
@@ -120,22 +111,13 @@ class CircleContact(RoundContact):
 
 
 @dataclass(frozen=True, eq=False)
-class SphereContact(RoundContact):
+class SphereContact(CircleContact):
     """Two spheres: one beside the other, or one in the other.
 
     Parameters
     ----------
-    name : str
-    point_a, point_b : Point
-        centres
-    radius_a, radius_b : Expr
-        [m]
-    law : ContactLaw
-        `HuntCrossley(...)`, ...
-    friction : FrictionLaw, optional
-        `Coulomb(...)` or `Bristle(...)`
-    inside : bool
-        sphere b is in sphere a
+    name, point_a, point_b, radius_a, radius_b, law, friction, inside
+        as of `CircleContact`
 
     Examples
     --------
@@ -147,21 +129,12 @@ class SphereContact(RoundContact):
     1.0
     """
 
-    name: str
-    point_a: Point
-    point_b: Point
-    radius_a: Expr
-    radius_b: Expr
-    law: ContactLaw
-    friction: FrictionLaw | None = None
-    inside: bool = False
-
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         yield from self.round(bind, self.offset, inside=self.inside)
 
 
 @dataclass(frozen=True, eq=False)
-class SlotContact(ShapeContact):
+class SlotContact(RoundContact):
     """A pin in a slot with round ends, in the xy plane of point_a's body.
 
     Parameters
@@ -177,10 +150,8 @@ class SlotContact(ShapeContact):
         between the centres of the ends [m]
     radius_a, radius_b : Expr
         half the width of the slot, and radius of the pin [m]
-    law : ContactLaw
-        `HuntCrossley(...)`, ...
-    friction : FrictionLaw, optional
-        `Coulomb(...)` or `Bristle(...)`
+    law, friction
+        as of `Contact`
     inside : bool
         False: the shape with round ends is solid, and the circle about point_b is beside it
 
@@ -208,10 +179,7 @@ class SlotContact(ShapeContact):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         yield from direction_faults(self.title, "axis", self.axis)
-        yield from self.sizes("length", "radius_a", "radius_b")
-        if self.inside is True and is_real(self.radius_a) and is_real(self.radius_b):
-            if not self.radius_b < self.radius_a:
-                yield f"{self.title}: radius_b is not below radius_a, so that the pin does not fit into the slot."
+        yield from size_faults(self, "length")
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d, axis, length = self.offset, unit(vector(self.axis)), self.number(bind, "length")
@@ -233,14 +201,12 @@ class BoxContact(ShapeContact):
         of the box (x, y, z), or (x, y) of a rectangle [m]
     point_b : Point
         centre of the sphere, or anywhere on the plane
-    law : ContactLaw
-        `HuntCrossley(...)`, ...; of each corner on a plane
+    law, friction
+        as of `Contact`; of each corner on a plane
     radius : Expr
         of the sphere [m]; 0 is a point
     normal : tuple
         of the plane, out of its body, in the axes of point_b's body; None: a sphere
-    friction : FrictionLaw, optional
-        `Coulomb(...)` or `Bristle(...)`
 
     Examples
     --------
@@ -263,7 +229,7 @@ class BoxContact(ShapeContact):
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from self.sizes("radius")
+        yield from size_faults(self, "radius")
         sides = components(self.sides) or []
         if len(sides) not in (2, 3):
             yield f"{self.title}: sides {shown(self.sides)} are no lengths. Give (x, y) or (x, y, z)."

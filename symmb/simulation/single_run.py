@@ -16,7 +16,7 @@ from symmb._types import Array, Expr
 from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
 from symmb.integrate import Run, Solver, SwitchPasses, stiffness
-from symmb.mechanics import Constraint
+from symmb.mechanics import Constraint, Rope
 from symmb.model import Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
@@ -314,18 +314,23 @@ def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
 
 
 def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
-    """Unilateral constraints whose force has the wrong sign at an output time."""
-    for constraint in scene.system.elements:
-        if not (isinstance(constraint, Constraint) and constraint.unilateral):
-            continue
-        force = np.ravel(trajectory(constraint.pressure(scene.system.lam(constraint.name))))
-        wrong = force < -_ROUNDING * np.abs(force).max(initial=0.0)
-        if wrong.any():
-            k = int(wrong.argmax())
-            yield (
-                f"{constraint.title}: what it stands for lets go at t = {trajectory.t[k]:.6g} s, where its force has "
-                f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
-            )
+    """Unilateral constraints whose force has the wrong sign at an output time, and ropes that are wound up."""
+    for element in scene.system.elements:
+        if isinstance(element, Constraint) and element.unilateral:
+            force = np.ravel(trajectory(element.pressure(scene.system.lam(element.name))))
+            if (wrong := force < -_ROUNDING * np.abs(force).max(initial=0.0)).any():
+                k = int(wrong.argmax())
+                yield (
+                    f"{element.title}: what it stands for lets go at t = {trajectory.t[k]:.6g} s, where its force has "
+                    f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
+                )
+        elif isinstance(element, Rope):
+            room = np.atleast_2d(trajectory(element.room(scene.system.bind)))
+            if (wound := (room < 0).any(axis=1)).any():
+                yield (
+                    f"{element.title}: it is wound up at t = {trajectory.t[wound.argmax()]:.6g} s. A load is in its "
+                    "pulley, or it is shorter than its fixed part. Stop the winch before."
+                )
 
 
 def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[str, ...]:

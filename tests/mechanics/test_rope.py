@@ -110,5 +110,17 @@ def test_a_load_in_its_pulley_is_a_run_that_ends():
     body = mb.Body("body", 1.0, pose=mb.Particle())
     ground = mb.Ground()
     rope = mb.Rope("rope", [ground.point(-1, 0), (ground.point(0, 0), 0.1), body.point(0, 0)], 1e4, 3.0)
-    run = mb.simulate(mb.Scene(mb.System(body, rope), {"body.x": 0.05, "body.vx": 0.2}, [0.0, 1.0]))
+    with pytest.warns(mb.SymmbWarning, match="A load is in its pulley"):
+        run = mb.simulate(mb.Scene(mb.System(body, rope), {"body.x": 0.05, "body.vx": 0.2}, [0.0, 1.0]))
     assert run["body.x"][-1] == pytest.approx(0.25, abs=1e-9)
+
+
+@pytest.mark.parametrize("over", [(GROUND.point(0, 0), -0.1), GROUND.point(0, 0)])
+def test_a_winch_that_winds_its_load_into_the_pulley_is_told(over):
+    """Without the arc of 0.16 m, 0.8 m of the 1.8 m are free, and 1 m is wound each second."""
+    load = mb.Body("load", 1.0, pose=mb.Particle())
+    rope = mb.Rope("rope", [GROUND.point(-1, 0.1), over, load.point(0, 0)], 1e4, 1.8 - mb.t, 50.0)
+    system = mb.System(load, rope, mb.Gravity(0, -9.81))
+    scene = mb.Scene(system, {"load.x": 0.1, "load.y": -0.8}, np.linspace(0, 0.9, 19))
+    with pytest.warns(mb.SymmbWarning, match=r"Rope 'rope': it is wound up at t = 0\.[78].*Stop the winch before"):
+        mb.simulate(scene)

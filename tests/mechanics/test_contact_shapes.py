@@ -1,0 +1,85 @@
+"""Shapes in contact, two random motions of each, against integrations by SciPy; and curves that touch each other."""
+
+import sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import contact_shapes
+
+GROUND, FINE = mb.Ground(), mb.DormandPrince(rtol=1e-11)
+SQUARE = mb.Curve([(1, 0), (0, 1), (-1, 0), (0, -1)], closed=True, corners=range(4))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name == "ovals")) for name in contact_shapes.KINDS]
+)
+def test_motions_are_those_of_scipy(name, seed):
+    scene, known = contact_shapes.KINDS[name](np.random.default_rng([seed, len(name)]))
+    run = mb.simulate(scene, contact_shapes.solver_of(name))
+    assert_allclose(run.values, known, rtol=0, atol=1e-7 * max(np.abs(known).max(), 1))
+
+
+def oval(a, b):
+    return mb.Curve(lambda s: (a * ca.cos(s), b * ca.sin(s)), 0, 2 * np.pi, closed=True)
+
+
+def body_on(curve, curve_b, start, times=None, law=None, gravity=10.0, **more):
+    """A body of 1 kg and 0.1 kg m^2 with an outline, against the curve of the ground."""
+    body = mb.Body("body", 1.0, 0.1, mb.Planar())
+    law = law or mb.KelvinVoigt(1e4)
+    contact = mb.CurveContact("on", GROUND.point(0, 0), curve, body.point(0, 0), 0.0, law, curve_b=curve_b, **more)
+    system = mb.System(body, contact, mb.Gravity(0, -gravity))
+    return mb.Scene(system, start, times) if times else mb.Scene(system, guess=start, equilibrium=True)
+
+
+def test_an_oval_rebounds_from_another():
+    """Along their axes: half a vibration of m and k, and back."""
+    k = 1e6
+    turn = np.pi / np.sqrt(k)
+    times = [0.0, 0.1, 0.1 + turn / 2, 0.1 + turn, 0.2 + turn]
+    start = {"body.y": 0.5 + 0.2 + 0.1, "body.vy": -1.0}
+    run = mb.simulate(body_on(oval(1.0, 0.5), oval(0.3, 0.2), start, times, mb.KelvinVoigt(k), 0.0), FINE)
+    assert_allclose(run["body.y"], [0.8, 0.7, 0.7 - 1 / np.sqrt(k), 0.7, 0.8], atol=1e-9)
+    assert_allclose(run["body.x"], 0, atol=1e-12)
+
+
+def test_an_oval_in_a_corner_touches_two_sides():
+    """By symmetry each side carries m g / sqrt(2); the height of its middle is sqrt(2) times its support."""
+    a, b, k = 0.3, 0.2, 1e4
+    rest = mb.simulate(body_on(SQUARE, oval(a, b), {"body.y": -0.64}, inside=True))
+    depth = 10.0 / np.sqrt(2) / k
+    assert_allclose(rest["body.y"], np.sqrt(2) * (np.hypot(a, b) / np.sqrt(2) - depth) - 1, atol=1e-9)
+
+
+def test_an_oval_balances_on_a_corner():
+    """The corner is as deep in it as m g / k."""
+    rest = mb.simulate(body_on(SQUARE, oval(0.3, 0.2), {"body.y": 1.199}))
+    assert_allclose(rest["body.y"], 1 + 0.2 - 1e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("curve", "curve_b", "inside", "fault"),
+    [
+        (oval(0.5, 0.5), oval(0.4, 0.2), True, "bends more tightly than the circle"),
+        (SQUARE, SQUARE, False, "a straight part of one curve may touch the other at several places"),
+        (oval(0.5, 0.4), "oval", False, "expected a curve, got 'oval'"),
+    ],
+)
+def test_faults_of_two_curves(curve, curve_b, inside, fault):
+    with pytest.raises(mb.DeclarationError, match=f"CurveContact 'on': .*{fault}"):
+        body_on(curve, curve_b, {"body.y": 1.0}, inside=inside)
+
+
+def test_two_curves_stay_in_a_plane():
+    body = mb.Body("body", 1.0, np.eye(3), mb.Spatial())
+    on = mb.CurveContact("on", GROUND.point(0, 0), SQUARE, body.point(0, 0), 0, mb.KelvinVoigt(1.0), curve_b=oval(1, 2))
+    with pytest.raises(mb.DeclarationError, match=r"two curves touch in one plane.*Use pose=Planar\(\)"):
+        mb.System(body, on)
