@@ -58,4 +58,6 @@ def with_parameters(
 
 def _sum(parts: list[tuple[Expr, Array]]) -> ca.SX:
     first, *more = [law * ca.SX(ca.sparsify(ca.DM(array))) for law, array in parts]
-    return sum(more, first)
+    for part in more:
+        first = first + part
+    return first

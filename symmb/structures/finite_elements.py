@@ -264,7 +264,7 @@ class FiniteElements:
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner * self._signs(inner, free)
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
-        zeta = damping if is_law(damping) else numbers(damping, OWNER, "damping", (), (len(X.T),))
+        zeta: Any = damping if is_law(damping) else numbers(damping, OWNER, "damping", (), (len(X.T),))
         D = None
         if stiffening and self.axial is not None:
             D = foreshortening(self.K, free, self.samples, self.axial, X)
@@ -307,7 +307,7 @@ class FiniteElements:
             **{name: getattr(own, name) for name in ("mass", "J0", "J1", "J2", "S", "S2", "G0", "G1")},
             center=cleaned(whole.center, length),
             stiffness=stiffness,
-            damping=2 * ratio * np.sqrt(stiffness),
+            damping=np.asarray(2 * ratio * np.sqrt(stiffness)),
             origin=origin,
             positions=cleaned(placed, length),
             shapes=cleaned(shapes, size),
