@@ -34,7 +34,7 @@ from symmb.symbolic import Entry
 
 @dataclass(frozen=True, eq=False)
 class Disc:
-    """Numbers centre + slopes . eps + r with |eps_j| <= 1 and |r| <= radius, one for each patch.
+    """Numbers centre + slopes . eps + r with real eps_j, |eps_j| <= 1, and |r| <= radius, one for each patch.
 
     eps are the places in the patch, the same for all numbers. Slopes have an axis for them behind those of the patches.
     """
@@ -182,9 +182,10 @@ def _gap(far: Array, near: Array) -> Array:
 
 
 def _inverse(a: Disc) -> Disc:
-    """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w))."""
-    size, swing, value = np.abs(a.centre), a.swing, 1.0 / a.centre
-    rest = swing * swing / (size * size) / _gap(size, swing) * (1.0 + COMPLEX)
+    """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w)), with |w| < |c|: slopes may be longer beside 0."""
+    size, value = np.abs(a.centre), 1.0 / a.centre
+    share, gap = a.swing / size, _gap(size, a.swing)
+    rest = np.where(gap > 0.0, share * share / gap * (1.0 + COMPLEX), np.inf)
     return _if(is_regular(a), _function(a, value, -value * value, rest, 1.0 / size))
 
 
@@ -193,7 +194,7 @@ def _divide(a: Disc, b: Disc) -> Disc:
 
 
 def _share(a: Disc) -> Array:
-    """Distance over modulus of the centre, below 1."""
+    """Distance over modulus of the centre, 1 where it is not below that."""
     return np.minimum(above(a.swing / np.abs(a.centre)) * (1.0 + COMPLEX), 1.0)
 
 
@@ -201,7 +202,7 @@ def _sqrt(a: Disc) -> Disc:
     """The majorant of sqrt(1 - q) - 1 + q / 2 is q^2 / 2 / (1 + sqrt(1 - q))^2."""
     root, q = np.sqrt(a.centre), _share(a)
     size = np.abs(root)
-    rest = size * 0.5 * q * q / (1.0 + np.sqrt(1.0 - q)) ** 2
+    rest = np.where(q < 1.0, size * 0.5 * q * q / (1.0 + np.sqrt(1.0 - q)) ** 2, np.inf)
     return _if(np.all(_right(a)), _function(a, root, 0.5 / root, rest, size))
 
 

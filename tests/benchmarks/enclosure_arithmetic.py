@@ -53,7 +53,7 @@ def _numbers(rng: np.random.Generator) -> np.ndarray:
 
 
 def _radius(rng: np.random.Generator, x: np.ndarray) -> float:
-    return float(rng.choice([0.0, np.abs(x).min(), np.abs(x).max()]) * 10 ** rng.uniform(-17, -1))
+    return float(rng.choice([0.0, np.abs(x).min(), np.abs(x).max()]) * 10 ** rng.uniform(-17, 1))
 
 
 def _exponent(rng: np.random.Generator) -> np.ndarray:
@@ -132,7 +132,7 @@ def on_discs(name: str, exact, count: int) -> tuple[int, int, int]:
         with np.errstate(all="ignore"):
             own = [_with_slopes(a, r, rng) for a, r in zip(x, radii, strict=True)]
             found = discs.OPERATIONS[getattr(ca, name)](*own)
-        places, *turned = (_in_circle(rng) for _ in (0, *x))
+        places, *turned = rng.choice([-1.0, 1.0, rng.uniform(-1, 1)], GROUP), *(_in_circle(rng) for _ in x)
         for k in range(GROUP):
             centre, slope, radius = (np.broadcast_to(a, GROUP)[k] for a in _parts(found))
             if not (np.isfinite(radius) and np.isfinite(centre)):  # not a proof
