@@ -227,7 +227,6 @@ def _ensemble_source(
     }
     lists: dict[str, Sequence[int]] = {"place": place, "used": used, "ranged": ranged}
     numbers = {"hysteresis": hysteresis}
-    sizes["N_E"] = 0
     if contacts is not None:
         own = {"N_G": len(contacts.names), "N_Q": contacts.n_q, "N_V": contacts.n_v, "WIDTH": 1}
         sizes |= own | {"N_WORK": int(contacts.with_work), "LENGTH": contacts.length, "ENERGY": contacts.energy}
