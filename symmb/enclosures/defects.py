@@ -29,8 +29,8 @@ _UNRESOLVED = 30.0
 _TRIALS = 2
 """Finer grids that are tried until the aliasing is small."""
 
-_NUMBERS, _NODES = 2e7, 8e6
-"""Most numbers in an array of values at nodes that suffice without a bound of aliasing: 160 MB; and most nodes, since
+_NUMBERS, _NODES = 2e6, 8e6
+"""Most numbers in an array of values at nodes that suffice without a bound of aliasing: 16 MB; and most nodes, since
 bounds of rounding hold for sums of so many terms.
 """
 

@@ -66,8 +66,8 @@ _FLAT, _NO_SWING = np.zeros(1), np.zeros(())
 """Slopes of a constant, and how far they swing."""
 _FADDEEVA = 50.0
 """Relative error of SciPy's complex error function over that of other operations: it aims at 1e-13 (Faddeeva)."""
-_SQUARE = 1e-300
-"""A square beside which those that underflow are small."""
+_SQUARE, _LARGE = 1e-300, 1e150
+"""A square beside which those that underflow are small, and a number whose inverse has a square that does not."""
 
 
 def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
@@ -185,7 +185,8 @@ def _inverse(a: Disc) -> Disc:
     """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w)), with |w| < |c|: slopes may be longer beside 0."""
     size, value = np.abs(a.centre), 1.0 / a.centre
     share, gap = a.swing / size, _gap(size, a.swing)
-    rest = np.where(gap > 0.0, share * share / gap * (1.0 + COMPLEX), np.inf)
+    is_known = (gap > 0.0) & (size < _LARGE)
+    rest = np.where(is_known, share * share / gap * (1.0 + COMPLEX), np.inf)
     return _if(is_regular(a), _function(a, value, -value * value, rest, 1.0 / size))
 
 
