@@ -215,6 +215,8 @@ class PointOnCurve(Joint):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         yield from _curve_faults(self, self.curve)
+        if not isinstance(self.inside, bool):
+            yield f"{self.title}: inside must be True or False, got {shown(self.inside)}."
         if isinstance(self.curve, Curve) and self.curve.corners:
             yield f"{self.title}: its curve has corners, where no motion can turn at once. Use CurveContact."
 

@@ -67,7 +67,9 @@ class Figure:
     def _refuse(self, *_: object) -> Any:
         raise DeclarationError(f"{self.kind}: a figure is one number a run, with which outputs cannot calculate.")
 
-    __neg__ = __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
+    __neg__ = __abs__ = __float__ = _refuse
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
+    __pow__ = __rpow__ = __lt__ = __le__ = __gt__ = __ge__ = _refuse
 
     def __repr__(self) -> str:
         parts = [str(part) for part in (self.expression, self.condition) if part is not None]

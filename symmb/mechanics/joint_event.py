@@ -48,7 +48,8 @@ class JointEvent(Element):
 
     def faults(self) -> Iterator[str]:
         if not isinstance(self.joint, Joint):
-            yield f"{type(self).__name__}: expected a joint, got {shown(self.joint)}."
+            got = self.joint.title if isinstance(self.joint, Element) else shown(self.joint)
+            yield f"{type(self).__name__}: expected a joint, got {got}."
 
     @property
     def closed(self) -> ca.SX:

@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple, TypeVar, cast
 
 import casadi as ca
@@ -27,6 +28,10 @@ _FEW = 0.1
 """Share of panels of the nominal run that are not exact up to which there are enough."""
 _PARTS, _LEVELS = 8, 9
 """Parts of a panel that is not exact, and how often it is divided at most."""
+_MOST_DIVIDED = 2**15
+"""Panels of a sample that are divided at once at most: a curve with more bends is noise."""
+_ROUNDING = 1e-6
+"""Size of a curve, over its change by the sizes of all states, below which it is rounding: a speed of what is held."""
 _SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
 """Width over the horizon below which panels are not divided; distance from an event over the horizon, and from a bend
 over the width of the panel, at which they end."""
@@ -151,7 +156,7 @@ class FigureSimulator:
             Y[:, :, self._columns] = np.moveaxis(traces.Y[0, : len(self._columns)], 0, 2)[:, at]
         good, count = np.flatnonzero(ok), len(grid) - 1
         panels = _panels(traces, np.repeat(good, count), np.tile(grid[:-1], len(good)), np.tile(grid[1:], len(good)))
-        sizes = np.abs(traces.Y[0]).max(axis=2).T
+        sizes = self._sizes(traces)
         panels = self._refined(panels, sizes, P, traces.stops)
         curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
         for rule in self._rules:
@@ -177,13 +182,27 @@ class FigureSimulator:
                 break
             zeros = np.zeros(len(grid) - 1, dtype=np.intp)
             panels = _panels(traces, zeros, grid[:-1], grid[1:])
-            sizes = np.abs(traces.Y[0]).max(axis=2).T
+            sizes = self._sizes(traces)
             off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
             off &= ~_with_stop(panels, traces.stops)
             if off.mean() <= _FEW or count >= _MOST:
                 self._count = count
             count = min(2 * count, _MOST)
         return self._times_of(self._count)
+
+    def _sizes(self, traces: "_Traces") -> Array:
+        """Sizes (N, n_c) of curves of samples."""
+        return np.maximum(np.abs(traces.Y[0]).max(axis=2).T, self._rounding)
+
+    @cached_property
+    def _rounding(self) -> Array:
+        """Sizes (n_c,) of curves below which they are rounding."""
+        form = self.curves.formulation
+        x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
+        change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
+        f = ca.Function("change", [x, p, t], [ca.densify(change)])
+        found = f(form.dae.state_sizes, form.dae.p_nominal, float(self.curves.times[0])).full().ravel()
+        return _ROUNDING * np.where(np.isfinite(found), found, 0.0)
 
     def _least_count(self) -> int:
         """Panels that are as many as every second step of the nominal run, and shorter than pulses of laws of time."""
@@ -221,7 +240,7 @@ class FigureSimulator:
             divided = self._divided(panels, off, sizes, best)
             if level == 0 and has_stops:
                 divided |= _with_stop(panels, stops)
-            if not divided.any():
+            if not divided.any() or divided.sum() > _MOST_DIVIDED * len(P):
                 break
             coarse, coarse_off, fine = panels.of(divided), off[:, divided], list[Panels]()
             together = 8 if self._with_rates.compiled else len(P)

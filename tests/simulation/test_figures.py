@@ -284,3 +284,11 @@ def test_outputs_cannot_calculate_with_figures():
         mb.maximum(ball.x) - mb.minimum(ball.x)
     with pytest.raises(mb.DeclarationError, match="final: a figure is one number a run"):
         2.0 * mb.final(ball.x)
+
+
+def test_the_largest_speed_of_a_wheel_that_a_brake_holds_is_rounding():
+    wheel, ground = mb.Body("wheel", 1.0, 0.3), mb.Ground()
+    pin = mb.Revolute("pin", ground.point(0, 0), wheel.point(0.1, 0))
+    system = mb.System(wheel, pin, mb.Clutch("brake", ground, wheel, 5.0), mb.Torque("load", wheel, 3 * mb.t))
+    run = mb.simulate(mb.Scene(system, {"pin.angle": 0.3}, [0.0, 1.0], {"peak": mb.maximum(wheel.omega)}))
+    assert abs(run["peak"]) < 1e-12
