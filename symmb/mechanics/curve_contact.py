@@ -102,6 +102,9 @@ class CurveContact(ShapeContact):
         yield from _curve_faults(self, *self._curves)
         if self.curve_b is not None and any(isinstance(body.pose, Spatial) for body in self.bodies()):
             yield f"{self.title}: two curves touch in one plane, which spatial bodies leave. Use pose=Planar()."
+        own, other = (isinstance(curve, Curve) and bool(curve.corners) for curve in (self.curve, self.curve_b))
+        if self.curve_b is not None and (other or (own and not self.inside)):
+            yield f"{self.title}: corners touch points and circles, but no other curve. Round them off by a short arc."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radius = self.number(bind, "radius")

@@ -18,6 +18,8 @@ _CATCH_UP = 100.0
 """A foot that is off comes e times nearer while the point moves by this share, 1 / 100, of the curve's length."""
 _SAMPLES, ALL_SAMPLES = 12, 64
 """Places on a part, and on a curve, from which the search of a foot chooses."""
+_NO_TANGENT = 1e-60
+"""Square of a mean tangent beside which none counts: the tangents of places on far sides may be the same."""
 _AT_REST = 1e-6
 """Speed [m/s] of a point at rest by which its foot still approaches."""
 _STRAIGHT = 1e-6
@@ -192,7 +194,14 @@ class Feet(NamedTuple):
         speed = ca.sqrt(ca.sumsqr(motion.rates[0]) + (motion.omega * lengths[1] / 6) ** 2 + _AT_REST**2)
         catch_up = _CATCH_UP / lengths[0] * speed
         cost = ca.sumsqr(offset) + (lengths[0] * (p.excess + q.excess)) ** 2
-        return cls(offset, left(middle) / ca.norm_2(middle), q.place, step, solved(by_motion) + catch_up * step, cost)
+        return cls(
+            offset,
+            left(middle) / ca.sqrt(ca.sumsqr(middle) + _NO_TANGENT),
+            q.place,
+            step,
+            solved(by_motion) + catch_up * step,
+            cost,
+        )
 
 
 class Motion(NamedTuple):

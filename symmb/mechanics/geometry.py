@@ -41,6 +41,8 @@ class Geometry:
                 if is_real(part) and not 0 < part < np.inf:
                     raise DeclarationError(f"{kind}: {name} is {shown(value)}; it must be above 0 and finite.")
                 scalar(part, f"{kind}: {name}")
+            if is_real(value):
+                object.__setattr__(self, name, float(value))
         if has_irregular_constant(vector(self.at, f"{kind}: at")):
             raise DeclarationError(f"{kind}: at {shown(self.at)} contains NaN or infinity.")
         if (turn := getattr(self, "rotation", None)) is not None:

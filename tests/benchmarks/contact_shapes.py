@@ -397,11 +397,12 @@ def by_supports(a, b, inside):
 
 
 def ovals(rng):
-    """An ellipse beside another one or a polygon, or in a ring or a polygon, whose corners it touches at two sides."""
+    """An ellipse beside another one, or in a ring or a polygon, whose corners it touches at two sides."""
     b, w = rng.uniform(0.1, 0.2, 2), (np.arange(4) + rng.uniform(-0.2, 0.2, 4)) * np.pi / 2
     circle = np.array([np.cos(w), np.sin(w)]).T
     inside, is_polygon, law = rng.uniform() < 0.5, rng.uniform() < 0.5, Law(rng.uniform() < 0.5)
-    a = circle * (0.6 if inside else 0.25) if is_polygon else rng.uniform(0.55, 0.65, 2) if inside else b[::-1] * 1.2
+    is_polygon &= inside
+    a = circle * 0.6 if is_polygon else rng.uniform(0.55, 0.65, 2) if inside else b[::-1] * 1.2
     oval = lambda size: mb.Curve(lambda s: (size[0] * ca.cos(s), size[1] * ca.sin(s)), 0, 2 * np.pi, True)  # noqa: E731
     outline = mb.Curve(a, closed=True, corners=range(4)) if is_polygon else oval(a)
 

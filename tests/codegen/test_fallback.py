@@ -80,7 +80,7 @@ def test_every_model_runs_as_compiled_over_a_short_time(model, solver, share):
     x0, compiled, arrays = both(simulator, P)
     (expected, lost), (values, lost_too) = compiled.values(x0, P), arrays.values(x0, P)
     assert np.isnan(lost.t_failed).all() and np.isnan(lost_too.t_failed).all()
-    share *= 10 if model is flexible_pendulum else 1  # its steps end at the limit of stability: stages magnify rounding
+    share *= 30 if model is flexible_pendulum else 1  # its steps end at the limit of stability: stages magnify rounding
     close = {"rtol": share, "atol": share * max(1.0, np.abs(expected).max())}
     assert_allclose(values, expected, **close)
     assert_allclose(simulator.run(P).Y, expected, **close)  # which starts in compiled lanes unless the model is large
