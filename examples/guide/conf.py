@@ -74,7 +74,8 @@ intersphinx_mapping = {name: (site, None) for name, site in OTHERS.items() if an
 GROUPS = {
     "Models": "declaring starting",
     "Bodies": "declaring flexible",
-    "Joints, motors, stops": "joints",
+    "Shapes of bodies in drawings": "drawing",
+    "Joints, motors, stops": "joints drives",
     "Forces": "declaring",
     "Contact, friction, impacts": "contact",
     "Figures of a motion": "figures",
