@@ -194,14 +194,8 @@ class Feet(NamedTuple):
         speed = ca.sqrt(ca.sumsqr(motion.rates[0]) + (motion.omega * lengths[1] / 6) ** 2 + _AT_REST**2)
         catch_up = _CATCH_UP / lengths[0] * speed
         cost = ca.sumsqr(offset) + (lengths[0] * (p.excess + q.excess)) ** 2
-        return cls(
-            offset,
-            left(middle) / ca.sqrt(ca.sumsqr(middle) + _NO_TANGENT),
-            q.place,
-            step,
-            solved(by_motion) + catch_up * step,
-            cost,
-        )
+        normal = left(middle) / ca.sqrt(ca.sumsqr(middle) + _NO_TANGENT)
+        return cls(offset, normal, q.place, step, solved(by_motion) + catch_up * step, cost)
 
 
 class Motion(NamedTuple):

@@ -201,8 +201,8 @@ class FigureSimulator:
         x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
         change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
         f = ca.Function("change", [x, p, t], [ca.densify(change)])
-        found = f(form.dae.state_sizes, form.dae.p_nominal, float(self.curves.times[0])).full().ravel()
-        return _ROUNDING * np.where(np.isfinite(found), found, 0.0)
+        sizes = f(form.dae.state_sizes, form.dae.p_nominal, float(self.curves.times[0])).full().ravel()
+        return _ROUNDING * np.where(np.isfinite(sizes), sizes, 0.0)
 
     def _least_count(self) -> int:
         """Panels that are as many as every second step of the nominal run, and shorter than pulses of laws of time."""
