@@ -134,6 +134,22 @@ def test_what_is_not_passed_by_all_of_the_box_ends_the_proof(law, nominal, box, 
     assert "the equations have kinks or jumps" in text and message in text
 
 
+def test_what_samples_do_not_see_is_not_proved():
+    """A narrow band of a force, and a place that only a corner of the box reaches: no node lies in either."""
+    band = lambda p, x, v, t: ca.if_else((x - 0.5) ** 2 < 1e-6, p.F, 0)  # noqa: E731
+    bounds, text = proved(band, (0.0, 1.0), {"F": 200.0}, {"F": (190.0, 210.0)})
+    for F in (190.0, 210.0):
+        last = np.sqrt(1 + 2 * F * 2e-3)  # behind the band
+        assert bounds.lower[-1, 1] <= last <= bounds.upper[-1, 1]
+    assert "'(sq((m.x-0.5))-1e-06)' is not shown" in text
+
+    corner = lambda p, x, v, t: -p.F - 1000 * (x > 0.5101)  # noqa: E731
+    bounds, text = proved(corner, (0.0, 1.0), {"F": 1.0}, {"F": (0.98, 1.02)})
+    early = (1 - np.sqrt(1 - 2 * 0.98 * 0.5101)) / 0.98  # when the mass with 0.98 N comes there
+    assert 0.9 < bounds.t[np.isfinite(bounds.upper[:, 0])][-1] <= early
+    assert "(0.5101-m.x)" in text and "be passed by a part of the box" in text
+
+
 @pytest.mark.parametrize(
     ("law", "v", "a"),
     [
