@@ -24,7 +24,7 @@ Contact, friction, impacts
 Figures of a motion
     maximum, minimum, final, mean, first_time, value_at
 Runs
-    simulate, prepare, view, sweep, Sweep, sensitivities, Sensitivities, DAESimulator
+    simulate, prepare, view, sweep, Sweep, sensitivities, Sensitivities, jax_function, torch_function, DAESimulator
 Solvers
     CVODES, IDAS, Collocation, StabilizedIndex2, EventDriven, DormandPrince, RungeKutta, BDFI3, HHT, NSTIFFSI2,
     GeneralizedAlpha, Newmark, Rosenbrock, AugmentedLagrangian, Baumgarte, Projection, StateSpace

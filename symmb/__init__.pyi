@@ -144,6 +144,8 @@ from .polynomials.ranges.exact import Exact as Exact
 from .polynomials.ranges.inclusion import ChebyshevInclusion as ChebyshevInclusion
 from .polynomials.ranges.inclusion import LegendreInclusion as LegendreInclusion
 from .simulation.dae_simulator import DAESimulator as DAESimulator
+from .simulation.derivatives import jax_function as jax_function
+from .simulation.derivatives import torch_function as torch_function
 from .simulation.sensitivities import Sensitivities as Sensitivities
 from .simulation.sensitivities import sensitivities as sensitivities
 from .simulation.single_run import simulate as simulate

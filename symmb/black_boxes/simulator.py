@@ -134,7 +134,10 @@ class Jets(Protocol):
     """Capability: derivatives of the trajectory with respect to parameters."""
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
-        """Taylor coefficients (order + 1, m, n_t, n_y) in eps of y(t; p0 + eps u), u each of m directions."""
+        """Taylor coefficients (order + 1, m, n_t, n_y) in eps of y(t; p0 + eps u), u each of m directions.
+
+        The point p0 is (d,), or (m, d) with one for each direction.
+        """
         ...
 
 

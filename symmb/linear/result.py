@@ -1,21 +1,24 @@
 """The result of a linearisation: matrices, eigenvalues and modes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symmb import _html as html
 from symmb import files
 from symmb._errors import DeclarationError
-from symmb._options import is_whole
+from symmb._options import is_whole, optional_package
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
 from symmb.linear.motion import Origin
 from symmb.simulation import Trajectory
+
+if TYPE_CHECKING:
+    from scipy.signal import StateSpace
 
 _MOST, _LEAST = 3, 0.1
 """Displacements of a mode that its line tells: so many, and those that have this share of the largest one."""
@@ -187,6 +190,40 @@ class Linearization(files.Saved):
         vector = self._eigen.vectors[:, k]
         return self.origin.motion(label, complex(self._eigen.values[k]), vector, self.shapes @ vector)
 
+    def to_scipy(self) -> "StateSpace":
+        """The equations as a `scipy.signal.StateSpace`.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no state, input or output
+        """
+        from scipy.signal import StateSpace  # a second of loading that few ask for
+
+        self._require_all("to_scipy")
+        return StateSpace(self.A, self.B, self.C, self.D)
+
+    def to_control(self) -> Any:
+        """The equations as a `control.StateSpace` of the package control, with names of states, inputs and outputs.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no state, input or output
+        ImportError
+            If control is not installed
+        """
+        control = optional_package("control", "to_control", "control")
+        self._require_all("to_control")
+        names = {kind: _plain(getattr(self, kind)) for kind in ("states", "inputs", "outputs")}
+        return control.ss(self.A, self.B, self.C, self.D, name=_plain([self.name])[0], **names)
+
+    def _require_all(self, owner: str) -> None:
+        for kind in ("states", "inputs", "outputs"):
+            if not getattr(self, kind):
+                remedy = f" Give linearize({kind}=[...])." if kind != "states" else ""
+                raise DeclarationError(f"{owner}: {self.name} is linearised without {kind}.{remedy}")
+
     def __str__(self) -> str:
         table = aligned(self._rows(), left=_LEFT) if self.modes else []
         return "\n".join([self._head(), *table, *self._foot()])
@@ -253,6 +290,11 @@ class Linearization(files.Saved):
             shapes=record.array("shapes", len(displacements), n),
             displacements=displacements,
         )
+
+
+def _plain(names: Sequence[str]) -> list[str]:
+    """Names in which control allows no point."""
+    return [name.replace(".", "_") for name in names]
 
 
 def _pair(value: complex) -> list[float]:

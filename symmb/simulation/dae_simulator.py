@@ -398,29 +398,32 @@ class DAESimulator:
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
         """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), by larger runs.
 
+        The point p0 is (d,), or (m, d) with one for each direction.
+
         Raises
         ------
         SimulationError
             If a run breaks down
         """
         with LOCK:
-            p0 = require_numbers("jets", "p0", p0, len(self.parameters))
-            directions = np.atleast_2d(require_numbers("jets", "directions", directions, len(p0), leading=True))
+            d = len(self.parameters)
+            directions = np.atleast_2d(require_numbers("jets", "directions", directions, d, leading=True))
+            points = np.broadcast_to(require_numbers("jets", "p0", p0, d, leading=True), directions.shape)
             order = whole("jets", "order", order, 0, HIGHEST_ORDER)
             m, form = len(directions), self.formulation
-            x0, P = np.hstack(form.start.jets(p0, directions, order)), np.hstack([np.tile(p0, (m, 1)), directions])
-            fault: tuple[float, str] | None = None
+            x0, P = np.hstack(form.start.jets(points, directions, order)), np.hstack([points, directions])
+            fault: tuple[float, str, int] | None = None
             if (lanes := self._lanes(order)) is not None:
                 Y, failed = lanes.values(x0, P, self.threads)
                 if np.isfinite(failed.t_failed).any():
                     k = int(np.nanargmin(failed.t_failed))
-                    fault = failed.t_failed[k], failed.reasons[k]
+                    fault = failed.t_failed[k], failed.reasons[k], k
             else:
                 runs, y = self.integration(order).run(x0, P, self.threads), jet_outputs(form.y, order)
-                fault = next(((run.t_failed, run.message) for run in runs if run.message), None)
+                fault = next(((run.t_failed, run.message, k) for k, run in enumerate(runs) if run.message), None)
                 Y = outputs_along(y, runs, P, self.times, self.threads)
             if fault:
-                kink = self.kink(p0)
+                kink = self.kink(points[fault[2]])
                 near = f"; the run itself has met {kink[1]} by t = {kink[0]:g} s" if kink else ""
                 text = f"t = {fault[0]:g} s: {fault[1]}{near}"
                 raise SimulationError(f"{self!r}: derivatives break down at {text}.")

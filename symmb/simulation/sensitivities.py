@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb import files, plot
-from symmb._errors import DeclarationError, SimulationError
+from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
 from symmb._names import counted
 from symmb._options import require_name, shown
 from symmb._table import over_times
 from symmb._types import Array, Expr
-from symmb.black_boxes import Jets, Simulator
+from symmb.black_boxes import Simulator
 from symmb.integrate import Solver
 from symmb.model import Scene
-from symmb.simulation.figure_simulator import FigureSimulator
-from symmb.simulation.subject import chosen_parameters, simulator_for
+from symmb.simulation.derivatives import Differentiable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -168,26 +167,13 @@ def sensitivities(
     >>> mb.sensitivities(scene)["x", "speed"].round(9).tolist()
     [0.0, 2.0]
     """
-    simulator = simulator_for("sensitivities", scene, solver, times, outputs)
-    if isinstance(simulator, FigureSimulator):
-        raise SimulationError(
-            f"sensitivities: no derivatives are derived of {', '.join(simulator.figures)}, which are one number a run. "
-            "Leave them out of outputs, or ask bounds for contributions."
-        )
-    if not isinstance(simulator, Jets):
-        raise SimulationError(f"sensitivities: {shown(scene)} gives no derivatives. Give a Scene.")
-    nominal = dict(simulator.parameters)
-    some = chosen_parameters("sensitivities", parameters, nominal)
-    directions = np.eye(len(nominal))[[[*nominal].index(name) for name in some]]
-    jets = np.asarray(simulator.jets(np.array(list(nominal.values())), directions, 1), dtype=float)
-    if not np.isfinite(jets).all():
-        raise SimulationError("sensitivities: the derivatives are not finite.")
+    runs = Differentiable("sensitivities", scene, parameters, solver, times, outputs)
+    simulator = runs.simulator
     return Sensitivities(
         str(getattr(getattr(simulator, "scene", None), "name", repr(simulator))),
         np.asarray(simulator.times),
         tuple(simulator.outputs),
         tuple(getattr(simulator, "units", ("",) * len(simulator.outputs))),
-        {name: nominal[name] for name in some},
-        jets[0, 0],
-        np.moveaxis(jets[1], 0, -1),
+        runs.parameters,
+        *runs.at_nominal(),
     )

@@ -141,7 +141,7 @@ class Start:
         return newton, state + ca.if_else(good, 0, math.nan)
 
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
-        """Taylor coefficients x_0, ..., x_k of the start along directions, each (m, n_x), at parameters p (n_p,)."""
+        """Taylor coefficients x_0, ..., x_k of the start along directions, each (m, n_x), at p (n_p,) or (m, n_p)."""
         P = parameter_jets(p, directions, order)
         return function_jets(self.state, [self.position.jets(self.position.solve(P[0])[0], P), P])
 
@@ -179,9 +179,9 @@ def _all(conditions: ca.SX) -> ca.SX:
 
 
 def parameter_jets(p: Array, directions: Array, order: int) -> list[Array]:
-    """Taylor coefficients of parameters p (n_p,) along directions (m, n_p), each (m, n_p)."""
+    """Taylor coefficients of parameters p (n_p,) or (m, n_p) along directions (m, n_p), each (m, n_p)."""
     zeros = [np.zeros_like(directions)] * (order - 1)
-    return [np.tile(p, (len(directions), 1)), directions, *zeros][: order + 1]
+    return [np.array(np.broadcast_to(p, directions.shape)), directions, *zeros][: order + 1]
 
 
 def function_jets(f: ca.Function, curves: Sequence[Sequence[Array]]) -> list[Array]:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 import symmb as mb
 from models import bicycle
@@ -37,6 +38,21 @@ def test_files_give_the_same_result(suffix, tmp_path):
         for name in "ABCD":
             np.testing.assert_array_equal(getattr(again, name), getattr(lin, name))
         assert [mode.shape for mode in again.modes] == [mode.shape for mode in lin.modes]
+
+
+def test_state_spaces_of_scipy_and_of_control():
+    lin = mb.linearize(oscillators(), inputs=["k"])
+    t = np.linspace(0.0, 2.0, 11)
+    start = np.zeros(len(lin.states))
+    start[lin.states.index("b.y")] = 0.1
+    np.testing.assert_allclose(lsim(lin.to_scipy(), 0 * t, t, start)[1][:, 1], 0.1 * np.cos(3 * t), atol=1e-10)
+    pytest.importorskip("control")
+    system = lin.to_control()
+    assert system.output_labels == ["x", "y"] and system.input_labels == ["k"] and "a_vx" in system.state_labels
+    np.testing.assert_array_equal(system.A, lin.A)
+    for method in (mb.Linearization.to_scipy, mb.Linearization.to_control):
+        with pytest.raises(mb.DeclarationError, match=r"without inputs. Give linearize\(inputs=\[...\]\)"):
+            method(mb.linearize(oscillators()))
 
 
 def test_a_damaged_file(tmp_path):

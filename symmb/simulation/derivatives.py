@@ -1,0 +1,273 @@
+"""Runs and their derivatives with respect to parameters, as arrays and as functions of JAX and PyTorch."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._options import optional_package, shown
+from symmb._types import Array, Expr
+from symmb.black_boxes import Jets, Kinked, Simulator
+from symmb.integrate import Solver
+from symmb.model import Scene
+from symmb.simulation.figure_simulator import FigureSimulator
+from symmb.simulation.subject import chosen_parameters, simulator_for
+
+_APART = 1e-3
+"""Distance of the runs of a difference, as a share of the nominal parameter."""
+_DISAGREES = 0.02
+"""How far differences may be from derivatives, over the largest of an output: they err by some shares of `_APART`."""
+
+
+class Differentiable:
+    """Runs as a function of some parameters, with exact first derivatives.
+
+    Attributes
+    ----------
+    simulator : Simulator
+        with derivatives
+    parameters : dict
+        n_p nominal values by name
+    """
+
+    def __init__(
+        self,
+        owner: str,
+        scene: Scene | Simulator,
+        parameters: Sequence[str] | None,
+        solver: Solver | None,
+        times: Sequence[float] | Array | None,
+        outputs: Mapping[str, Expr] | None,
+    ) -> None:
+        simulator = simulator_for(owner, scene, solver, times, outputs)
+        if isinstance(simulator, FigureSimulator):
+            raise SimulationError(
+                f"{owner}: no derivatives are derived of {', '.join(simulator.figures)}, which are one number a run. "
+                "Leave them out of outputs, or ask bounds for contributions."
+            )
+        if not isinstance(simulator, Jets):
+            raise SimulationError(f"{owner}: {shown(scene)} gives no derivatives. Give a Scene.")
+        nominal = dict(simulator.parameters)
+        some = chosen_parameters(owner, parameters, nominal)
+        self._owner, self._nominal = owner, np.array(list(nominal.values()))
+        self._columns = np.array([[*nominal].index(name) for name in some])
+        self.simulator: Any = simulator
+        self.parameters = {name: nominal[name] for name in some}
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n_t, n_y) of a run."""
+        return len(self.simulator.times), len(self.simulator.outputs)
+
+    def values(self, P: Array) -> Array:
+        """Outputs (..., n_t, n_y) for parameters (..., n_p).
+
+        Raises
+        ------
+        SimulationError
+            If a run breaks down
+        """
+        samples = self.simulator.run(self._samples(P))
+        if samples.messages:
+            raise SimulationError(f"{self._owner}: a run breaks down: {samples.messages[0]}.")
+        return samples.Y.reshape(*np.shape(P)[:-1], *self.shape)
+
+    def slopes(self, P: Array) -> tuple[Array, Array]:
+        """Outputs (..., n_t, n_y) and derivatives (..., n_t, n_y, n_p) for parameters (..., n_p).
+
+        Raises
+        ------
+        SimulationError
+            If a run breaks down
+        """
+        batch, n_p = np.shape(P)[:-1], len(self._columns)
+        points = np.repeat(self._samples(P), n_p, axis=0)
+        directions = np.eye(len(self._nominal))[np.tile(self._columns, len(points) // n_p)]
+        if not len(points):
+            return np.zeros((*batch, *self.shape)), np.zeros((*batch, *self.shape, n_p))
+        Y, dY = np.asarray(self.simulator.jets(points, directions, 1), dtype=float)
+        if not np.isfinite(dY).all():
+            raise SimulationError(f"{self._owner}: the derivatives are not finite.")
+        dY = np.moveaxis(dY.reshape(-1, n_p, *self.shape), 1, -1)
+        return Y[::n_p].reshape(*batch, *self.shape), dY.reshape(*batch, *self.shape, n_p)
+
+    def at_nominal(self) -> tuple[Array, Array]:
+        """The nominal run (n_t, n_y) and its derivatives (n_t, n_y, n_p).
+
+        A warning tells jumps that the run passes, where derivatives are not those of differences of runs.
+        """
+        p = self._nominal[self._columns]
+        Y, dY = self.slopes(p)
+        kink = self.simulator.kink(self._nominal) if isinstance(self.simulator, Kinked) else None
+        if kink is None:
+            return Y, dY
+        steps = _APART * np.where(p, np.abs(p), 1.0)
+        ends = self.values(p + np.concatenate([np.diag(steps), -np.diag(steps)]))
+        differences = np.moveaxis((ends[: len(p)] - ends[len(p) :]) / (2 * steps[:, None, None]), 0, -1)
+        off = np.abs(differences - dY) > _DISAGREES * np.maximum(np.abs(dY), np.abs(differences)).max(axis=0)
+        off[np.flatnonzero(self.simulator.times < kink[0])] = False
+        if off.any():
+            names = [name for name, one in zip(self.parameters, off.any(axis=(0, 1)), strict=True) if one]
+            warn_of(
+                [
+                    f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they leave out the "
+                    f"{kink[1]} that are met there."
+                ],
+                self._owner,
+            )
+        return Y, dY
+
+    def require_shape(self, shape: Sequence[int]) -> None:
+        """DeclarationError unless arrays of a shape hold the parameters (..., n_p)."""
+        if not shape or shape[-1] != len(self._columns):
+            raise DeclarationError(
+                f"{self._owner}: expected an array (..., {len(self._columns)}) of {', '.join(self.parameters)}, got one "
+                f"of shape {tuple(shape)}."
+            )
+
+    def _samples(self, P: Array) -> Array:
+        """Parameters (N, d) of the simulator for (..., n_p)."""
+        P = np.asarray(P, dtype=float)
+        self.require_shape(P.shape)
+        samples = np.tile(self._nominal, (int(np.prod(P.shape[:-1])), 1))
+        samples[:, self._columns] = P.reshape(-1, len(self._columns))
+        return samples
+
+
+def jax_function(
+    scene: Scene | Simulator,
+    parameters: Sequence[str] | None = None,
+    solver: Solver | None = None,
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Callable[[Any], Any]:
+    """The runs of a scene as a function that JAX differentiates, maps and compiles into its own.
+
+    It takes parameters (..., n_p) and gives outputs (..., n_t, n_y). All runs of a call are made together by the
+    compiled code of symmb, on the host. Derivatives are exact first ones, along each parameter; they serve `jax.jvp`
+    and `jax.grad`. There are no second ones. Switch on double precision, `jax.config.update("jax_enable_x64", True)`,
+    or outputs are rounded to single precision. It needs JAX, which `pip install 'symmb[jax]'` installs.
+
+    Parameters
+    ----------
+    scene : Scene
+        or a simulator with derivatives
+    parameters : list of str
+        those that the function takes, in this order; default: all. Others have their nominal values.
+    solver, times, outputs
+        of a scene, in the place of its own
+
+    Raises
+    ------
+    DeclarationError
+        If a parameter is unknown or named twice, there is none, or JAX is not installed
+    AssemblyError
+        If the scene cannot be started
+    SimulationError
+        If the nominal run breaks down, or the simulator gives values only; later also if a run breaks down
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
+    >>> import jax  # doctest: +SKIP
+    >>> f = mb.jax_function(scene)  # doctest: +SKIP
+    >>> jax.grad(lambda u: f(u)[-1, 0])(jax.numpy.array([1.5]))  # doctest: +SKIP
+    Array([2.], dtype=float32)
+    """
+    jax = optional_package("jax", "jax_function", "jax")
+    runs = Differentiable("jax_function", scene, parameters, solver, times, outputs)
+    runs.at_nominal()
+
+    def called(f: Callable[[Array], Any], shapes: Sequence[tuple[int, ...]], u: Any) -> Any:
+        results = [jax.ShapeDtypeStruct((*u.shape[:-1], *shape), u.dtype) for shape in shapes]
+        own = lambda u: [np.asarray(a, dtype=u.dtype) for a in f(np.asarray(u))]  # noqa: E731
+        return jax.pure_callback(own, results, u, vmap_method="broadcast_all")
+
+    @jax.custom_jvp
+    def function(u: Any) -> Any:
+        return called(lambda u: [runs.values(u)], [runs.shape], u)[0]
+
+    @function.defjvp
+    def jvp(point: Sequence[Any], tangent: Sequence[Any]) -> tuple[Any, Any]:
+        y, dy = called(runs.slopes, [runs.shape, (*runs.shape, len(runs.parameters))], *point)
+        return y, jax.numpy.einsum("...typ,...p->...ty", dy, *tangent)
+
+    def checked(u: Any) -> Any:
+        u = jax.numpy.asarray(u, dtype=jax.dtypes.canonicalize_dtype(float))
+        runs.require_shape(u.shape)
+        return function(u)
+
+    return checked
+
+
+def torch_function(
+    scene: Scene | Simulator,
+    parameters: Sequence[str] | None = None,
+    solver: Solver | None = None,
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Callable[[Any], Any]:
+    """The runs of a scene as a function that PyTorch differentiates.
+
+    It takes a tensor of parameters (..., n_p) and gives outputs (..., n_t, n_y) of its type. All runs of a call are
+    made together by the compiled code of symmb, on the CPU. Derivatives are exact first ones; there are no second
+    ones. It needs PyTorch, which `pip install 'symmb[torch]'` installs.
+
+    Parameters
+    ----------
+    scene : Scene
+        or a simulator with derivatives
+    parameters : list of str
+        those that the function takes, in this order; default: all. Others have their nominal values.
+    solver, times, outputs
+        of a scene, in the place of its own
+
+    Raises
+    ------
+    DeclarationError
+        If a parameter is unknown or named twice, there is none, or PyTorch is not installed
+    AssemblyError
+        If the scene cannot be started
+    SimulationError
+        If the nominal run breaks down, or the simulator gives values only; later also if a run breaks down
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
+    >>> import torch  # doctest: +SKIP
+    >>> u = torch.tensor([1.5], dtype=torch.float64, requires_grad=True)  # doctest: +SKIP
+    >>> mb.torch_function(scene)(u)[-1, 0].backward()  # doctest: +SKIP
+    >>> u.grad  # doctest: +SKIP
+    tensor([2.], dtype=torch.float64)
+    """
+    torch = optional_package("torch", "torch_function", "torch")
+    runs = Differentiable("torch_function", scene, parameters, solver, times, outputs)
+    runs.at_nominal()
+
+    class Runs(torch.autograd.Function):
+        @staticmethod
+        def forward(ctx: Any, u: Any) -> Any:
+            P = u.detach().cpu().numpy()
+            if not ctx.needs_input_grad[0]:
+                return torch.as_tensor(runs.values(P)).to(u)
+            y, dy = runs.slopes(P)
+            ctx.save_for_backward(torch.as_tensor(dy).to(u))
+            return torch.as_tensor(y).to(u)
+
+        @staticmethod
+        @torch.autograd.function.once_differentiable
+        def backward(ctx: Any, of_y: Any) -> Any:
+            return torch.einsum("...ty,...typ->...p", of_y, *ctx.saved_tensors)
+
+    return Runs.apply
