@@ -52,7 +52,7 @@ class Differentiable:
         some = chosen_parameters(owner, parameters, nominal)
         self._owner, self._nominal = owner, np.array(list(nominal.values()))
         self._columns = np.array([[*nominal].index(name) for name in some])
-        self.simulator: Any = simulator
+        self.simulator = simulator
         self.parameters = {name: nominal[name] for name in some}
 
     @property
@@ -99,7 +99,8 @@ class Differentiable:
         """
         p = self._nominal[self._columns]
         Y, dY = self.slopes(p)
-        kink = self.simulator.kink(self._nominal) if isinstance(self.simulator, Kinked) else None
+        simulator = self.simulator
+        kink = simulator.kink(self._nominal) if isinstance(simulator, Kinked) else None
         if kink is None:
             return Y, dY
         steps = _APART * np.where(p, np.abs(p), 1.0)
@@ -122,8 +123,8 @@ class Differentiable:
         """DeclarationError unless arrays of a shape hold the parameters (..., n_p)."""
         if not shape or shape[-1] != len(self._columns):
             raise DeclarationError(
-                f"{self._owner}: expected an array (..., {len(self._columns)}) of {', '.join(self.parameters)}, got one "
-                f"of shape {tuple(shape)}."
+                f"{self._owner}: expected an array (..., {len(self._columns)}) of {', '.join(self.parameters)}, "
+                f"got one of shape {tuple(shape)}."
             )
 
     def _samples(self, P: Array) -> Array:
