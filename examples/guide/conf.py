@@ -8,6 +8,7 @@ import ast
 import inspect
 import os
 import re
+import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -182,9 +183,8 @@ def run_example(script: Path) -> None:
     newest = max(path.stat().st_mtime for path in sources if path.suffix != ".pyc")
     if printed.exists() and printed.stat().st_mtime > newest:
         return
-    folder.mkdir(exist_ok=True)
-    for old in folder.iterdir():
-        old.unlink()
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
     paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     command, environment = [sys.executable, str(script), str(folder)], {**os.environ, "PYTHONPATH": paths}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=300)
