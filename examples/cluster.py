@@ -5,7 +5,7 @@
     python examples/cluster.py FOLDER --dask tcp://head:8786   runs on the workers of a cluster of Dask
 
 Methods as jobs: each job bounds the outputs by one method, on a machine of its own, and the reference is a job as
-well. All jobs write their runs into one file of the folder, which all machines see, and take those that others have made
+well. All jobs write their runs into one file of the folder, which all machines see, and take those that others made
 from there. The comparison at the end finds all its runs there. A job that is lost is submitted again, and goes on where
 it stopped.
 
