@@ -69,10 +69,10 @@ def _arguments(name: str, rng: np.random.Generator) -> list[np.ndarray]:
 
 
 def _within(exact, arguments, computed, bound: float) -> bool:
-    """Whether exact(arguments) is as near as a bound to a computed value: in more digits where it is not clear."""
+    """Whether exact(arguments) is as near as a bound to a computed sum: in more digits where it is not clear."""
     for bits in (flint.ctx.prec, MORE):
         with flint.ctx.workprec(bits):
-            if abs(exact(*map(sum, arguments)) - computed) <= flint.arb(bound):
+            if abs(exact(*map(sum, arguments)) - sum(computed)) <= flint.arb(bound):
                 return True
     return False
 
@@ -96,7 +96,7 @@ def at_points(name: str, exact, count: int) -> tuple[int, int, int]:
             computed = float(np.broadcast_to(value, GROUP)[k])
             arguments = [(flint.arb(float(np.broadcast_to(a, GROUP)[k])), flint.arb(float(o[k])))
                          for a, o in zip(x, off, strict=True)]  # fmt: skip
-            if not (_within(exact, arguments, flint.arb(computed), error) and low <= computed <= high):
+            if not (_within(exact, arguments, [flint.arb(computed)], error) and low <= computed <= high):
                 wrong += 1
                 print("  outside:", name, arguments, computed, error)
     return total, refused, wrong
@@ -142,7 +142,8 @@ def on_discs(name: str, exact, count: int) -> tuple[int, int, int]:
             for one, u in zip(own, turned, strict=True):
                 a, b, r = (_acb(np.broadcast_to(part, GROUP)[k]) for part in _parts(one))
                 arguments.append([a, b * _acb(places[k]), r * _acb(u[k])])
-            if not _within(exact, arguments, _acb(centre) + _acb(slope) * _acb(places[k]), float(radius)):
+            computed = [_acb(centre), _acb(slope) * _acb(places[k])]
+            if not _within(exact, arguments, computed, float(radius)):
                 wrong += 1
                 print("  outside:", name, arguments, centre, slope, radius)
     return total, refused, wrong
