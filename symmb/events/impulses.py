@@ -160,8 +160,8 @@ class ImpactLaws:
         # Slower rates count as rest: such a rebound rises no higher than the rounding of positions.
         fastest = np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True)
         resting_rate = np.maximum(np.sqrt(2 * rounding * size), _SMALL * fastest)
-        rate = self._apply_impulses(after, at, rate, touching, resting_rate)
-        slow = touching & (np.abs(rate) <= resting_rate)
+        rate, movable = self._apply_impulses(after, at, rate, touching, resting_rate)
+        slow = touching & movable & (np.abs(rate) <= resting_rate)  # what joints hold needs no force of a contact
         acceleration, dependent = self._close_contacts(after.x, p, t, slow, closed_before & released)
         closed_after = self._closed(after.x)
         after.fail(dependent[:, None], closed_after, t, FailureCode.DEPENDENT)
@@ -175,8 +175,11 @@ class ImpactLaws:
 
     def _apply_impulses(
         self, after: PostImpact, at: tuple[Array, ...], rate: Array, touching: Mask, resting_rate: Array
-    ) -> Array:
-        """Impacts one after the other until no gap that is 0 closes. Returns the rates (E, n) of the gaps."""
+    ) -> tuple[Array, Mask]:
+        """Impacts one after the other until no gap that is 0 closes.
+
+        Returns the rates (E, n) of the gaps, and which of them the constraints let move.
+        """
         dae, t = self._dae, at[-1][:, 0]
         n, n_v = len(self._impacts.names), dae.n_v
         W, B, at_rest, e = evaluate_padded(self._impacts.impulses, *at)
@@ -199,7 +202,7 @@ class ImpactLaws:
         after.fail(hit & ~movable, hit & ~movable, t, FailureCode.IMMOVABLE)
         after.fail(hit, touching, t, FailureCode.UNENDING)
         after.x[:, self._cuts[0] : self._cuts[1]] += jump
-        return rates
+        return rates, movable
 
     def _in_turn(
         self,

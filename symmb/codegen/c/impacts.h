@@ -256,7 +256,7 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
   }
   for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), SMALL * fastest);
   if (!apply_impulses(&c, b, s)) return 0;
-  for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && fabs(c.rate[k]) <= c.rest[k];
+  for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && c.movable[k] && fabs(c.rate[k]) <= c.rest[k]; /* what joints hold needs no force of a contact */
   const int closes = close_contacts(b, slow, released);
   for (int k = 0; k < N_I; ++k) now[k] = is_closed(a, k);
   if (!closes) return blame(b, s, now, DEPENDENT);
