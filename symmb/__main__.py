@@ -1,7 +1,5 @@
-"""The program `symmb`, run by `python -m symmb`."""
+"""The program `symmb`, as `python -m symmb` runs it."""
 
-import sys
+from runpy import run_module
 
-from symmb.cli.__main__ import run
-
-sys.exit(run())
+run_module("symmb.cli", run_name="__main__")

@@ -173,7 +173,7 @@ def test_a_latch_closes_while_a_contact_is_closed():
 
 @pytest.mark.parametrize("compiles", [True, False])
 def test_a_latch_holds_what_lies_on_a_floor(compiles, monkeypatch):
-    """It starts in the hook, lies on the floor from 1/12 s to 0.6 s, and a force throws it when the hook opens again."""
+    """It starts in the hook, lies on the floor from 1/12 s to 0.6 s, and is thrown when the hook opens again."""
     monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: compiles)
     ball = mb.Body("ball", 2.0, pose=mb.Particle())
     hook = mb.Spherical("hook", mb.Ground().point(0, 0), ball.point(0, 0))
