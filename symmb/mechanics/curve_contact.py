@@ -54,7 +54,8 @@ class CurveContact(ShapeContact):
     be beneath it.
 
     Two curves have a foot on each, `name.foot.a` and `name.foot.b`, for each pair of parts. They touch with their
-    outsides, open ones with their left sides. Where one bends inward, the other must bend more tightly everywhere.
+    outsides, open ones with their left sides. Where one bends inward, the other must bend more tightly everywhere. One
+    of them may have corners.
 
     Parameters
     ----------
@@ -102,9 +103,8 @@ class CurveContact(ShapeContact):
         yield from _curve_faults(self, *self._curves)
         if self.curve_b is not None and any(isinstance(body.pose, Spatial) for body in self.bodies()):
             yield f"{self.title}: two curves touch in one plane, which spatial bodies leave. Use pose=Planar()."
-        own, other = (isinstance(curve, Curve) and bool(curve.corners) for curve in (self.curve, self.curve_b))
-        if self.curve_b is not None and (other or (own and not self.inside)):
-            yield f"{self.title}: corners touch points and circles, but no other curve. Round them off by a short arc."
+        if all(isinstance(curve, Curve) and curve.corners for curve in (self.curve, self.curve_b)):
+            yield f"{self.title}: corners of one curve touch no corners of the other. Round these off by short arcs."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radius = self.number(bind, "radius")

@@ -415,8 +415,8 @@ def by_supports(a, b, inside):
 
         w = angles[gap(angles).argmin() if inside else gap(angles).argmax()]
         w = brentq(slope, w - 0.09, w + 0.09, xtol=1e-15)
-        n, z, _ = both(w)
-        return [(gap(w), sign * n, z - gap(w) * sign * n)]
+        n, z, x = both(w)
+        return [(gap(w), sign * n, x if b.ndim == 2 else z - gap(w) * sign * n)]  # one of them is smooth
 
     return shape
 
@@ -447,11 +447,28 @@ def ovals(rng):
     return two_bodies(rng, make, shape, law, at, aim)
 
 
+def oval_on_polygon(rng):
+    """An ellipse beside a polygon, whose sides and corners it touches, with either of them first."""
+    n = int(rng.integers(3, 6))
+    w, oval, law = (
+        (np.arange(n) + rng.uniform(-0.2, 0.2, n)) * 2 * np.pi / n,
+        rng.uniform(0.1, 0.2, 2),
+        Law(rng.uniform() < 0.5),
+    )
+    corners = 0.3 * np.array([np.cos(w), np.sin(w)]).T
+    smooth = mb.Curve(lambda s: (oval[0] * ca.cos(s), oval[1] * ca.sin(s)), 0, 2 * np.pi, True)
+    both = [(corners, mb.Curve(corners, closed=True, corners=range(n))), (oval, smooth)]
+    (a, curve), (b, curve_b) = both[:: rng.choice([1, -1])]
+    at = 0.65 * turned(rng.uniform(0, 6.28), np.array([1.0, 0]))
+    make = lambda p, q, w: mb.CurveContact("c", p, curve, q, 0.0, w.law, w.friction, False, curve_b)  # noqa: E731
+    return two_bodies(rng, make, by_supports(a, b, False), law, at)
+
+
 KINDS = {
     f.__name__: f
     for f in (
         *(circle, slot, sphere, box, corners, tumbling, rope),
-        *(cam, spline, polygon, track, ground, lift, groove, ovals),
+        *(cam, spline, polygon, track, ground, lift, groove, ovals, oval_on_polygon),
     )
 }
 
