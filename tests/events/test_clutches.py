@@ -125,10 +125,10 @@ def test_a_brake_takes_over_from_a_weld_that_opens():
 def test_samples_stick_at_times_of_their_own():
     p = mb.Parameters(capacity=4.0, load=1.0)
     box = mb.Box(capacity=(3.0, 6.0), load=(0.5, 1.0))
-    scene = braked(p.capacity, p.load, omega=3.1, p=p, box=box)  # nothing happens at an output time
+    scene = braked(p.capacity, p.load, omega=2.9, p=p, box=box)  # nothing happens at an output time
 
     def speed(capacity, load):
-        return np.maximum(3.1 - (capacity - load) / 2 * TIMES, 0)
+        return np.maximum(2.9 - (capacity - load) / 2 * TIMES, 0)
 
     swept = mb.sweep(scene, {"capacity": np.linspace(3, 6, 5)})
     for values, capacity in zip(swept.values, np.linspace(3, 6, 5), strict=True):
@@ -136,9 +136,9 @@ def test_samples_stick_at_times_of_their_own():
     bounds = mb.propagate(scene, mb.Vertex())
     assert_allclose(bounds["w"], (speed(6.0, 0.5), speed(3.0, 1.0)), atol=1e-12)
     figures = braked(
-        p.capacity, p.load, omega=3.0, p=p, box=box, outputs=lambda _, brake: {"t": mb.first_time(brake.closed > 0.5)}
+        p.capacity, p.load, omega=2.9, p=p, box=box, outputs=lambda _, brake: {"t": mb.first_time(brake.closed > 0.5)}
     )
-    assert_allclose(mb.propagate(figures, mb.PolynomialChaos(order=8))["t"], (6 / 5.5, 3.0), rtol=1e-4)
+    assert_allclose(mb.propagate(figures, mb.PolynomialChaos(order=8))["t"], (5.8 / 5.5, 2.9), rtol=1e-4)
 
 
 def test_a_run_goes_on_with_its_clutches():
