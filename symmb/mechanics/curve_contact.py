@@ -230,14 +230,11 @@ class PointOnCurve(Joint):
         except DeclarationError as error:
             raise DeclarationError(f"{self.title}: {error}.") from None
         radius = bind(self.radius, f"{self.title}: radius")
-        low, high = curve.ends
 
         def foot_at(s: ca.SX) -> Foot:
-            """The foot at s. Rows and their slopes go over the ends of an open curve without a jump."""
-            bounds = Bounds(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT)
-            return Foot.at(curve, s, P, None if curve.closed else bounds)
+            return Foot.at(curve, s, P, None if curve.closed else Bounds.of(s, curve.ends))
 
-        foot = foot_at(curve.nearest(P, low, high, ALL_SAMPLES, lambda s: s + foot_at(s).step))
+        foot = foot_at(curve.nearest(P, *curve.ends, ALL_SAMPLES, lambda s: s + foot_at(s).step))
         return ca.dot(foot.offset, _normal(foot.along, side)) - radius
 
     def pressure(self, lam: ca.SX) -> ca.SX:

@@ -38,9 +38,9 @@ class Bounds(NamedTuple):
 
     @classmethod
     def of(cls, s: ca.SX, part: Part) -> "Bounds | None":
-        """Those at the parameter s; None of a part without ends."""
+        """Those at the parameter s; None of a part without ends. Feet go over them without a jump, also in their slopes."""
         low, high = part
-        return cls(ca.SX(low), ca.SX(high), s < low, s > high) if np.isfinite(low) else None
+        return cls(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT) if np.isfinite(low) else None
 
     def inside(self, s: ca.SX) -> ca.SX:
         """The parameter s, or that of the end that it is beyond."""
