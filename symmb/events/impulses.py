@@ -146,9 +146,8 @@ class ImpactLaws:
         after = PostImpact(x, n_all)
         every, passed = np.arange(n), np.where(contact < n_all, contact - n, -1)
         contact = np.where(contact >= n_all, contact - n_all + n, np.where(contact < n, contact, -1))
-        for _ in range(
-            1 if self._moving is None else _ROUNDS
-        ):  # impulses let clutches slip, which the next round finds
+        rounds = 1 if self._moving is None else _ROUNDS
+        while True:  # impulses let clutches slip, which the next round finds
             if self._moving is not None:
                 x, passed = self._moving(after, p, t, passed, n), np.full(len(x), -1)
             if not n:
@@ -164,9 +163,9 @@ class ImpactLaws:
             # Slower rates count as rest: such a rebound rises no higher than the rounding of positions.
             fastest = np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True)
             resting_rate = np.maximum(np.sqrt(2 * rounding * size), _SMALL * fastest)
-            count = len(after.rows)
+            rounds, count = rounds - 1, len(after.rows)
             rate, movable = self._apply_impulses(after, at, rate, touching, resting_rate)
-            if len(after.rows) == count:
+            if not rounds or len(after.rows) == count:
                 break
         slow = touching & movable & (np.abs(rate) <= resting_rate)  # what joints hold needs no force of a contact
         acceleration, dependent = self._close_contacts(after.x, p, t, slow, closed_before & released)
