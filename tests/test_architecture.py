@@ -54,6 +54,7 @@ FLOORS = {
     "report": 16,
     "": 17,  # symmb/__init__.py, the public names
     "cli": 18,  # a client of the public names
+    "__main__": 19,
 }
 HEAVY = (
     "sympy",

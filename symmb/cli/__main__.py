@@ -1,4 +1,4 @@
-"""The program `symmb`, which `python -m symmb.cli` runs as well."""
+"""The program `symmb`, which `python -m symmb` runs as well."""
 
 import importlib
 import os

@@ -99,6 +99,10 @@ class BlockRuns:
         low, high = (self._by_lane(a[blocks]) for a in (self._switches.after, self._switches.before))
         return lambda x, t: self._engine.rates(x, c, np.clip(t, low, high))
 
+    def _between(self, t: Array, blocks: Indices) -> Array:
+        """Times t (b,) at which laws of time have their values on the side of their jumps where the blocks are."""
+        return np.clip(t, self._switches.after[blocks], self._switches.before[blocks])
+
     def _restart(self, some: Mask, settle: Mask) -> None:
         """Slopes and first steps of some live blocks, where the motion begins or behind a switch."""
         steps, lanes, blocks = self._steps, self._lanes(some), self._steps.live[some]
@@ -167,7 +171,8 @@ class BlockRuns:
                 return self._accept(_without(accepted, far_off), k, x_new, t_new, h)
             F = np.array(coefficients)
         if searched:
-            theta, passed, which = switches.first_pass(x, end, F, c, t, self._by_lane(t_new[accepted]), lanes)
+            until = self._by_lane(self._between(t_new[accepted], blocks))
+            theta, passed, which = switches.first_pass(x, end, F, c, t, np.maximum(until, t), lanes)
             early = (theta < LATE) & (theta * h[accepted] > 10 * steps.shortest)
             if early.any():  # interpolants are as exact as steps near their ends only
                 steps.h[blocks[early]] = theta[early] * h[accepted][early] * BEYOND
@@ -215,7 +220,8 @@ class BlockRuns:
 
     def _change_sides(self, ends: "_Ends") -> Mask:
         """Change the sides of switches that lanes passed. Stops and returns the blocks with lanes that stick (b,)."""
-        lanes, blocks, t = self._lanes(ends.accepted), self._steps.live[ends.accepted], self._by_lane(ends.t)
+        lanes, blocks = self._lanes(ends.accepted), self._steps.live[ends.accepted]
+        t = self._by_lane(self._between(ends.t, blocks))
         x, c = self._x[:, lanes], self._c[:, lanes]
         columns = (self._width * blocks[:, None] + np.arange(self._width)).ravel()
         located = ends.passed & (ends.which >= 0)
@@ -233,10 +239,10 @@ class BlockRuns:
         events, lanes, steps, engine = cast(ContactEvents, self.events), np.flatnonzero(some), self._steps, self._engine
         blocks, fails = steps.live[lanes], np.zeros(len(steps.live), dtype=bool)
         t, p = steps.t[blocks], self._switches.parameters[:, lanes]
-        behind = np.clip(t, self._switches.after[blocks], self._switches.before[blocks])
+        behind = self._between(t, blocks)
         after = events.meet(blocks, self._x[:, lanes].T, p.T, t, behind, contact)
         self._x[:, lanes] = x = after.x.T
-        self._c[:, lanes] = c = self._switches.settle(x, self._c[:, lanes], t, lanes)
+        self._c[:, lanes] = c = self._switches.settle(x, self._c[:, lanes], behind, lanes)
         self._switches.lift(lanes, after.lift.T)
         self._slope[:, lanes] = self._rates(c, blocks)(x, t)
         steps.h[blocks] = np.minimum(steps.h[blocks], after.soon)

@@ -16,7 +16,7 @@ from symmb.mechanics import RESTITUTION
 from symmb.model import DAE, Impacts
 
 _SAME_JUMP, _SMALL = c_number("impacts", "SAME_JUMP"), c_number("switches", "SMALL")
-_MOST_IMPACTS = int(c_number("impacts", "MOST_IMPACTS"))
+_MOST_IMPACTS, _ROUNDS = int(c_number("impacts", "MOST_IMPACTS")), int(c_number("impacts", "ROUNDS"))
 _PENETRATION, _SHORT_WAY = 1e-9, 1e-7
 """Negative gap at the start that is rounding: over the scene's size, or over the way that speed and acceleration of the
 gap lead until the end. The gap itself may be all that is known of the size."""
@@ -144,24 +144,30 @@ class ImpactLaws:
         impacts, n = self._impacts, len(self._impacts.names)
         n_all = n if self._moving is None else n + self._moving.count
         after = PostImpact(x, n_all)
-        if self._moving is not None:
-            x = self._moving(after, p, t, np.where(contact < n_all, contact - n, -1), n)
-        if not n:
-            return after
+        every, passed = np.arange(n), np.where(contact < n_all, contact - n, -1)
         contact = np.where(contact >= n_all, contact - n_all + n, np.where(contact < n, contact, -1))
-        closed_before = self._closed(x)
-        at = self._arguments(x, p, t)
-        gap, rate, reach = evaluate_padded(impacts.gaps, *at)
-        rounding = 8 * ROUNDING * (self._dae.scales.length + reach)
-        force, _, size, inertia = evaluate_padded(impacts.forces, *at)
-        every = np.arange(n)
-        released = (contact[:, None] == n + every) | ((contact >= n)[:, None] & (force + _SMALL * size * inertia < 0))
-        touching = closed_before | (gap <= rounding) | (contact[:, None] == every)
-        # Slower rates count as rest: such a rebound rises no higher than the rounding of positions.
-        fastest = np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True)
-        resting_rate = np.maximum(np.sqrt(2 * rounding * size), _SMALL * fastest)
-        rate = self._apply_impulses(after, at, rate, touching, resting_rate)
-        slow = touching & (np.abs(rate) <= resting_rate)
+        rounds = 1 if self._moving is None else _ROUNDS
+        while True:  # impulses let clutches slip, which the next round finds
+            if self._moving is not None:
+                x, passed = self._moving(after, p, t, passed, n), np.full(len(x), -1)
+            if not n:
+                return after
+            closed_before = self._closed(x)
+            at = self._arguments(x, p, t)
+            gap, rate, reach = evaluate_padded(impacts.gaps, *at)
+            rounding = 8 * ROUNDING * (self._dae.scales.length + reach)
+            force, _, size, inertia = evaluate_padded(impacts.forces, *at)
+            pulled = (contact >= n)[:, None] & (force + _SMALL * size * inertia < 0)
+            released = (contact[:, None] == n + every) | pulled
+            touching = closed_before | (gap <= rounding) | (contact[:, None] == every)
+            # Slower rates count as rest: such a rebound rises no higher than the rounding of positions.
+            fastest = np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True)
+            resting_rate = np.maximum(np.sqrt(2 * rounding * size), _SMALL * fastest)
+            rounds, count = rounds - 1, len(after.rows)
+            rate, movable = self._apply_impulses(after, at, rate, touching, resting_rate)
+            if not rounds or len(after.rows) == count:
+                break
+        slow = touching & movable & (np.abs(rate) <= resting_rate)  # what joints hold needs no force of a contact
         acceleration, dependent = self._close_contacts(after.x, p, t, slow, closed_before & released)
         closed_after = self._closed(after.x)
         after.fail(dependent[:, None], closed_after, t, FailureCode.DEPENDENT)
@@ -175,8 +181,11 @@ class ImpactLaws:
 
     def _apply_impulses(
         self, after: PostImpact, at: tuple[Array, ...], rate: Array, touching: Mask, resting_rate: Array
-    ) -> Array:
-        """Impacts one after the other until no gap that is 0 closes. Returns the rates (E, n) of the gaps."""
+    ) -> tuple[Array, Mask]:
+        """Impacts one after the other until no gap that is 0 closes.
+
+        Returns the rates (E, n) of the gaps, and which of them the constraints let move.
+        """
         dae, t = self._dae, at[-1][:, 0]
         n, n_v = len(self._impacts.names), dae.n_v
         W, B, at_rest, e = evaluate_padded(self._impacts.impulses, *at)
@@ -199,7 +208,7 @@ class ImpactLaws:
         after.fail(hit & ~movable, hit & ~movable, t, FailureCode.IMMOVABLE)
         after.fail(hit, touching, t, FailureCode.UNENDING)
         after.x[:, self._cuts[0] : self._cuts[1]] += jump
-        return rates
+        return rates, movable
 
     def _in_turn(
         self,

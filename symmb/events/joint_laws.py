@@ -8,6 +8,8 @@ from symmb.codegen import CLOSES, OPENS, PostImpact
 from symmb.model import DAE, JointEvents
 from symmb.symbolic import batch
 
+_MOST = np.finfo(float).max
+
 
 def evaluate_padded(f: ca.Function, *arguments: Array) -> list[Array]:
     """A Function of N samples, all arguments (N, n), padded to a power of 2: CasADi keeps one map for each number."""
@@ -33,6 +35,7 @@ class JointLaws:
         self._holding, self._flags = (at + np.array(k, dtype=np.intp) for k in (joints.holding, joints.flags))
         self._place, self._owners = at + np.array(joints.place, dtype=np.intp), np.array(joints.owners)
         self._opens, self.count = np.array(joints.opens), len(joints.names)
+        self._struck = np.array(joints.let_slip) == 2
         same = np.array(joints.names)[:, None] == joints.names
         self._same = same.astype(float)  # events of the same joint
         self._clutches = at + np.array(joints.clutches, dtype=np.intp).reshape(-1, 2).T
@@ -75,7 +78,7 @@ class JointLaws:
         first : int           number of the first event among those that are noted
         """
         x, n_v = after.x, slice(self._dae.n_q, self._dae.n_q + self._dae.n_v)
-        passed, every, slips = passed.copy(), np.arange(self.count), np.array(self._joints.let_slip)
+        passed, every, slips = passed.copy(), np.arange(self.count), np.array(self._joints.let_slip) > 0
         fresh = np.zeros((len(x), self.count), dtype=bool)  # clutches that have stuck at this instant
         for _ in range(4 * self.count + 1):
             margin, rate = self._margins(x, p, t)
@@ -84,8 +87,9 @@ class JointLaws:
             falls = (margin < -rounding) | (armed & (margin <= rounding) & (rate < 0))
             holds = np.where(passed[:, None] == every, ~held, np.where(held, margin <= rounding, falls))
             acts = armed & holds & ~held
-            # Of several clutches one begins to slip at a time, by which others may hold.
-            excess = np.where(acts & slips, np.where(fresh, np.inf, -margin), -np.inf)
+            # Of several clutches one begins to slip at a time, by which others may hold, first those that are struck.
+            excess = np.where(self._struck, np.inf, np.where(fresh, _MOST, -margin))
+            excess = np.where(acts & slips, excess, -np.inf)
             waits = slips & (every != excess.argmax(axis=1)[:, None])
             acts, x[:, self._holding] = acts & ~waits, holds & ~waits
             fresh |= (acts & ~self._opens) @ self._same > 0

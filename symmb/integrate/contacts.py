@@ -10,6 +10,9 @@ from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.step_ends import SwitchedProblem, hysteresis_of
 from symmb.model import DAE, Impacts, JointEvents
 
+_STRUCK = 1e-9
+"""Slip over the rate of the motion above which an impulse has caused it. Where clutches stick it is not quite 0."""
+
 
 def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
     """The data of the contacts of a DAE, and of its joints that open and close."""
@@ -20,7 +23,7 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
         lists = {
             "opens": tuple(map(int, joints.opens)),
             "by_force": tuple(map(int, joints.by_force)),
-            "slips": tuple(map(int, joints.let_slip)),
+            "slips": joints.let_slip,
             "holding_state": tuple(at + k for k in joints.holding),
             "flag_state": tuple(at + k for k in joints.flags),
             "other_owner": tuple(k for k, _ in others),
@@ -53,6 +56,8 @@ def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
 
     def of(number: int) -> float:
+        if joints.let_slip[number] == 2:
+            return _STRUCK * dae.scales.rate
         closed = ca.SX(x)
         closed[[dae.n_q + dae.n_v + k for k in joints.flags if joints.by_force[number]]] = 0
         closed[dae.n_q + dae.n_v + joints.flags[number]] = 1
@@ -81,7 +86,13 @@ def with_gaps(
         s, (margin, fall) = x[dae.n_q + dae.n_v :], joints.margins(*dae.arguments(x, p, t))
         side = 1 - 2 * (s[list(joints.holding)] > 0.5)
         closed = [ca.sum1(s[[k, *others]]) for k, others in zip(joints.flags, joints.others, strict=True)]
-        is_armed = ca.vertcat(*[c > 0.5 if opens else c < 0.5 for c, opens in zip(closed, joints.opens, strict=True)])
+        # Clutches are struck by impulses only, at whose instants their margins are evaluated.
+        is_armed = ca.vertcat(
+            *[
+                0 if slips == 2 else c > 0.5 if opens else c < 0.5
+                for c, opens, slips in zip(closed, joints.opens, joints.let_slip, strict=True)
+            ]
+        )
         known = ca.vertcat(gap, ca.if_else(is_armed, ca.if_else(ca.SX(list(joints.by_force)), 1, side * margin), 1))
         gap = ca.vertcat(gap, ca.if_else(is_armed, side * margin, 1))
         rate = ca.vertcat(rate, ca.if_else(is_armed, side * fall, 0))

@@ -7,7 +7,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._options import require_names
-from symmb.mechanics import Actuator, Figure
+from symmb.mechanics import Actuator, Figure, Motor
 from symmb.model import Scene
 
 
@@ -20,8 +20,12 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
     """
     actuators = {e.name: e for e in scene.system.elements if isinstance(e, Actuator)}
     parameters = scene.system.parameters
-    known = (*actuators, *parameters)
-    inputs = require_names("inputs", "actuator or parameter", inputs, known)
+    motors = [e.name for e in scene.system.elements if isinstance(e, Motor)]
+    inputs = require_names("inputs", "actuator or parameter", inputs, (*actuators, *parameters, *motors))
+    if name := next((name for name in inputs if name in motors), None):
+        raise DeclarationError(
+            f"inputs: that of Motor {name!r} is its voltage. Make it a parameter, voltage=p.u, and give inputs=['u']."
+        )
     if len(set(inputs)) < len(inputs):
         raise DeclarationError(f"inputs: names repeat: {', '.join(inputs)}.")
     forces = {f"input_{k}": actuators[name] for k, name in enumerate(inputs) if name in actuators}

@@ -25,7 +25,8 @@ class Clutch(PairTorque, Constraint):
     instant at which the slip comes to 0 the shafts stick, without impact: a row of the equations keeps their speeds
     equal, and its torque is what this needs. Where that is more than `static_ratio` times the capacity, the clutch
     slips again, in the direction in which the torque drives it. A clutch whose shafts have the same speed at the start
-    sticks from there on, if its capacity is enough.
+    sticks from there on, if its capacity is enough. Its torque passes on no impulse of an `Impact` or a `Latch`: shafts
+    that stick slip behind it.
 
     Parameters
     ----------
@@ -101,12 +102,13 @@ class Clutch(PairTorque, Constraint):
         capacity = bind(self.capacity, f"{self.title}: capacity")
         return capacity if is_real(self.capacity) else ca.fmax(capacity, 0)
 
-    def events(self, bind: Bind) -> tuple[JointEvent, JointEvent]:
+    def events(self, bind: Bind) -> tuple[JointEvent, ...]:
         """The events at which it begins to slip and to stick."""
         limit = bind(self.static_ratio, f"{self.title}: static_ratio") * self._held(bind)
-        # Neither condition holds while it does not count: one that held already could not begin to.
+        # No condition holds while it does not count: one that held already could not begin to.
         slips = ca.fabs(self.lam) > limit + (1 - self.closed)
-        return Slips(self, slips), Sticks(self, self.direction * self.slip + self.closed < 0)
+        struck = self.closed * ca.fabs(self.slip) > 1 - self.closed
+        return Slips(self, slips), Struck(self, struck), Sticks(self, self.direction * self.slip + self.closed < 0)
 
     @cached_property
     def lam(self) -> ca.SX:
@@ -148,6 +150,14 @@ class Slips(ClutchEvent):
     @property
     def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
         return ((self.joint.side, ca.if_else(self.lam < 0, -1, 1)),)
+
+
+class Struck(Slips):
+    """The event at which an impulse, which no finite torque passes on, makes a clutch slip that sticks."""
+
+    @property
+    def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
+        return ((self.joint.side, ca.if_else(self.joint.slip < 0, -1, 1)),)
 
 
 class Sticks(ClutchEvent):

@@ -54,7 +54,8 @@ class CurveContact(ShapeContact):
     be beneath it.
 
     Two curves have a foot on each, `name.foot.a` and `name.foot.b`, for each pair of parts. They touch with their
-    outsides, open ones with their left sides. Where one bends inward, the other must bend more tightly everywhere.
+    outsides, open ones with their left sides. Where one bends inward, the other must bend more tightly everywhere. One
+    of them may have corners.
 
     Parameters
     ----------
@@ -102,9 +103,8 @@ class CurveContact(ShapeContact):
         yield from _curve_faults(self, *self._curves)
         if self.curve_b is not None and any(isinstance(body.pose, Spatial) for body in self.bodies()):
             yield f"{self.title}: two curves touch in one plane, which spatial bodies leave. Use pose=Planar()."
-        own, other = (isinstance(curve, Curve) and bool(curve.corners) for curve in (self.curve, self.curve_b))
-        if self.curve_b is not None and (other or (own and not self.inside)):
-            yield f"{self.title}: corners touch points and circles, but no other curve. Round them off by a short arc."
+        if all(isinstance(curve, Curve) and curve.corners for curve in (self.curve, self.curve_b)):
+            yield f"{self.title}: corners of one curve touch no corners of the other. Round these off by short arcs."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radius = self.number(bind, "radius")
@@ -230,14 +230,11 @@ class PointOnCurve(Joint):
         except DeclarationError as error:
             raise DeclarationError(f"{self.title}: {error}.") from None
         radius = bind(self.radius, f"{self.title}: radius")
-        low, high = curve.ends
 
         def foot_at(s: ca.SX) -> Foot:
-            """The foot at s. Rows and their slopes go over the ends of an open curve without a jump."""
-            bounds = Bounds(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT)
-            return Foot.at(curve, s, P, None if curve.closed else bounds)
+            return Foot.at(curve, s, P, None if curve.closed else Bounds.of(s, curve.ends))
 
-        foot = foot_at(curve.nearest(P, low, high, ALL_SAMPLES, lambda s: s + foot_at(s).step))
+        foot = foot_at(curve.nearest(P, *curve.ends, ALL_SAMPLES, lambda s: s + foot_at(s).step))
         return ca.dot(foot.offset, _normal(foot.along, side)) - radius
 
     def pressure(self, lam: ca.SX) -> ca.SX:

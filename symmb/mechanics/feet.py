@@ -38,9 +38,9 @@ class Bounds(NamedTuple):
 
     @classmethod
     def of(cls, s: ca.SX, part: Part) -> "Bounds | None":
-        """Those at the parameter s; None of a part without ends."""
+        """Those at the parameter s, which feet pass without a jump, also in slopes; None of a part without ends."""
         low, high = part
-        return cls(ca.SX(low), ca.SX(high), s < low, s > high) if np.isfinite(low) else None
+        return cls(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT) if np.isfinite(low) else None
 
     def inside(self, s: ca.SX) -> ca.SX:
         """The parameter s, or that of the end that it is beyond."""
@@ -259,8 +259,10 @@ def follow_curve(a: Side, b: Side, motion: Motion, name: str) -> tuple[Feet, tup
     bounds = bounds_at(s)
     first = feet(s, bounds)
     start = _start(a, b, motion)
+    longest = ca.vertcat(*[side.measured.period / 8 for side in (a, b)])  # an eighth of a turn round a corner
     for _ in range(_STEPS):
-        start += feet(start, bounds_at(start)).step
+        step = feet(start, bounds_at(start)).step
+        start += step / ca.sqrt(1 + (step / longest) ** 2)
     states = declare(names, Kind.STATE, s, first.rate, start)
     second = s + first.step
     return feet(second + feet(second, bounds).step, bounds), states

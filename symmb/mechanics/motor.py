@@ -116,4 +116,5 @@ class Motor(JointForce):
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         for what in ("voltage", "resistance", "torque_constant", "inductance", "gear", "friction"):
             bind(getattr(self, what), f"{self.title}: {what}")
-        yield Action(self.loads(bind(self.torque, self.title)), states=() if self._state is None else (self._state,))
+        torque = bind(self.torque, self.title)
+        yield Action(self.loads(torque), force=torque, states=() if self._state is None else (self._state,))

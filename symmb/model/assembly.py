@@ -269,7 +269,7 @@ def _write_equations(
         laws={e.name: attempt((nothing, nothing), impact_law, e, bind, parameters) for e in impacts},
         n_declared_rows=sum(rows.numel() for rows in declared.values()),
     )
-    faults.lines += [*equations.faults(), *_clutch_faults(elements, impacts)]
+    faults.lines += equations.faults()
     if events and not faults.lines:
         _gate_rows(equations, bind)
         _write_margins(equations, bind, faults)
@@ -281,16 +281,6 @@ def _write_margins(equations: _Equations, bind: Binding, faults: _Faults) -> Non
     for k, (e, _) in enumerate(equations.joint_events):
         rows = [*equations.positions[e.joint.name], *equations.velocities[e.joint.name]]
         equations.joint_events[k] = e, faults.attempt(ca.SX(1), event_margin, e, rows, bind, what=e.title)
-
-
-def _clutch_faults(elements: Sequence[Element], impacts: Sequence[Impact]) -> Iterator[str]:
-    """Clutches of systems with impulses, which would change their slips in no time."""
-    sources = [*(impact.title for impact in impacts), *(latch.title for latch in _of_kind(Latch, elements))]
-    for clutch in _of_kind(Clutch, elements) if sources else ():
-        yield (
-            f"{clutch.title}: the impulses of {sources[0]} would change its slip in no time. Use a law of contact, "
-            "such as KelvinVoigt(...), in the place of impulses."
-        )
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:

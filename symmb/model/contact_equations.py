@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Indices
-from symmb.mechanics import JointEvent, Sticks
+from symmb.mechanics import JointEvent, Sticks, Struck
 from symmb.model.system import System
 from symmb.symbolic import common, least_multipliers, symmetric_solver, t
 
@@ -99,10 +99,11 @@ class JointEvents:
     jump: ca.Function
 
     @property
-    def let_slip(self) -> tuple[bool, ...]:
-        """Whether events are those at which a clutch begins to slip, (m,)."""
+    def let_slip(self) -> tuple[int, ...]:
+        """1 for events at which torque makes a clutch slip, 2 where an impulse does, 0 for others, (m,)."""
         flags = {own for own, _ in self.clutches}
-        return tuple(opens and flag in flags for opens, flag in zip(self.opens, self.flags, strict=True))
+        events = zip(self.opens, self.flags, self.by_force, strict=True)
+        return tuple((2 - by_force) * (opens and flag in flags) for opens, flag, by_force in events)
 
 
 class ContactEquations:
@@ -187,6 +188,13 @@ class ContactEquations:
             dense = [ca.densify(e) for e in outputs.values()]
             return common(name, [*z], dense, names, list(outputs))
 
+        of_clutches = [e.flag.sx for e, _ in c.joint_events if isinstance(e, Sticks)]
+
+        def slipping(*outputs: ca.SX) -> list[ca.SX]:
+            """What an impulse does: no clutch passes it on."""
+            flags = ca.vertcat(ca.SX(0, 1), *of_clutches)
+            return ca.substitute([*outputs], [flags], [ca.SX.zeros(flags.shape)])
+
         def joints() -> JointEvents:
             events, s_names = [e for e, _ in c.joint_events], [state.name for state in c.states]
             accelerations, multipliers = self.solve(system.Q, system.gamma)
@@ -198,8 +206,11 @@ class ContactEquations:
             slip = ca.vertcat(ca.SX(0, 1), *[clutch.slip for clutch in clutches])
             size = ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v)
             flags = [s_names.index(e.flag.name) for e in events]
-            lam = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
             at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
+            lost, L = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
+            v_new, impulse, work = slipping(system.v - lost, -L, ca.dot(L, system.Phi_dot / 2 - at_rest))
+            rates = self._along(margins) + ca.jtimes(margins, system.v, accelerations) + roundings
+            rates = [0 if isinstance(e, Struck) else rate for e, rate in zip(events, ca.vertsplit(rates), strict=True)]
             return JointEvents(
                 names=tuple(e.joint.name for e in events),
                 titles=tuple(e.title for e in events),
@@ -219,16 +230,10 @@ class ContactEquations:
                 place=tuple(s_names.index(state.name) for _, state, _ in own),
                 owners=tuple(k for k, *_ in own),
                 clutches=tuple((s_names.index(e.flag.name), s_names.index(e.side.name)) for e in clutches),
-                margins=function(
-                    "margins",
-                    margin=margins,
-                    rate=self._along(margins) + ca.jtimes(margins, system.v, accelerations) + roundings,
-                ),
+                margins=function("margins", margin=margins, rate=ca.vertcat(*rates)),
                 places=function("places", place=places),
                 slips=function("slips", slip=slip, rounding=_REST * size),
-                jump=function(
-                    "jump", v_new=system.v - lam[0], impulse=-lam[1], work=ca.dot(lam[1], system.Phi_dot / 2 - at_rest)
-                ),
+                jump=function("jump", v_new=v_new, impulse=impulse, work=work),
             )
 
         free, _ = system.solve(system.Q, system.gamma)
@@ -242,7 +247,9 @@ class ContactEquations:
             joints=joints() if c.joint_events else None,
             gaps=function("gaps", gap=self.gap, rate=self.rate, reach=reach),
             forces=function("forces", force=force, acceleration=acceleration, size=size, inertia=1 / ca.diag(self._D)),
-            impulses=function("impulses", W=self.W, B=self.B, at_rest=self.at_rest, restitution=self.restitution),
+            impulses=function(
+                "impulses", W=self.W, B=slipping(self.B)[0], at_rest=self.at_rest, restitution=self.restitution
+            ),
             project=function(
                 "held",
                 q_held=retract(system.q, self.B @ self._opposing(self.gap)),

@@ -1,6 +1,7 @@
 """Figures of random motions beside SciPy: their values in single runs, and their bounds beside dense scans.
 
-Scans run SciPy on a grid of the box, and search on from the best points by simplices. A bound is wrong if it is off by
+Scans run SciPy on a grid of the box and densely on its edges, where a figure that jumps has its extremes, and search on
+from the best points by simplices. A bound is wrong if it is off by
 more than 1 % of the width and its estimated error does not say so.
 
     PYTHONPATH=tests python tests/benchmarks/figures.py [cases] [first]
@@ -17,7 +18,7 @@ from scipy.optimize import minimize
 
 import symmb as mb
 
-GRID, STEPS, SHARE = 7, 12, 0.01
+GRID, EDGE, STEPS, SHARE = 7, 41, 40, 0.01
 
 
 def value(own, drawn, kc):
@@ -28,7 +29,10 @@ def value(own, drawn, kc):
 
 def extremes(own, drawn):
     """Least and largest value over the box."""
-    points = np.array(list(itertools.product(np.linspace(0.95, 1.05, GRID), repeat=2)))
+    inner, edge = (np.linspace(0.95, 1.05, n) for n in (GRID, EDGE))
+    sides = edge[[0, -1]]
+    pairs = (*itertools.product(inner, inner), *itertools.product(edge, sides), *itertools.product(sides, edge))
+    points = np.array(pairs)
     runs = [own.segments(*point, rtol=1e-9) for point in points]
     found = {}
     for name, one in drawn.items():

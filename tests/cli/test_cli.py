@@ -225,9 +225,8 @@ def test_shipped_scenes_go_by_name(name, capsys):
 
 
 def test_the_installed_command_runs_from_a_process(scene):
-    done = subprocess.run(
-        [sys.executable, "-m", "symmb.cli", "equations", scene(PENDULUM)], capture_output=True, text=True
-    )
+    command = [sys.executable, "-m", "symmb", "equations", scene(PENDULUM)]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -1,6 +1,8 @@
 """Joints that open and close in a run, against closed forms, and in lanes against single runs."""
 
+import sys
 from dataclasses import astuple
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -8,6 +10,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import symmb as mb
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import releases
 
 G = 9.81
 
@@ -164,6 +169,32 @@ def test_a_latch_closes_while_a_contact_is_closed():
     assert_allclose(closing.impulse, [2 * np.sqrt(3) / 2], atol=1e-9)
     assert run["block.y"].min() > -1e-9
     assert_allclose(run.energy_drift, 0, atol=1e-8)
+
+
+@pytest.mark.parametrize("compiles", [True, False])
+def test_a_latch_holds_what_lies_on_a_floor(compiles, monkeypatch):
+    """It starts in the hook, lies on the floor from 1/12 s to 0.6 s, and is thrown when the hook opens again."""
+    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: compiles)
+    ball = mb.Body("ball", 2.0, pose=mb.Particle())
+    hook = mb.Spherical("hook", mb.Ground().point(0, 0), ball.point(0, 0))
+    moved = mb.Latch(hook, mb.t > 0.6), mb.Release(hook, ca.sin(2 * np.pi * mb.t) > 0.5)
+    force = mb.Force("throw", ball.point(0, 0), (0, ca.if_else(mb.t > 1, 4 * G, 0)))
+    system = mb.System(ball, hook, mb.Impact("floor", ball.y, 0.0), *moved, force, mb.Gravity(0, -G))
+    run = mb.simulate(mb.Scene(system, {"ball.y": 0.0}, [0.0, 0.3, 0.8, 1.05, 2.0]))
+    known = [("hook", "opens"), ("floor", "closes"), ("hook", "closes"), ("floor", "opens"), ("hook", "opens")]
+    assert [(event.name, event.what) for event in run.events] == known
+    assert_allclose([event.time for event in run.events], [1 / 12, 1 / 12, 0.6, 0.6, 13 / 12], atol=1e-9)
+    assert_allclose(run["ball.y"], [0, 0, 0, 0, G / 2 * (2 - 13 / 12) ** 2], atol=1e-9)
+    assert_allclose(run.reaction("hook")[0][:, 1], [2 * G, 0, 2 * G, -2 * G, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[pytest.mark.long] * ("space" in kind)) for kind in releases.CAUGHT]
+)
+def test_opening_and_closing_balance_impulse_momentum_and_energy(kind):
+    catch, over = releases.imbalance(kind, 0)
+    assert catch < 1e-12
+    assert over < 1e-8
 
 
 def test_one_of_two_redundant_joints_opens():

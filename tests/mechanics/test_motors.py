@@ -65,6 +65,14 @@ def test_a_brake_stalls_a_motor():
     assert_allclose(run(wheel.omega), 60 / 1.25 * (u - (1 - np.exp(-1.25 * u)) / 1.25), atol=1e-9)
 
 
+def test_its_torque_is_a_force_and_its_voltage_the_input():
+    scene = driven()
+    run = mb.simulate(scene)
+    assert_allclose(run(scene.system.force("motor")), run["torque"], rtol=0, atol=0)
+    with pytest.raises(mb.DeclarationError, match=r"inputs: that of Motor 'motor' is its voltage\. .*voltage=p\.u"):
+        mb.linearize(scene, inputs=["motor"])
+
+
 def test_faults_are_told():
     for arguments, text in (
         ({"R": 0.0}, "resistance is 0; it must be above 0"),

@@ -67,7 +67,10 @@ def test_a_slack_rope_and_an_open_contact_have_none():
 def test_forces_that_are_no_number_are_refused():
     block = mb.Body("block", 2.0, 0.1, mb.Planar())
     push = mb.Force("push", block.point(0, 0), (ca.sin(mb.t), 0))
-    system = mb.System(block, push, mb.Spring("spring", GROUND.point(0, 1), block.point(0, 0), 1.0))
+    brake = mb.Clutch("brake", GROUND, block, 1.0)
+    system = mb.System(block, push, brake, mb.Spring("spring", GROUND.point(0, 1), block.point(0, 0), 1.0))
     for name in ("push", "spnig", 3):
         with pytest.raises(mb.DeclarationError, match=r"no element with a force .*spring"):
             system.force(name)
+    with pytest.raises(mb.DeclarationError, match=r"'brake' is held by multipliers\. Use system\.lam\('brake'\)"):
+        system.force("brake")

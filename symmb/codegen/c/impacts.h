@@ -27,6 +27,7 @@ enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed 
 #define MOST_EVENTS 50000   /* of a run: more mean a motion that bounces faster and faster */
 #define CONTACT_STEP 1e-13  /* share of the run's time: shorter steps after an event are lost in rounding */
 #define MOST_IMPULSES 6     /* rows of a joint */
+#define ROUNDS 3            /* of joints and impacts at one instant */
 #define EVENT (8 + MOST_IMPULSES)
 
 /* Contacts at one instant. */
@@ -182,9 +183,16 @@ PRIVATE void move_joint(Block *b, int k) {
     if (place_owner[i] == k) a->x[place[place_state[i]]] = b->closing[i];
 }
 
+/* Whether the clutch of event k begins to slip before that of event i: one that is struck, one that has just stuck, or that
+   with the larger excess of torque. */
+PRIVATE int is_sooner(const Block *b, const int *fresh, int k, int i) {
+  if (slips[k] != slips[i]) return slips[k] > slips[i];
+  return fresh[k] > fresh[i] || (fresh[k] == fresh[i] && b->margin[k][0] < b->margin[i][0]);
+}
+
 /* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. A
    condition that holds before its event is armed must first cease to. Of several clutches one begins to slip at a time, by
-   which others may hold: one that has just stuck, or that with the largest excess of torque. */
+   which others may hold. */
 PRIVATE void move_joints(Block *b, Study *s, int passed) {
   Part *a = b->part;
   const V t = each(between_stops(b, b->t));
@@ -205,7 +213,7 @@ PRIVATE void move_joints(Block *b, Study *s, int passed) {
       acts[k] = armed && holds && !held;
       any |= acts[k];
       closes |= acts[k] && !opens[k];
-      if (acts[k] && slips[k] && (first < 0 || fresh[k] > fresh[first] || (fresh[k] == fresh[first] && margin < b->margin[first][0]))) first = k;
+      if (acts[k] && slips[k] && (first < 0 || is_sooner(b, fresh, k, first))) first = k;
     }
     if (!any) return;
     for (int k = 0; k < N_E; ++k) {
@@ -240,23 +248,28 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
   Part *a = b->part;
   const double span = s->times[s->n_t - 1] - s->times[0];
   int before[SIZE(N_I)], slow[SIZE(N_I)], released[SIZE(N_I)], now[SIZE(N_I)];
-  double fastest = 0.0, flight = INFINITY, rounding[SIZE(N_I)];
+  double flight = INFINITY, rounding[SIZE(N_I)];
   Instant c;
-  move_joints(b, s, contact < N_G ? contact - N_I : -1);
-  gaps(a->x, a->c, each(b->t), b->gap);
-  forces(a->x, a->c, each(b->t), b->force);
-  for (int k = 0; k < N_I; ++k) {
-    const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
-    rounding[k] = 8.0 * ROUNDING * (LENGTH + b->gap[2 * N_I + k][0]);
-    before[k] = is_closed(a, k);
-    released[k] = before[k] && (contact == N_G + k || (contact >= N_G && b->force[k][0] + slack < 0.0));
-    c.touching[k] = before[k] || contact == k || b->gap[k][0] <= rounding[k];
-    c.rate[k] = b->gap[N_I + k][0];
-    if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
+  for (int n = 0, hit = 1; hit && n < ROUNDS; ++n) { /* impulses let clutches slip, which the next round finds */
+    double fastest = 0.0;
+    move_joints(b, s, n == 0 && contact < N_G ? contact - N_I : -1);
+    gaps(a->x, a->c, each(b->t), b->gap);
+    forces(a->x, a->c, each(b->t), b->force);
+    for (int k = 0; k < N_I; ++k) {
+      const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
+      rounding[k] = 8.0 * ROUNDING * (LENGTH + b->gap[2 * N_I + k][0]);
+      before[k] = is_closed(a, k);
+      released[k] = before[k] && (contact == N_G + k || (contact >= N_G && b->force[k][0] + slack < 0.0));
+      c.touching[k] = before[k] || contact == k || b->gap[k][0] <= rounding[k];
+      c.rate[k] = b->gap[N_I + k][0];
+      if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
+    }
+    for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), SMALL * fastest);
+    if (!apply_impulses(&c, b, s)) return 0;
+    hit = 0;
+    for (int k = 0; k < N_I; ++k) hit |= N_E > 0 && c.impulse[k] != 0.0;
   }
-  for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), SMALL * fastest);
-  if (!apply_impulses(&c, b, s)) return 0;
-  for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && fabs(c.rate[k]) <= c.rest[k];
+  for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && c.movable[k] && fabs(c.rate[k]) <= c.rest[k]; /* what joints hold needs no force of a contact */
   const int closes = close_contacts(b, slow, released);
   for (int k = 0; k < N_I; ++k) now[k] = is_closed(a, k);
   if (!closes) return blame(b, s, now, DEPENDENT);
