@@ -223,9 +223,9 @@ def _log1p(a: Disc) -> Disc:
 
 
 def _exp(a: Disc) -> Disc:
-    """exp(w) - 1 - w is at most |w|^2 / 2 exp|w|."""
+    """exp(w) - 1 - w is at most |w|^2 / 2 exp|w|, which may be huge where the value at the centre underflows."""
     value, swing = np.exp(a.centre), a.swing
-    size = np.abs(value)
+    size = above(np.abs(value))
     return _function(a, value, value, size * 0.5 * swing**2 * np.exp(swing), size * (1.0 + np.abs(a.centre)))
 
 
@@ -333,7 +333,7 @@ def _power(a: Disc, b: Disc) -> Disc:
         rest = 0.5 * n * (n - 1.0) * swing**2 * far ** (n - 2.0)
         return _function(a, value, slope, rest, n * far**n, n * n * far ** (n - 1.0))
     q = _share(a)
-    rest = np.abs(value) * 0.5 * abs(n) * (abs(n) + 1.0) * q * q * np.exp(-(abs(n) + 2.0) * np.log1p(-q))
+    rest = above(np.abs(value)) * 0.5 * abs(n) * (abs(n) + 1.0) * q * q * np.exp(-(abs(n) + 2.0) * np.log1p(-q))
     spread = np.abs(value) * (1.0 + abs(n) * np.abs(np.log(a.centre)))
     return _if(np.all(_right(a)), _function(a, value, slope, rest, spread, (abs(n) + 1.0) * spread / size))
 

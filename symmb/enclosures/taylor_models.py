@@ -252,13 +252,14 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array) -
     """
     basis, n = a.basis, a.basis.degree
     if a.degree == 0:
-        powers = sum(np.abs(own) * a.radius**k for k, own in enumerate(derivatives) if k)
+        powers = sum(above(np.abs(own)) * a.radius**k for k, own in enumerate(derivatives) if k)
         return Model(derivatives[0][None], above(powers + rounded + rest), basis)
     w = Model(np.concatenate([np.zeros_like(a.c[:1]), a.c[1:]]), a.radius, basis)
-    found = Model(derivatives[n][None], np.zeros(1), basis)
+    lost = above(np.zeros(1))  # by underflow
+    found = Model(derivatives[n][None], lost, basis)
     for k in range(n - 1, -1, -1):
         found = _multiply(found, w, n - k)
-        found = _sum(found, Model(derivatives[k][None], np.zeros(1), basis), 1.0)
+        found = _sum(found, Model(derivatives[k][None], lost, basis), 1.0)
     return Model(found.c, above(found.radius + rounded + rest), basis)
 
 
@@ -348,7 +349,7 @@ def _hyperbolic(first: int) -> Callable[[Model], Model]:
 
 def _exp(a: Model) -> Model:
     value = np.exp(a.c[0])
-    return _entire(a, [value], np.abs(value) * (1.0 + np.abs(a.c[0])))
+    return _entire(a, [value], above(np.abs(value)) * (1.0 + np.abs(a.c[0])))
 
 
 def _power(a: Model, b: Model) -> Model:

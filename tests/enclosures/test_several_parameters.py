@@ -81,6 +81,26 @@ def test_constant_powers(monkeypatch, exponent):
     assert 0.0 < _farthest("OP_POW", lambda a: a**exponent, 1) <= 1.0
 
 
+@pytest.mark.parametrize("name", ["OP_INV", "OP_SQRT", "OP_EXP", "OP_LOG"])
+def test_models_at_extreme_scales(name):
+    """Coefficients and values that underflow, and wide ranges about them."""
+    rng, finite = np.random.default_rng(8), 0
+    with mpmath.workdps(700), np.errstate(all="ignore"):
+        for trial in range(60):
+            basis = tm.basis_of(1, trial % 6)
+            size = rng.uniform(-1500, 0) if name == "OP_EXP" else 10.0 ** rng.uniform(-200, 200)
+            spread = abs(size) * rng.choice([1e-9, 0.5, 0.9])
+            radius = 0.0 if basis.degree else spread
+            c = np.array([[size], [spread]]) if basis.degree else np.array([[size]])
+            found = tm.OPERATIONS[getattr(ca, name)](tm.Model(c, np.full(1, radius), basis))
+            finite += bool(np.isfinite(found.radius).all())
+            for x in (-1.0, 1.0):
+                exact = ONE[name](mpmath.mpf(size) + mpmath.mpf(x) * mpmath.mpf(spread))
+                here = sum(mpmath.mpf(float(one[0])) * mpmath.mpf(x) ** k for k, one in enumerate(found.c))
+                assert not np.isfinite(found.radius[0]) or abs(exact - here) <= float(found.radius[0]), (size, spread)
+    assert finite > 20
+
+
 def test_terms_that_are_cut_and_forgotten_are_found(monkeypatch):
     """Without the terms beyond the degree, values are outside."""
     monkeypatch.setattr(tm, "_lost", lambda a, b, most: 0.0)
