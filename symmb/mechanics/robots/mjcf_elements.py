@@ -15,7 +15,7 @@ from symmb.mechanics.element import Element
 from symmb.mechanics.force import Force, Gravity
 from symmb.mechanics.joint import Spherical, Weld
 from symmb.mechanics.load import NonlinearSpring
-from symmb.mechanics.robots.algebra import NO_TURN, Scalar, conjugate, is_nought, one_after, rotation
+from symmb.mechanics.robots.algebra import Scalar, conjugate, is_nought, one_after, rotation
 from symmb.mechanics.robots.description import XYZ, named
 from symmb.mechanics.robots.mjcf_model import MjcfModel, values_of
 from symmb.mechanics.robots.robot import Building
@@ -67,7 +67,23 @@ def equality_fault(source: MjcfModel, equality: int) -> str:
     ends = [int(end) for end in (m.eq_obj1id[equality], m.eq_obj2id[equality]) if end >= 0]
     if kind == "TENDON" and any(tendon_fault(source, end) for end in ends):
         return "its tendon is left out"
+    if kind == "JOINT" and any(source.kind("mjtJoint", m.jnt_type[end]) in ("FREE", "BALL") for end in ends):
+        return "its joint has several coordinates"
+    if kind in ("CONNECT", "WELD") and len({int(m.body_weldid[body]) for body in _bodies(source, equality)}) == 1:
+        return "its bodies are fixed to each other"
     return ""
+
+
+def _bodies(source: MjcfModel, equality: int) -> list[int]:
+    """The two bodies that an equality constraint connects, by number."""
+    m = source.model
+    ends = int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])
+    return [int(m.site_bodyid[end]) for end in ends] if _at_sites(source, equality) else [*ends]
+
+
+def _at_sites(source: MjcfModel, equality: int) -> bool:
+    """Whether it connects sites, else it connects bodies."""
+    return source.kind("mjtObj", source.model.eq_objtype[equality]) == "SITE"
 
 
 def element_numbers(source: MjcfModel) -> dict[str, float]:
@@ -111,7 +127,7 @@ def _equality_numbers(source: MjcfModel, equality: int, name: str) -> dict[str, 
     data = values_of(m.eq_data[equality])
     if kind in ("JOINT", "TENDON"):
         return named(name, _COEFFICIENTS, data[:5])
-    if source.kind("mjtObj", m.eq_objtype[equality]) == "SITE":
+    if _at_sites(source, equality):
         first, second = (values_of(m.site_pos[site]) for site in (m.eq_obj1id[equality], m.eq_obj2id[equality]))
     else:
         first, second = (data[:3], data[3:6]) if kind == "CONNECT" else (data[3:6], data[:3])
@@ -240,13 +256,14 @@ class MjcfElements:
         ends = int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])
         if kind in ("JOINT", "TENDON"):
             return self._led(kind, name, *ends)
-        data, sites = m.eq_data[equality], self.source.kind("mjtObj", m.eq_objtype[equality]) == "SITE"
-        frames = [self.building.frames[self.source.bodies[m.site_bodyid[end] if sites else end]] for end in ends]
+        frames = [self.building.frames[self.source.bodies[body]] for body in _bodies(self.source, equality)]
         a, b = (f.point(*self.building.vector(f"{name}.body{k}")) for k, f in enumerate(frames, 1))
         if kind == "CONNECT":
             return Spherical(name, a, b)
-        turns = [values_of(m.site_quat[end]) if sites else NO_TURN for end in ends]
-        turn = one_after(turns[0], conjugate(turns[1])) if sites else values_of(data[6:10])
+        if _at_sites(self.source, equality):
+            turn = one_after(values_of(m.site_quat[ends[0]]), conjugate(values_of(m.site_quat[ends[1]])))
+        else:
+            turn = values_of(m.eq_data[equality, 6:10])
         zero = one_after(one_after(frames[0].quaternion, turn), conjugate(frames[1].quaternion))
         return Weld(name, a, b, zero=rotation(zero))
 

@@ -31,7 +31,7 @@ def _of_joints(source: MjcfModel, has_stops: bool) -> Iterator[str]:
     several = np.array([source.kind("mjtJoint", kind) in ("FREE", "BALL") for kind in m.jnt_type], dtype=bool)
     if source.acts("LIMIT"):
         limited = (m.jnt_limited != 0) & (several | (not has_stops))
-        yield from _listed("limits of joints, for which stop=... is", names, limited)
+        yield from _listed("limits of joints, as stop=... is not given", names, limited)
     yield from _listed("springs of ball and free joints", names, several & (m.jnt_stiffness != 0))
     of_dofs = m.dof_jntid
     for what, values in (("armature", m.dof_armature), ("friction loss", m.dof_frictionloss)):
@@ -46,7 +46,7 @@ def _of_joints(source: MjcfModel, has_stops: bool) -> Iterator[str]:
 
 def _parts(m: Any, name: str, count: int) -> Any:
     """An array (count, k) of a model; zeros if this version of MuJoCo has none."""
-    return np.reshape(getattr(m, name, np.zeros(count)), (count, -1))
+    return np.reshape(getattr(m, name, np.zeros(count)), (count, -1) if count else (0, 1))
 
 
 def _of_tendons(source: MjcfModel) -> Iterator[str]:
@@ -72,7 +72,7 @@ def _of_actuators(source: MjcfModel) -> Iterator[str]:
         ("ranges of activations", "actuator_actlimited"), ("damping", "actuator_damping"),
         ("armature", "actuator_armature"), ("delay", "actuator_delay"),
     ):  # fmt: skip
-        kept = [not fault for fault in faults]
+        kept = np.array([not fault for fault in faults], dtype=bool)
         yield from _listed(f"{what} of actuators", names, _parts(m, array, len(names)).any(axis=1) & kept)
 
 

@@ -1,5 +1,6 @@
 """A model of MuJoCo: names of its parts, which may be missing in the file, and what is switched off."""
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -58,15 +59,14 @@ class MjcfModel:
         return self._free_names("equality", self.model.neq, taken)
 
     def _names(self, kind: str, count: int) -> list[str]:
-        """Names of the parts of a kind, "joint2" of one without a name."""
-        own = [getattr(self.model, kind)(k).name for k in range(count)]
+        """Names of the parts of a kind, "joint2" of one without a name; no space, dot or bracket stands in them."""
+        own = [re.sub(r"[\s.\[\]]", "_", getattr(self.model, kind)(k).name) for k in range(count)]
         for name in filter(None, own):
-            if fault := name_fault(name, without=".[] "):
-                raise DeclarationError(
-                    f"{self.path}: the name {name!r} of a {kind} cannot be used, as {fault.rstrip('.')}; rename it."
-                )
-        taken = {*own}
-        return [name or _free(f"{kind}{k}", "", taken) for k, name in enumerate(own)]
+            if fault := name_fault(name):
+                raise DeclarationError(f"{self.path}: {name!r} is no name of a {kind}, as {fault}")
+        taken: set[str] = set()
+        given = [name and _free(name, "_", taken) for name in own]
+        return [name or _free(f"{kind}{k}", "_", taken) for k, name in enumerate(given)]
 
     def _free_names(self, kind: str, count: int, taken: set[str]) -> list[str]:
         """Names of the parts of a kind, with the kind added where another part has the name."""
@@ -81,6 +81,6 @@ class MjcfModel:
 def _free(name: str, end: str, taken: set[str]) -> str:
     """A name that is not taken, with an end if need be; it is taken from now on."""
     while name in taken:
-        name += end or "_"
+        name += end
     taken.add(name)
     return name
