@@ -21,6 +21,7 @@ class Drawing:
     """A file in the making: one random tree, with loops on request."""
 
     rng: np.random.Generator
+    most: int = 7
     degrees: bool = True
     bodies: list = field(default_factory=list)
     joints: dict = field(default_factory=dict)
@@ -90,7 +91,7 @@ class Drawing:
         elif draw < 0.92 or depth == 0:
             text += (self.joint("slide") if rng.random() < 0.5 else "") + self.joint("hinge") + self.joint("hinge")
         text += self.inertia() + f'<site name="s{name}" pos="{self.vector(0.2)}"{self.turn()}/>'
-        while len(self.bodies) < 7 and rng.random() < (0.9 if depth < 3 else 0.3):
+        while len(self.bodies) < self.most and rng.random() < (0.9 if depth < 3 else 0.3):
             text += self.body(depth + 1)
         return text + "</body>"
 
@@ -128,7 +129,7 @@ class Drawing:
         self.degrees = bool(self.rng.random() < 0.5)
         compiler = f'<compiler angle="{"degree" if self.degrees else "radian"}"/>'
         trees = self.body(0)
-        while len(self.bodies) < 3 or (loops and len(self.joints) < 6):
+        while len(self.bodies) < 3 or (loops and len(self.joints) < self.most - 1):
             trees += self.body(0)
         text = f'<mujoco>{compiler}<option gravity="{self.vector(10)}" jacobian="dense">{FLAGS}</option>'
         text += f"<worldbody>{trees}</worldbody>{self.forces()}"
@@ -295,12 +296,12 @@ class Twin:
         return bool(np.abs(self.data.efc_pos).max() < 1e-12 and sizes[-1] > 1e-2 * sizes[0])
 
 
-def draw(mujoco, seed, folder, loops=False):
-    """The first random machine of a seed that MuJoCo can assemble."""
+def draw(mujoco, seed, folder, loops=False, most=7):
+    """The first random machine of a seed, of about so many bodies, that MuJoCo can assemble."""
     rng = np.random.default_rng([seed, loops])
     while True:
         path = folder / f"machine_{seed}_{loops}.xml"
-        path.write_text(Drawing(rng).file(loops))
+        path.write_text(Drawing(rng, most).file(loops))
         twin = Twin(mujoco, path, seed)
         twin.pose(0.3 if loops else 1.0)
         if twin.is_regular:
@@ -355,7 +356,8 @@ def largest_deviation(mujoco, path, seconds=1.0, step=2e-4):
         points = {k: robot.bodies[names[k].replace(" ", "_")].point(*PLACE) for k in counted}
         outputs = {f"{x}{k}": getattr(point, x) for k, point in points.items() for x in "xyz"}
         run = mb.simulate(
-            mb.Scene(mb.System(*robot.elements), robot.start, [0.0, seconds], outputs), mb.DormandPrince(rtol=1e-10, atol=1e-10)
+            mb.Scene(mb.System(*robot.elements), robot.start, [0.0, seconds], outputs),
+            mb.DormandPrince(rtol=1e-10, atol=1e-10),
         )
     mujoco.mj_forward(m, d)
     first = places(d)

@@ -1,5 +1,6 @@
 """Machines from MJCF files, which the package mujoco reads and compiles: their bodies and joints."""
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import replace as with_changes
 from pathlib import Path
@@ -78,31 +79,38 @@ def load_mjcf(
     if not isinstance(path, str | Path):
         raise DeclarationError(f"load_mjcf: expected the path of a file, got {shown(path)}.")
     require_stop("load_mjcf", stop)
-    source, name = _compiled(Path(path))
+    source, name, said = _compiled(Path(path))
     description = _description(source, name)
     building = Building(description, replaced(description, replace, stop, "Give it a joint in the file."), True, stop)
     robot = building.robot()
     more = MjcfElements(source, building, robot.joints)
     elements = (*robot.elements, *more.all())
     start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
-    warn_of(left_out(source, stop is not None), f"load_mjcf {path}: left out are")
+    warn_of([*left_out(source, stop is not None), *said], f"load_mjcf {path}")
     return with_changes(robot, elements=elements, start=start)
 
 
-def _compiled(path: Path) -> tuple[MjcfModel, str]:
-    """MuJoCo's model of a file, and its name."""
+def _compiled(path: Path) -> tuple[MjcfModel, str, list[str]]:
+    """MuJoCo's model of a file, its name, and what MuJoCo warns of."""
     mujoco = optional_package("mujoco", "load_mjcf", "mjcf")
     if path.suffix.lower() == ".urdf":
         raise DeclarationError(f"{path}: this is a URDF file. Use load_urdf.")
     if not path.is_file():
         raise DeclarationError(f"{path}: this file cannot be read (there is no such file).")
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        model = spec.compile()
-    except Exception as error:  # of a parser and a compiler in C++
-        text = ", ".join(line.strip(" .") for line in str(error).splitlines() if line.strip())
-        raise DeclarationError(f"{path}: MuJoCo cannot read this file ({text}).") from None
-    return MjcfModel(model, mujoco, path), path.stem if spec.modelname == _UNNAMED else spec.modelname
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            spec = mujoco.MjSpec.from_file(str(path))
+            model = spec.compile()
+        except Exception as error:  # of a parser and a compiler in C++
+            raise DeclarationError(f"{path}: MuJoCo cannot read this file ({_line(error)}).") from None
+    name = path.stem if spec.modelname == _UNNAMED else spec.modelname
+    return MjcfModel(model, mujoco, path), name, [f"MuJoCo says: {_line(warning.message)}." for warning in caught]
+
+
+def _line(text: object) -> str:
+    """What MuJoCo says in several lines, in one."""
+    return ", ".join(line.strip(" .") for line in str(text).splitlines() if line.strip())
 
 
 def _description(source: MjcfModel, name: str) -> Description:

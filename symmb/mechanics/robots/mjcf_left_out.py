@@ -15,7 +15,7 @@ _MOST = 6
 def left_out(source: MjcfModel, has_stops: bool) -> list[str]:
     """One sentence that lists it; empty if nothing is left out."""
     found = [*_of_joints(source, has_stops), *_of_tendons(source), *_of_actuators(source), *_of_the_rest(source)]
-    return ["; ".join(found) + "."] if found else []
+    return [f"Left out are: {'; '.join(found)}."] if found else []
 
 
 def _listed(what: str, names: list[str], where: Iterable[Any]) -> Iterator[str]:
