@@ -164,7 +164,7 @@ def test_limits_act_on_request(tmp_path):
 
 
 LEFT_OUT = {
-    "contacts": ('<geom type="plane" size="1 1 1"/><body name="a"><freejoint/><geom size="1"/></body>', "", "contacts."),
+    "contacts": ('<geom type="plane" size="1 1 1"/><body><freejoint/><geom size="1"/></body>', "", "contacts."),
     "a ball's spring": (f'<body><joint type="ball" name="k" stiffness="1"/>{ROD}</body>', "", "free joints (k)"),
     "fluid": (f"<body><joint/>{ROD}</body>", '<option density="1"/>', "forces of the fluid"),
     "a muscle": (
@@ -248,7 +248,8 @@ def test_a_second_of_a_machine_with_tendons_servos_and_filters(tmp_path):
     )
     outside = (
         '<tendon><spatial name="rope" stiffness="40" damping="1" springlength="0.5 0.8"><site site="s"/>'
-        '<site site="t"/></spatial></tendon><actuator><position name="m" joint="l" kp="3" kv="0.2" timeconst="0.1"/></actuator>'
+        '<site site="t"/></spatial></tendon><actuator>'
+        '<position name="m" joint="l" kp="3" kv="0.2" timeconst="0.1"/></actuator>'
     )
     assert largest_deviation(mujoco, write(tmp_path, inside, outside)) < 1e-6
 
