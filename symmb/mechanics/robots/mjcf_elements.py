@@ -52,6 +52,8 @@ def actuator_fault(source: MjcfModel, actuator: int) -> str:
     for what, (enum, kinds, known) in laws.items():
         if (kind := source.kind(enum, kinds[actuator])) not in known:
             return f"its {what} is {kind.lower()}"
+    if source.kind("mjtDyn", m.actuator_dyntype[actuator]).startswith("FILTER") and m.actuator_dynprm[actuator, 0] <= 0:
+        return "its time constant is not above 0"
     if int(m.opt.disableactuator) >> int(m.actuator_group[actuator]) & 1 or not source.acts("ACTUATION"):
         return "it is switched off"
     return ""
