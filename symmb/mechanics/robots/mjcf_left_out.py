@@ -81,9 +81,7 @@ def _of_the_rest(source: MjcfModel) -> Iterator[str]:
     faults = [equality_fault(source, k) for k in range(m.neq)]
     for fault in dict.fromkeys(filter(None, faults)):
         yield from _listed(f"equality constraints, as {fault}", source.equalities, [own == fault for own in faults])
-    meeting = (m.geom_contype[:, None] & m.geom_conaffinity) != 0
-    apart = m.body_weldid[m.geom_bodyid][:, None] != m.body_weldid[m.geom_bodyid]
-    if source.acts("CONTACT") and source.acts("CONSTRAINT") and ((meeting & apart).any() or m.npair):
+    if source.acts("CONTACT") and source.acts("CONSTRAINT") and (_may_touch(source) or m.npair):
         yield "contacts"
     if m.opt.density or m.opt.viscosity:
         yield "forces of the fluid"
@@ -92,3 +90,13 @@ def _of_the_rest(source: MjcfModel) -> Iterator[str]:
     for what, count in (("flexible parts", m.nflex), ("plugins", m.nplugin)):
         if count:
             yield what
+
+
+def _may_touch(source: MjcfModel) -> bool:
+    """Whether MuJoCo looks for contacts of two bodies: not of one with its parent, unless that is the world."""
+    m = source.model
+    body = m.body_weldid[m.geom_bodyid]
+    parent = m.body_weldid[m.body_parentid[body]]
+    carried = (parent[:, None] == body) & (body != 0) & source.acts("FILTERPARENT")
+    meeting = (m.geom_contype[:, None] & m.geom_conaffinity) != 0
+    return bool((meeting & (body[:, None] != body) & ~(carried | carried.T)).any())
