@@ -21,7 +21,7 @@ from symmb.mechanics.force import Bushing
 from symmb.mechanics.friction import Coulomb
 from symmb.mechanics.geometry import Box3, Cylinder, Geometry, Mesh, Sphere
 from symmb.mechanics.joint import PlanarJoint, Prismatic, Revolute, Spherical
-from symmb.mechanics.pose import Planar, Spatial
+from symmb.mechanics.pose import Spatial
 from symmb.mechanics.robots.algebra import (
     NO_TURN,
     Scalar,
@@ -376,7 +376,7 @@ class Building:
 
 def _rotor(name: str, rate: ca.SX, armature: Scalar) -> Iterator[Body | Element]:
     """A disc on the ground that turns at the rate of a joint, so that its inertia acts on that alone."""
-    rotor = Body(f"{name}:rotor", 0.0, armature, Planar())  # gravity does not act on it
+    rotor = Body(f"{name}:rotor", armature, (armature,) * 3, Spatial())
     yield rotor
     yield Revolute(f"{name}:bearing", Ground().point(0, 0, 0), rotor.point(0, 0, 0))
-    yield VelocityConstraint(f"{name}:armature", (rotor.omega - rate,))
+    yield VelocityConstraint(f"{name}:armature", (rotor.omega[2] - rate,))
