@@ -13,7 +13,7 @@ from symmb._options import is_finite_number, is_real, shown
 from symmb._types import Expr
 from symmb.mechanics.actuator import Actuator, Stop
 from symmb.mechanics.axis_joint import AxisJoint, Joint
-from symmb.mechanics.body import AbstractBody, Body, Ground, Point
+from symmb.mechanics.body import AbstractBody, Body, Flywheel, Ground, Point
 from symmb.mechanics.constraint import Motion, VelocityConstraint
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Element
@@ -376,7 +376,7 @@ class Building:
 
 def _rotor(name: str, rate: ca.SX, armature: Scalar) -> Iterator[Body | Element]:
     """A disc on the ground that turns at the rate of a joint, so that its inertia acts on that alone."""
-    rotor = Body(f"{name}:rotor", armature, (armature,) * 3, Spatial())
+    rotor = Flywheel(f"{name}:rotor", armature, (armature,) * 3, Spatial())
     yield rotor
     yield Revolute(f"{name}:bearing", Ground().point(0, 0, 0), rotor.point(0, 0, 0))
     yield VelocityConstraint(f"{name}:armature", (rotor.omega[2] - rate,))
