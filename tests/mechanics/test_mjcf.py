@@ -267,3 +267,30 @@ def test_the_state_of_a_twin_is_not_trivial(tmp_path):
     twin.model.body_mass[1] *= 2
     mujoco.mj_forward(twin.model, twin.data)
     assert difference(twin) > 1e-3
+
+
+def test_a_tendon_that_another_one_leads(tmp_path):
+    """Lengths count from those in the pose of the file: l_1 - 1 = 0.5 (l_2 - 2 * 0.3)."""
+    a = f'<body name="a"><joint name="x" type="slide" axis="1 0 0"/>{ROD}<site name="s" pos="1 0 0"/></body>'
+    b = f'<body name="b"><joint name="y" type="slide" axis="0 1 0" ref="0.3"/>{ROD}</body>'
+    rope = '<spatial name="rope"><site site="o"/><site site="s"/></spatial>'
+    both = f'{rope}<fixed name="sum"><joint joint="y" coef="2"/></fixed>'
+    law = '<tendon tendon1="rope" tendon2="sum" polycoef="0 0.5 0 0 0"/>'
+    outside = f"<tendon>{both}</tendon><equality>{law}</equality>"
+    robot = mb.load_mjcf(write(tmp_path, f'<site name="o" pos="0 0 0"/>{a}{b}', outside))
+    moved, system = robot.joints["x"].displacement, mb.System(*robot.elements)
+    scene = mb.Scene(system, {"y.displacement": 0.7}, outputs={"x": moved}, guess={"x.displacement": 0.1})
+    assert_allclose(mb.simulate(scene)["x"], 0.5 * 2 * 0.4, rtol=1e-9)
+
+
+def test_a_tendon_is_slack_between_two_lengths(tmp_path):
+    body = f'<body name="a"><joint name="x" type="slide" axis="1 0 0"/>{ROD}<site name="s"/></body>'
+    rope = '<spatial name="rope" stiffness="6" springlength="0 1.5"><site site="o"/><site site="s"/></spatial>'
+    path = write(tmp_path, f'<site name="o" pos="-1 0 0"/>{body}', f"<tendon>{rope}</tendon>")
+    p = mb.Parameters(k=6.0, far=1.5)
+    for replace in ({}, {"rope.stiffness": p.k, "rope.springlength.upper": p.far}):
+        robot = mb.load_mjcf(path, replace=replace)
+        for x, force in ((0.2, 0.0), (0.9, -6 * 0.4)):
+            rate = robot.joints["x"].displacement_rate
+            found = value(robot, lambda s, rate=rate: s.ddt(rate), {"x.displacement": x}, p if replace else None)
+            assert_allclose(found, force / 2, rtol=1e-12, atol=1e-15)

@@ -222,12 +222,11 @@ class MjcfElements:
         lower, upper = (self.values[f"{name}.springlength.{end}"] for end in ("lower", "upper"))
         if is_nought(stiffness) and is_nought(damping):
             return
-        length, force = self._tendon_length(tendon), ca.SX(0)
-        if (not is_nought(stiffness) and lower is upper) or (isinstance(lower, float) and lower == upper):
-            force = -stiffness * (length.value - lower)
-        elif not is_nought(stiffness):  # between the two lengths it is slack
-            force = stiffness * (ca.fmax(lower - length.value, 0) - ca.fmax(length.value - upper, 0))
-        yield from length.push(f"{name}:tendon", force - damping * length.rate)
+        length = self._tendon_length(tendon)
+        stretch = length.value - upper
+        if isinstance(lower, ca.SX) or isinstance(upper, ca.SX) or lower != upper:  # it is slack in between
+            stretch = ca.fmax(stretch, 0) - ca.fmax(lower - length.value, 0)
+        yield from length.push(f"{name}:tendon", -stiffness * stretch - damping * length.rate)
 
     def _actuator(self, actuator: int, name: str) -> Iterator[Element]:
         m, values = self.source.model, self.values
