@@ -5,7 +5,7 @@ Declare bodies, joints and forces; symmb derives the equations, compiles, simula
 by subject:
 
 Models
-    Parameters, Box, System, Scene, State, t, ddt, initial, load_urdf, compile_dae
+    Parameters, Box, System, Scene, State, t, ddt, initial, load_urdf, load_mjcf, compile_dae
 Bodies
     Body, Ground, Planar, Spatial, Particle, rotation, FlexibleBody, Beam, FiniteElements, Modes, Material, Section
 Shapes of bodies in drawings

@@ -112,6 +112,8 @@ from .mechanics.parameter import Parameters as Parameters
 from .mechanics.pose import Particle as Particle
 from .mechanics.pose import Planar as Planar
 from .mechanics.pose import Spatial as Spatial
+from .mechanics.robots.mjcf_file import load_mjcf as load_mjcf
+from .mechanics.robots.urdf_file import load_urdf as load_urdf
 from .mechanics.rope import Rope as Rope
 from .mechanics.rotation import rotation as rotation
 from .mechanics.sampled import Sampled as Sampled
@@ -121,7 +123,6 @@ from .mechanics.shape_contact import SlotContact as SlotContact
 from .mechanics.shape_contact import SphereContact as SphereContact
 from .mechanics.state import State as State
 from .mechanics.table import Table as Table
-from .mechanics.urdf import load_urdf as load_urdf
 from .model.box import Box as Box
 from .model.compilation import compile_dae as compile_dae
 from .model.scene import Scene as Scene

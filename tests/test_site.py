@@ -23,6 +23,8 @@ QUESTIONS = [
     ("How do I save results to csv?", "save results csv", "results"),
     ("Which solver should I choose?", "choose solver", "solvers"),
     ("How do I read a URDF?", "urdf", "urdf"),
+    ("How do I read a model of MuJoCo?", "mujoco", "mjcf"),
+    ("How do I take matrices of Nastran?", "nastran", "flexible"),
     ("Assembly fails, what now?", "assembly fails", "starting"),
     ("How do I make a motor?", "motor joint", "joints"),
     ("How do I bound an FMU?", "fmu bounds", "fmus"),

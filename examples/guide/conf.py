@@ -73,7 +73,7 @@ def answers(site: str) -> bool:
 intersphinx_mapping = {name: (site, None) for name, site in OTHERS.items() if answers(site)}
 
 GROUPS = {
-    "Models": "declaring starting",
+    "Models": "declaring urdf mjcf starting",
     "Bodies": "declaring flexible",
     "Shapes of bodies in drawings": "drawing",
     "Joints, motors, stops": "joints drives",

@@ -9,7 +9,7 @@ import numpy as np
 import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._types import Expr
-from symmb.mechanics.urdf import Robot
+from symmb.mechanics.robots import Robot
 
 _TIMES = np.linspace(0.0, 2.0, 201)
 """Output times [s]: a fall from rest takes an arm about half a second."""

@@ -12,7 +12,7 @@ from symmb.drawing.elements import GUIDE, Build, sketch
 from symmb.drawing.geometry import shapes_of_bodies
 from symmb.drawing.shapes import Drawing, Shape
 from symmb.drawing.survey import Survey
-from symmb.mechanics import Element, Gravity, Joint, OwnState, Planar, Point
+from symmb.mechanics import Body, Element, Flywheel, Gravity, Joint, OwnState, Planar, Point
 from symmb.plot import labels
 from symmb.simulation import Trajectory
 
@@ -41,14 +41,15 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     rows = _pictures(len(run.t), also)
     run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
     survey = Survey(run, scene)
-    elements = scene.system.elements
+    elements = [element for element in scene.system.elements if not _is_unseen(element)]
     sketches = [
         (element, sketch(survey.acting(element), survey)) for element in elements if isinstance(element, Element)
     ]
     gravity = next((survey.ask([e.gx, e.gy, e.gz]) for e in elements if isinstance(e, Gravity)), None)
     given = shapes_of_bodies(survey, elements)
     of = {id(own.body): own for own in given}
-    bodies = [BodySketch(body, str(i), survey, of.get(id(body))) for i, body in enumerate(scene.system.bodies)]
+    seen = [body for body in scene.system.bodies if not _is_unseen(body)]
+    bodies = [BodySketch(body, str(i), survey, of.get(id(body))) for i, body in enumerate(seen)]
     traced = None if point is None else survey.place(point)
     survey.evaluate()
     g = np.zeros(3) if gravity is None else gravity.first
@@ -79,6 +80,11 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
             *(note for own in given for note in own.notes),
         ),
     )
+
+
+def _is_unseen(part: Body | Element) -> bool:
+    """Whether it is a flywheel, or belongs to one."""
+    return any(isinstance(body, Flywheel) for body in ([part] if isinstance(part, Body) else part.bodies()))
 
 
 def _pictures(count: int, also: Sequence[int]) -> Indices:

@@ -5,7 +5,7 @@ All are frozen values; equations are derived in `model`.
 
 from symmb.mechanics.actuator import Actuator, JointForce, Stop
 from symmb.mechanics.axis_joint import AxisJoint, Joint
-from symmb.mechanics.body import AbstractBody, Body, Ground, Inertial, Point, as_matrix, inertia_matrix
+from symmb.mechanics.body import AbstractBody, Body, Flywheel, Ground, Inertial, Point, as_matrix, inertia_matrix
 from symmb.mechanics.clutch import Clutch, Sticks, Struck
 from symmb.mechanics.constraint import Constraint, Motion
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact

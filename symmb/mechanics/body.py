@@ -158,6 +158,10 @@ class Body(AbstractBody):
         return Inertial(ca.sparsify(S.T @ ca.diagcat(mass, mass, mass, J) @ S), gyroscopic)
 
 
+class Flywheel(Body):
+    """A body that stands for the inertia of a drive. It is nowhere in the mechanism, and is not drawn."""
+
+
 @dataclass(frozen=True, eq=False)
 class Inertial:
     """The contribution of a body to the equations of motion.

@@ -18,7 +18,7 @@ from symmb.structures.flexibility import Flexibility
 from symmb.structures.foreshortening import foreshortening
 from symmb.structures.inertia_invariants import Shapes, cleaned, rigid_inertia
 from symmb.structures.mass_samples import MassSamples, Sparse, at_nodes, joined, rigid_motions
-from symmb.structures.matrices import checked, lumped, read
+from symmb.structures.matrices import checked, loaded, lumped
 from symmb.structures.mode_reduction import chosen, reduced
 from symmb.structures.modes import Modes, nearest
 from symmb.structures.reduced_basis import spanning
@@ -121,34 +121,39 @@ class FiniteElements:
     @classmethod
     def matrices(
         cls,
-        positions: npt.ArrayLike,
+        positions: npt.ArrayLike | str | PathLike[str],
         K: Sparse | str | PathLike[str] | list[tuple[Expr, Sparse | str | PathLike[str]]],
         M: Sparse | str | PathLike[str] | list[tuple[Expr, Sparse | str | PathLike[str]]],
         at: Mapping[str, Any] | None = None,
     ) -> "FiniteElements":
         """A structure from another program: node positions (k, 3) [m], stiffness and mass matrix.
 
-        The matrices are arrays, SciPy sparse matrices or the paths of Matrix Market files, of size 3 k or 6 k, in the
-        order that the class states, of the body free in space. Mass, centre of mass, inertia, S and G0 follow from M;
-        the parts of first and second order in the deformation (J1, J2, G1) follow from node masses, the row sums of M.
-        With parameters, K and M are sums: lists of pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)],
-        and `at` gives values as in `beams`.
+        The matrices are arrays, SciPy sparse matrices or the paths of files, of size 3 k or 6 k, in the order that the
+        class states, of the body free in space. Files are Matrix Market, or Nastran's DMIG in text (.pch, .bdf, .dat,
+        .nas): the only matrix of the file, or that whose name begins with K or M. Positions are an array, or the path
+        of a mesh, whose nodes are in the order of the matrices: the cards GRID of Nastran, of the nodes that the
+        matrices have by their numbers, or any file that the package meshio reads, if it is installed.
+
+        Mass, centre of mass, inertia, S and G0 follow from M; the parts of first and second order in the deformation
+        (J1, J2, G1) follow from node masses, the row sums of M. With parameters, K and M are sums: lists of pairs
+        (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)], and `at` gives values as in `beams`.
 
         Raises
         ------
         DeclarationError
-            If a matrix is not of that size, not symmetric or not positive, or if rigid motions have strain energy.
+            If a matrix is not of that size, not symmetric or not positive, if rigid motions have strain energy, or if
+            a file has a fault.
         """
-        nodes = numbers(positions, "FiniteElements.matrices", "positions", ("k", 3))
         owner = "FiniteElements.matrices"
-        sums = [
-            [(c, read(A, name, len(nodes))) for c, A in _pairs(given, name)] for name, given in (("K", K), ("M", M))
-        ]
+        pairs = {"K": _pairs(K, "K"), "M": _pairs(M, "M")}
+        nodes, matrices = loaded(positions, {name: [A for _, A in some] for name, some in pairs.items()})
+        factors = [[c for c, _ in some] for some in pairs.values()]
         ranges = Ranges.given(at, owner)
-        factors = [ranges.values([c for c, _ in some], ranges.points([]), owner)[0] for some in sums]
-        stiffness, mass = (summed(c, [A for _, A in some]) for c, some in zip(factors, sums, strict=True))
+        nominal = [ranges.values(some, ranges.points([]), owner)[0] for some in factors]
+        stiffness, mass = (summed(c, some) for c, some in zip(nominal, matrices, strict=True))
         checked(nodes, stiffness, mass)
-        terms = Terms(ranges, tuple((c, A) for c, A in sums[0]), tuple((c, A, lumped(nodes, A)) for c, A in sums[1]))
+        of_K, of_M = (zip(c, some, strict=True) for c, some in zip(factors, matrices, strict=True))
+        terms = Terms(ranges, tuple(of_K), tuple((c, A, lumped(nodes, A)) for c, A in of_M))
         return cls(nodes, stiffness, mass, lumped(nodes, mass), terms=terms)
 
     @property

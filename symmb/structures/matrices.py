@@ -1,19 +1,74 @@
 """Stiffness and mass matrices from other programs: reading, checks, lumped masses."""
 
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from os import PathLike
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from symmb._errors import DeclarationError, FileError
+from symmb._options import optional_package
 from symmb._types import Array
 from symmb.files import told
 from symmb.structures.eigenmodes import INDEFINITE, definite
 from symmb.structures.mass_samples import MassSamples, Sparse, at_nodes, rigid_motions
+from symmb.structures.nastran import Matrix, is_nastran, read_dmig, read_grids
 from symmb.structures.validation import numbers
 
 OWNER = "FiniteElements.matrices"
 ASYMMETRY, STRAIN = 1e-8, 1e-6
 """Asymmetry, and strain under rigid motions, over the largest entries, that the printed digits of a file may cause."""
+
+
+def loaded(
+    positions: npt.ArrayLike | str | PathLike[str], sources: dict[str, list[Any]]
+) -> tuple[Array, list[list[Sparse]]]:
+    """Positions (k, 3) of nodes, and the matrices of each name, from arrays or files.
+
+    The matrices of Nastran tell which nodes they have; these stand in the order of their numbers.
+    """
+    opened = {
+        name: [read_dmig(source, name) if is_nastran(source) else source for source in some]
+        for name, some in sources.items()
+    }
+    degrees = set[tuple[int, int]]().union(
+        *(source.degrees for some in opened.values() for source in some if isinstance(source, Matrix))
+    )
+    numbered = sorted({node for node, _ in degrees})
+    nodes = _positions(positions, numbered)
+    per_node = 6 if any(part > 3 for _, part in degrees) else 3
+    if numbered and len(nodes) != len(numbered):
+        raise DeclarationError(f"{OWNER}: positions has {len(nodes)} nodes, but the matrices have {len(numbered)}.")
+    ready = [
+        [read(A.sparse(numbered, per_node) if isinstance(A, Matrix) else A, name, len(nodes)) for A in some]
+        for name, some in opened.items()
+    ]
+    return nodes, ready
+
+
+def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int]) -> Array:
+    """Positions (k, 3): an array, or the nodes of a mesh, those of some numbers of a file of Nastran."""
+    if not isinstance(source, str | PathLike):
+        return numbers(source, OWNER, "positions", ("k", 3))
+    if is_nastran(source):
+        grids = read_grids(source)
+        missing = [node for node in numbered if node not in grids]
+        if missing:
+            raise DeclarationError(f"{OWNER}: the matrices have a node {missing[0]}, for which {source} has no GRID.")
+        return numbers([grids[node] for node in numbered or sorted(grids)], OWNER, "positions", ("k", 3))
+    meshio = optional_package("meshio", f"{OWNER} with a file of a mesh", "fe")
+    with told(source, "read"):
+        open(source, "rb").close()
+    try:
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+            points = np.asarray(meshio.read(source).points, dtype=float)
+    except (Exception, SystemExit):  # of readers of many formats, one of which ends the program
+        raise DeclarationError(f"{OWNER}: positions: meshio cannot read {source}.") from None
+    if points.ndim == 2 and points.shape[1] == 2:
+        points = np.column_stack([points, np.zeros(len(points))])
+    return numbers(points, OWNER, f"positions of {source}", ("k", 3))
 
 
 def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:

@@ -68,6 +68,7 @@ OF_OWNER: dict[str, dict[str, Any]] = {
     "System.reaction": {"name": "hinge"},
     "Parameters.__getitem__": {"name": "l"},
     "load_urdf": {"path": "arm.urdf"},
+    "load_mjcf": {"path": "arm.xml"},
     "Rotation.__matmul__": {"other": mb.rotation(axis=(0, 0, 1), angle=0.1)},
     "FiniteElements.modes": {"clamped": 0, "count": 2},
 }

@@ -249,6 +249,7 @@ FILES = {
     "number.py": "def scene():\n    return 3\n",
     "list.py": "scene = []\n",
     "arm.urdf": (Path(__file__).parents[1] / "data" / "urdf" / "branch.urdf").read_text(encoding="utf-8"),
+    "arm.xml": '<mujoco><worldbody><body name="arm"><joint name="elbow"/><geom size="0.1"/></body></worldbody></mujoco>',
     "part.stl": "solid part facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet endsolid",
     "robot.urdf": '<robot name="r"><link name="a b"/><link name="\x01"/></robot>',
     "odd.urdf": '<robot name="r"><link name="&#x202E;"/><link name="b"/><joint name="" type="revolute"><parent link="b"/><child link="&#x202E;"/></joint></robot>',

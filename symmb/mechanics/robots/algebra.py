@@ -59,6 +59,15 @@ def product(A: Matrix, B: Matrix) -> Matrix:
     return tuple(tuple(dot(row, column) for column in columns) for row in A)
 
 
+def unit(a: Vector) -> Vector:
+    """a over its length."""
+    squared = dot(a, a)
+    if squared == 1.0:
+        return a
+    length = ca.sqrt(squared) if isinstance(squared, ca.SX) else math.sqrt(squared)
+    return tuple(x / length for x in a)
+
+
 def by_angles(rpy: Vector) -> Vector:
     """The quaternion of turns by roll, pitch and yaw [rad] about the fixed axes x, y and z, one after the other."""
     (cr, sr), (cp, sp), (cy, sy) = map(_cos_and_sin, rpy)
@@ -68,6 +77,23 @@ def by_angles(rpy: Vector) -> Vector:
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
     )
+
+
+def about(axis: Vector, angle: Scalar) -> Vector:
+    """The quaternion of the turn by an angle [rad] about an axis."""
+    c, s = _cos_and_sin(angle)
+    return (c, *(s * x for x in unit(axis)))
+
+
+def angles(e: Vector) -> tuple[float, ...]:
+    """Roll, pitch and yaw [rad] of a unit quaternion of numbers, as `by_angles` takes them.
+
+    Roll follows from the yaw that was chosen, so that their turns belong together where only their sum is determined.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, _, _) = (map(float, row) for row in matrix(e))
+    yaw = math.atan2(yx, xx)
+    c, s = math.cos(yaw), math.sin(yaw)
+    return math.atan2(s * xz - c * yz, c * yy - s * xy), math.atan2(-zx, math.hypot(xx, yx)), yaw
 
 
 def _cos_and_sin(angle: Scalar) -> tuple[Scalar, Scalar]:
@@ -86,6 +112,12 @@ def one_after(a: Vector, b: Vector) -> Vector:
         aw * by - ax * bz + ay * bw + az * bx,
         aw * bz + ax * by - ay * bx + az * bw,
     )
+
+
+def conjugate(e: Vector) -> Vector:
+    """The quaternion of the turn back."""
+    w, x, y, z = e
+    return (w, -x, -y, -z)
 
 
 def matrix(e: Vector) -> Matrix:

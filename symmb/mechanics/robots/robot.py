@@ -1,31 +1,32 @@
-"""Bodies, joints and forces of a machine that stands in a URDF file."""
+"""Bodies, joints and forces of a machine that stands in a file."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number, is_real, require_truth, shown
+from symmb._options import is_finite_number, is_real, shown
 from symmb._types import Expr
 from symmb.mechanics.actuator import Actuator, Stop
-from symmb.mechanics.axis_joint import AxisJoint
-from symmb.mechanics.body import AbstractBody, Body, Ground, Point
-from symmb.mechanics.constraint import Motion
+from symmb.mechanics.axis_joint import AxisJoint, Joint
+from symmb.mechanics.body import AbstractBody, Body, Flywheel, Ground, Point
+from symmb.mechanics.constraint import Motion, VelocityConstraint
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Element
+from symmb.mechanics.force import Bushing
 from symmb.mechanics.friction import Coulomb
 from symmb.mechanics.geometry import Box3, Cylinder, Geometry, Mesh, Sphere
-from symmb.mechanics.joint import PlanarJoint, Prismatic, Revolute
+from symmb.mechanics.joint import PlanarJoint, Prismatic, Revolute, Spherical
 from symmb.mechanics.pose import Spatial
-from symmb.mechanics.urdf.algebra import (
+from symmb.mechanics.robots.algebra import (
     NO_TURN,
     Scalar,
     Vector,
+    about,
     add,
     by_angles,
     is_nought,
@@ -36,10 +37,20 @@ from symmb.mechanics.urdf.algebra import (
     rotation,
     transposed,
     turned,
+    unit,
 )
-from symmb.mechanics.urdf.description import SLIDING, TURNING, Description, JointData, inertia_fault, read_description
-from symmb.mechanics.urdf.inertia import Mass, united
-from symmb.mechanics.urdf.mesh_path import mesh_path
+from symmb.mechanics.robots.description import (
+    ENTRIES,
+    RPY,
+    SLIDING,
+    TURNING,
+    XYZ,
+    Description,
+    JointData,
+    inertia_fault,
+)
+from symmb.mechanics.robots.inertia import Mass, united
+from symmb.mechanics.robots.mesh_path import mesh_path
 from symmb.symbolic import is_sympy, scalar, vector
 
 _TRANSITION = 0.01
@@ -48,7 +59,8 @@ to Coulomb's law, and stiffer."""
 Place: TypeAlias = "tuple[Vector, Vector]"
 """Origin (3,) [m] and quaternion (4,) of a frame."""
 _ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
-_JOINTS = dict.fromkeys(TURNING, Revolute) | dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
+_JOINTS: dict[str, type[AxisJoint]] = dict.fromkeys(TURNING, Revolute)
+_JOINTS |= dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
 
 
 class _LinkMesh(Mesh):
@@ -98,7 +110,7 @@ class _ByName(dict[str, Any]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """A machine from a URDF file, as `load_urdf` returns it.
+    """A machine from a file, as `load_urdf` and `load_mjcf` return it.
 
     Attributes
     ----------
@@ -106,9 +118,10 @@ class Robot:
     numbers : dict         every number of the file by name, in SI units
     bodies : dict          link -> `Body`, `Ground`, or `LinkFrame` of a link that fixed joints hold; `.point(x, y, z)`
                            counts from the link's origin in its axes
-    joints : dict          joint -> `Revolute`, `Prismatic` or `PlanarJoint`. Its angle or displacement is the file's
-    elements : tuple       all that goes into a `System`: bodies, joints, damping, friction, mimic joints, stops
-    start : dict           the zero pose of the file, for `Scene(start=...)` or `guess=`
+    joints : dict          joint -> `Revolute`, `Prismatic`, `PlanarJoint` or `Spherical`. Its angle or displacement is
+                           the one of the file
+    elements : tuple       all that goes into a `System`: bodies, joints, forces and whatever else the file says
+    start : dict           the pose in which the file draws the machine, for `Scene(start=...)` or `guess=`
     """
 
     name: str
@@ -130,73 +143,26 @@ class Robot:
         return f"Robot({self.name!r}: {text}{idle})"
 
 
-def load_urdf(
-    path: str | Path,
-    *,
-    replace: Mapping[str, Expr] | None = None,
-    fixed_base: bool = True,
-    stop: ContactLaw | float | None = None,
-) -> Robot:
-    """A machine from a URDF file.
+def require_stop(owner: str, stop: object) -> None:
+    """DeclarationError unless it is None, a contact law or one number."""
+    if stop is not None and not isinstance(stop, ContactLaw) and not is_sympy(stop):
+        scalar(stop, f"{owner}: stop, a contact law or a coefficient of restitution")
 
-    Links become bodies in space, and those that fixed joints hold together become one. Revolute, continuous, prismatic
-    and planar joints become `Revolute`, `Prismatic` and `PlanarJoint`; a floating joint leaves its link free. Damping
-    is linear. Dry friction is Coulomb's law, smooth below a rate of 0.01 rad/s or m/s. A mimic joint is a row between
-    two joint values. Gravity is not in the file: put a `Gravity` beside the elements.
+
+def replaced(
+    description: Description, replace: Mapping[str, Expr] | None, stop: object, fixed: str | None
+) -> dict[str, Scalar]:
+    """All numbers of a file, some of which are replaced.
 
     Parameters
     ----------
-    path : str or Path
-    replace : mapping
-        name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are "forearm.mass",
-        "forearm.com.x" (.y .z .roll .pitch .yaw), "forearm.inertia.xx" (.xy ...), "elbow.origin.x" (.y .z .roll .pitch
-        .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper), "elbow.damping", "elbow.friction", "elbow.mimic.multiplier"
-        (.offset)
-    fixed_base : bool
-        whether the link that carries the others stands still; else it moves freely
-    stop : ContactLaw
-        or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each; None: limits do not
-        act. Equal lower and upper limits do not act either
-
-    Returns
-    -------
-    Robot
+    fixed : str            what a user may do to move a base that stands still; None if the base is free
 
     Raises
     ------
-    DeclarationError
-        for each fault of the file a sentence that names line and element; unknown names in `replace`
-
-    Examples
-    --------
-    >>> import symmb as mb, tempfile, pathlib
-    >>> file = pathlib.Path(tempfile.mkdtemp()) / "pendulum.urdf"
-    >>> _ = file.write_text('''<robot name="pendulum"> <link name="wall"/>
-    ...     <link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
-    ...     <inertia ixx="0" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
-    ...     <joint name="hinge" type="continuous"><parent link="wall"/><child link="rod"/><axis xyz="0 1 0"/></joint>
-    ...     </robot>''')
-    >>> p = mb.Parameters(m=3.0)
-    >>> robot = mb.load_urdf(file, replace={"rod.mass": p.m})
-    >>> system = mb.System(*robot.elements, mb.Gravity(0, 0, -9.81), parameters=p)
-    >>> scene = mb.Scene(system, robot.start, [0.0, 0.1], {"angle": robot.joints["hinge"].angle})
-    >>> float(mb.simulate(scene)["angle"][-1].round(4))
-    0.0865
+    DeclarationError       for each replacement that is not possible, a sentence
     """
-    if not isinstance(path, str | Path):
-        raise DeclarationError(f"load_urdf: expected the path of a file, got {shown(path)}.")
-    if stop is not None and not isinstance(stop, ContactLaw) and not is_sympy(stop):
-        scalar(stop, "load_urdf: stop, a contact law or a coefficient of restitution")
-    require_truth("load_urdf", "fixed_base", fixed_base)
     replace = {} if replace is None else replace
-    description = read_description(Path(path))
-    return _Building(description, _replaced(description, replace, fixed_base, stop), fixed_base, stop).robot()
-
-
-def _replaced(
-    description: Description, replace: Mapping[str, Expr], fixed_base: bool, stop: object
-) -> dict[str, Scalar]:
-    """All numbers of a file, some of which are replaced."""
     if not isinstance(replace, Mapping):
         raise DeclarationError(
             f'replace: expected {{"forearm.mass": p.m}}, expressions by names, got {shown(replace)}.'
@@ -204,13 +170,13 @@ def _replaced(
     faults: list[str] = []
     values: dict[str, Scalar] = dict(description.numbers)
     for name, value in replace.items():
-        fault = _idle_fault(description, name, fixed_base, stop) or _value_fault(name, value)
+        fault = _idle_fault(description, name, stop, fixed) or _value_fault(name, value)
         if fault:
             faults.append(f"replace: {fault}")
         else:
             values[name] = float(value) if is_real(value) else scalar(value, f"replace: {name!r}")
     for link in description.links:
-        entries = [values[f"{link}.inertia.{entry}"] for entry in ("xx", "xy", "xz", "yy", "yz", "zz")]
+        entries = [values[f"{link}.inertia.{entry}"] for entry in ENTRIES]
         numbers = tuple(entry for entry in entries if not isinstance(entry, ca.SX))
         fault = inertia_fault(numbers) if len(numbers) == len(entries) else ""
         if fault:
@@ -220,7 +186,7 @@ def _replaced(
     return values
 
 
-def _idle_fault(description: Description, name: str, fixed_base: bool, stop: object) -> str:
+def _idle_fault(description: Description, name: str, stop: object, fixed: str | None) -> str:
     """Why nothing would depend on a number, or empty."""
     if name not in description.numbers:
         return f"{description.name!r} has no number {name!r}.{did_you_mean(name, description.numbers)}"
@@ -229,8 +195,8 @@ def _idle_fault(description: Description, name: str, fixed_base: bool, stop: obj
         return f"nothing depends on {name!r}."
     if what == "limit" and stop is None:
         return f"nothing depends on {name!r}. Give stop=..., by which limits act."
-    if fixed_base and description.tops.get(owner) == description.root and what in ("mass", "com", "inertia"):
-        return f"nothing depends on {name!r}, as the base is fixed. Give fixed_base=False."
+    if fixed is not None and description.tops.get(owner) == description.root and what in ("mass", "com", "inertia"):
+        return f"nothing depends on {name!r}, as the base is fixed. {fixed}"
     return ""
 
 
@@ -245,7 +211,7 @@ def _value_fault(name: str, value: Any) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Building:
+class Building:
     """A description on its way to a robot. `values` has its numbers, some of which are replaced by expressions."""
 
     description: Description
@@ -253,13 +219,13 @@ class _Building:
     fixed_base: bool
     stop: ContactLaw | Expr | None
 
-    def vector(self, name: str, parts: tuple[str, ...] = ("x", "y", "z")) -> Vector:
+    def vector(self, name: str, parts: tuple[str, ...] = XYZ) -> Vector:
         """Numbers or expressions of one name."""
         return tuple(self.values[f"{name}.{part}"] for part in parts)
 
     def quaternion(self, name: str) -> Vector:
         """The rotation by roll, pitch and yaw of one name."""
-        return by_angles(self.vector(name, ("roll", "pitch", "yaw")))
+        return by_angles(self.vector(name, RPY))
 
     def carried(self, joint: JointData, place: Place) -> Place:
         """The place of the child of a joint at zero, from that of its parent."""
@@ -288,7 +254,7 @@ class _Building:
 
     def _mass(self, link: str) -> Mass:
         origin, e = self.places[link]
-        xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ("xx", "xy", "xz", "yy", "yz", "zz"))
+        xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ENTRIES)
         R = matrix(one_after(e, self.quaternion(f"{link}.com")))
         J = product(product(R, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), transposed(R))
         return Mass(self.values[f"{link}.mass"], add(origin, turned(matrix(e), self.vector(f"{link}.com"))), J)
@@ -311,24 +277,44 @@ class _Building:
         bodies, joints = _ByName(description.name, "link"), _ByName(description.name, "joint")
         for link, top in description.tops.items():
             bodies[link] = frames[link].body if link == top else frames[link]
-        joints.update({j.name: self._joint(j) for j in description.joints.values() if j.kind in _JOINTS})
+        joints.update({j.name: self._joint(j) for j in description.joints.values() if j.kind in (*_JOINTS, "ball")})
         elements: list[Body | Element] = [b for b in bodies.values() if isinstance(b, Body)]
         elements += joints.values()
         for joint in description.joints.values():
-            if joint.moves:
-                elements += self._forces(joint, joints)
+            elements += self._joint_forces(joint, joints) if joint.moves else self._damping(joint, joints)
         followers = {joint.name for joint in description.joints.values() if joint.mimic}
-        start = {f"{j.name}.{j.coordinate}": 0.0 for j in joints.values() if j.coordinate and j.name not in followers}
+        moving = [j for j in joints.values() if j.coordinate and j.name not in followers]
+        start = {f"{j.name}.{j.coordinate}": self.values.get(f"{j.name}.ref", 0.0) for j in moving}
         return Robot(description.name, description.numbers, bodies, joints, tuple(elements), start | self._free_start())
 
-    def _joint(self, joint: JointData) -> AxisJoint:
-        at, e = self.carried(joint, self.places[joint.parent])
-        axis = turned(matrix(e), self.vector(f"{joint.name}.axis"))
-        point_a = self.frames[joint.parent].body.point(*at)
-        return _JOINTS[joint.kind](joint.name, point_a, self.frames[joint.child].point(0, 0, 0), axis, zero=rotation(e))
+    def _joint(self, joint: JointData) -> Joint:
+        name, (at, e) = joint.name, self.carried(joint, self.places[joint.parent])
+        anchor = self.vector(f"{name}.pos") if f"{name}.pos.x" in self.values else (0.0, 0.0, 0.0)
+        base, at = self.frames[joint.parent].body, add(at, turned(matrix(e), anchor))
+        point_b = self.frames[joint.child].point(*anchor)
+        if joint.kind == "ball":
+            return Spherical(name, base.point(*at), point_b)
+        own = self.vector(f"{name}.axis")
+        axis, ref = turned(matrix(e), own), self.values.get(f"{name}.ref", 0.0)
+        if not is_nought(ref):  # the value that the joint has where the file draws it
+            if joint.kind in SLIDING:
+                at = add(at, tuple(-ref * x for x in unit(axis)))
+            else:
+                e = one_after(e, about(own, -ref))
+        return _JOINTS[joint.kind](name, base.point(*at), point_b, axis, zero=rotation(e))
 
-    def _forces(self, data: JointData, joints: Mapping[str, AxisJoint]) -> Iterator[Element]:
-        """Damping, friction, the row of a mimic joint, and a stop."""
+    def _damping(self, data: JointData, joints: Mapping[str, Any]) -> Iterator[Element]:
+        """Of a body that turns freely about a point, or moves freely."""
+        damping = self.values.get(f"{data.name}.damping", 0.0)
+        if not is_nought(damping):
+            if data.kind == "ball":
+                points = joints[data.name].point_a, joints[data.name].point_b
+            else:
+                points = self.frames[data.parent].point(0, 0, 0), self.frames[data.child].point(0, 0, 0)
+            yield Bushing(f"{data.name}:damping", *points, 0.0, damping, 0.0, damping)
+
+    def _joint_forces(self, data: JointData, joints: Mapping[str, AxisJoint]) -> Iterator[Body | Element]:
+        """Damping, friction, spring, the inertia of the drive, the row of a mimic joint, and a stop."""
         name, joint = data.name, joints[data.name]
         damping, friction = self.values[f"{name}.damping"], self.values[f"{name}.friction"]
         rate = getattr(joint, f"{joint.coordinate}_rate")
@@ -337,6 +323,12 @@ class _Building:
         if not is_nought(friction):
             force, _ = Coulomb(1.0, _TRANSITION).resistance(name, rate, ca.SX(friction))
             yield Actuator(f"{name}:friction", joint, force)
+        stiffness, armature = (self.values.get(f"{name}.{what}", 0.0) for what in ("stiffness", "armature"))
+        if not is_nought(stiffness):
+            value = getattr(joint, str(joint.coordinate))
+            yield Actuator(f"{name}:spring", joint, -stiffness * (value - self.values[f"{name}.springref"]))
+        if not is_nought(armature):
+            yield from _rotor(name, rate, armature)
         if data.mimic is not None:
             value, led = (getattr(j, str(j.coordinate)) for j in (joint, joints[data.mimic]))
             factor, offset = (self.values[f"{name}.mimic.{part}"] for part in ("multiplier", "offset"))
@@ -365,17 +357,26 @@ class _Building:
                     yield _LinkMesh(mesh_path(shape.mesh, self.description.path), shape.size, at, rotation(turn))
 
     def _free_start(self) -> dict[str, Any]:
-        """The zero pose of bodies that no joint carries."""
-        floating = {joint.child for joint in self.description.joints.values() if joint.kind == "floating"}
-        root = self.description.root
-        places: dict[str, Place] = {root: _ORIGIN}
+        """The pose of bodies that no joint carries, and the orientation of those on ball joints."""
+        kinds = {joint.child: joint.kind for joint in self.description.joints.values()}
+        places: dict[str, Place] = {self.description.root: _ORIGIN}
         start: dict[str, Any] = {}
         for joint in self.description.joints.values():
             places[joint.child] = self.carried(joint, places[joint.parent])
-        for link in (root, *floating):
-            body, (at, e) = self.frames[link].body, places[link]
-            if isinstance(body, Body):
+        for link, (at, e) in places.items():
+            body, kind = self.frames[link].body, kinds.get(link, "floating")
+            if kind not in ("floating", "ball") or not isinstance(body, Body):
+                continue
+            start[f"{body.name}.rotation"] = rotation(e)
+            if kind == "floating":
                 center = add(at, turned(matrix(e), body.com))
                 start |= {f"{body.name}.{x}": value for x, value in zip("xyz", center, strict=True)}
-                start[f"{body.name}.rotation"] = rotation(e)
         return start
+
+
+def _rotor(name: str, rate: ca.SX, armature: Scalar) -> Iterator[Body | Element]:
+    """A disc on the ground that turns at the rate of a joint, so that its inertia acts on that alone."""
+    rotor = Flywheel(f"{name}:rotor", armature, (armature,) * 3, Spatial())
+    yield rotor
+    yield Revolute(f"{name}:bearing", Ground().point(0, 0, 0), rotor.point(0, 0, 0))
+    yield VelocityConstraint(f"{name}:armature", (rotor.omega[2] - rate,))

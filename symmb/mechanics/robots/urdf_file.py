@@ -1,97 +1,117 @@
-"""What a URDF file says: its links, its joints, and every number by name. Nothing is built from it here."""
+"""Machines from URDF files: what such a file says."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Literal
-
-import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb.mechanics.urdf.document import Tag, read_document
+from symmb._options import require_truth, shown
+from symmb._types import Expr
+from symmb.mechanics.contact_law import ContactLaw
+from symmb.mechanics.robots.description import (
+    RPY,
+    SLIDING,
+    TURNING,
+    XYZ,
+    Description,
+    JointData,
+    LinkData,
+    ShapeData,
+    inertia_fault,
+    named,
+)
+from symmb.mechanics.robots.document import Tag, read_document
+from symmb.mechanics.robots.robot import Building, Robot, replaced, require_stop
 
-TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
-"""Types of joints that have an angle, and those that have a displacement."""
 _TYPES = (*TURNING, *SLIDING, "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
 """Types of joints that must have limits."""
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("filename", "scale")}
 """Attributes of the shapes that can be drawn."""
 _IN_ROBOT = ("link", "joint", "material", "transmission", "gazebo", "sensor")
 _IN_LINK = ("inertial", "visual", "collision", "contact", "sensor", "gazebo")
 _IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller")
-_TRIANGLE = 5e-4
-"""Share of the sum of the moments of inertia by which one may exceed the others, as for `Body`: data of thin plates,
-rounded to three digits."""
-
-Form = Literal["box", "cylinder", "sphere", "mesh"]
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeData:
-    """A shape of a link, drawn at `xyz` [m] and turned by `rpy` [rad] in its axes.
-
-    `size` [m] has the sides of a box, radius and length of a cylinder, the radius of a sphere, or the scale of a mesh.
-    """
-
-    form: Form
-    xyz: tuple[float, ...]
-    rpy: tuple[float, ...]
-    size: tuple[float, ...]
-    mesh: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class LinkData:
+class _Link(LinkData):
     """A link, and where it stands in the file."""
 
-    name: str
     tag: Tag
-    shapes: tuple[ShapeData, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class JointData:
-    """A joint, and where it stands in the file; `mimic` is the joint that it follows."""
+class _Joint(JointData):
+    """A joint, and where it stands in the file."""
 
-    name: str
     tag: Tag
-    kind: str
-    parent: str
-    child: str
-    mimic: str | None
-
-    @property
-    def moves(self) -> bool:
-        """Whether it has an angle or a displacement."""
-        return self.kind in (*TURNING, *SLIDING)
 
 
-@dataclass(frozen=True, eq=False)
-class Description:
-    """A file: its links and joints by name, joints in an order in which each one follows that of its parent."""
+def load_urdf(
+    path: str | Path,
+    *,
+    replace: Mapping[str, Expr] | None = None,
+    fixed_base: bool = True,
+    stop: ContactLaw | float | None = None,
+) -> Robot:
+    """A machine from a URDF file.
 
-    name: str
-    path: Path
-    links: dict[str, LinkData]
-    joints: dict[str, JointData]
-    root: str
-    numbers: dict[str, float]
+    Links become bodies in space, and those that fixed joints hold together become one. Revolute, continuous, prismatic
+    and planar joints become `Revolute`, `Prismatic` and `PlanarJoint`; a floating joint leaves its link free. Damping
+    is linear. Dry friction is Coulomb's law, smooth below a rate of 0.01 rad/s or m/s. A mimic joint is a row between
+    two joint values. Gravity is not in the file: put a `Gravity` beside the elements.
 
-    @cached_property
-    def tops(self) -> dict[str, str]:
-        """Each link, after its parent, and the one that carries it by fixed joints: itself if no fixed joint does."""
-        tops = {self.root: self.root}
-        for joint in self.joints.values():
-            tops[joint.child] = tops[joint.parent] if joint.kind == "fixed" else joint.child
-        return tops
+    Parameters
+    ----------
+    path : str or Path
+    replace : mapping
+        name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are "forearm.mass",
+        "forearm.com.x" (.y .z .roll .pitch .yaw), "forearm.inertia.xx" (.xy ...), "elbow.origin.x" (.y .z .roll .pitch
+        .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper), "elbow.damping", "elbow.friction", "elbow.mimic.multiplier"
+        (.offset)
+    fixed_base : bool
+        whether the link that carries the others stands still; else it moves freely
+    stop : ContactLaw
+        or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each; None: limits do not
+        act. Equal lower and upper limits do not act either
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    DeclarationError
+        for each fault of the file a sentence that names line and element; unknown names in `replace`
+
+    Examples
+    --------
+    >>> import symmb as mb, tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "pendulum.urdf"
+    >>> _ = file.write_text('''<robot name="pendulum"> <link name="wall"/>
+    ...     <link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+    ...     <inertia ixx="0" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+    ...     <joint name="hinge" type="continuous"><parent link="wall"/><child link="rod"/><axis xyz="0 1 0"/></joint>
+    ...     </robot>''')
+    >>> p = mb.Parameters(m=3.0)
+    >>> robot = mb.load_urdf(file, replace={"rod.mass": p.m})
+    >>> system = mb.System(*robot.elements, mb.Gravity(0, 0, -9.81), parameters=p)
+    >>> scene = mb.Scene(system, robot.start, [0.0, 0.1], {"angle": robot.joints["hinge"].angle})
+    >>> float(mb.simulate(scene)["angle"][-1].round(4))
+    0.0865
+    """
+    if not isinstance(path, str | Path):
+        raise DeclarationError(f"load_urdf: expected the path of a file, got {shown(path)}.")
+    require_stop("load_urdf", stop)
+    require_truth("load_urdf", "fixed_base", fixed_base)
+    description = _read_description(Path(path))
+    values = replaced(description, replace, stop, "Give fixed_base=False." if fixed_base else None)
+    return Building(description, values, fixed_base, stop).robot()
 
 
-def read_description(path: Path) -> Description:
+def _read_description(path: Path) -> Description:
     """What a URDF file says.
 
     Raises
@@ -104,8 +124,8 @@ def read_description(path: Path) -> Description:
     top.check(_IN_ROBOT, ("name", "version"))
     faults: list[str] = []
     numbers: dict[str, float] = {}
-    links: dict[str, LinkData] = {}
-    joints: dict[str, JointData] = {}
+    links: dict[str, _Link] = {}
+    joints: dict[str, _Joint] = {}
     for tag in top.inside:
         try:
             if tag.name == "link":
@@ -126,7 +146,7 @@ def read_description(path: Path) -> Description:
     return Description(top.text("name") if "name" in top.attributes else path.stem, path, links, order, root, numbers)
 
 
-def _add(known: dict, new: LinkData | JointData) -> None:
+def _add(known: dict, new: _Link | _Joint) -> None:
     if new.name in known:
         raise new.tag.fault(f"the name is used twice, first in line {known[new.name].tag.line}; rename one of them.")
     known[new.name] = new
@@ -141,11 +161,7 @@ def _origin(tag: Tag) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return origin.numbers("xyz", (0.0,) * 3), origin.numbers("rpy", (0.0,) * 3)
 
 
-def _named(prefix: str, names: tuple[str, ...], values: tuple[float, ...]) -> dict[str, float]:
-    return {f"{prefix}.{name}": value for name, value in zip(names, values, strict=True)}
-
-
-def _link(tag: Tag, numbers: dict[str, float]) -> LinkData:
+def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
     name = tag.own_name()
     tag.check(_IN_LINK, ("name", "type"))
     inertial = tag.one("inertial")
@@ -164,25 +180,10 @@ def _link(tag: Tag, numbers: dict[str, float]) -> LinkData:
         fault = inertia_fault(moments)
         if fault:
             raise of_inertia.fault(fault)
-    numbers |= {f"{name}.mass": mass} | _named(f"{name}.com", (*_XYZ, *_RPY), (*xyz, *rpy))
-    numbers |= _named(f"{name}.inertia", tuple(entry[1:] for entry in _INERTIA), moments)
+    numbers |= {f"{name}.mass": mass} | named(f"{name}.com", (*XYZ, *RPY), (*xyz, *rpy))
+    numbers |= named(f"{name}.inertia", tuple(entry[1:] for entry in _INERTIA), moments)
     visual, collision = ([shape for t in tag.all(kind) if (shape := _shape(t))] for kind in ("visual", "collision"))
-    return LinkData(name, tag, tuple(visual or collision))
-
-
-def inertia_fault(moments: tuple[float, ...]) -> str:
-    """Why no body has these entries xx, xy, xz, yy, yz, zz of its inertia matrix; empty if one has."""
-    xx, xy, xz, yy, yz, zz = moments
-    low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
-    total = low + middle + high
-    if low < -_TRIANGLE * abs(total):
-        return f"a principal moment of inertia is {low:.3g}, below 0; check the entries and their signs."
-    if high - middle - low > _TRIANGLE * total:
-        return (
-            f"the largest principal moment of inertia {high:.4g} exceeds the sum of the others, {low + middle:.4g}, "
-            "which no body has; check the entries and their signs."
-        )
-    return ""
+    return _Link(name, tuple(visual or collision), tag)
 
 
 def _shape(tag: Tag) -> ShapeData | None:
@@ -209,7 +210,7 @@ def _shape(tag: Tag) -> ShapeData | None:
     return ShapeData(shape.name, xyz, rpy, size)  # pyright: ignore[reportArgumentType]
 
 
-def _joint(tag: Tag, numbers: dict[str, float]) -> JointData:
+def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
     name = tag.own_name()
     tag.check(_IN_JOINT, ("name", "type"))
     kind = tag.text("type")
@@ -220,9 +221,9 @@ def _joint(tag: Tag, numbers: dict[str, float]) -> JointData:
         of_end = tag.needed(end)
         of_end.check_exactly(("link",))
         ends.append(of_end.text("link"))
-    numbers |= _named(f"{name}.origin", (*_XYZ, *_RPY), sum(_origin(tag), ()))
+    numbers |= named(f"{name}.origin", (*XYZ, *RPY), sum(_origin(tag), ()))
     if kind not in ("fixed", "floating"):
-        numbers |= _named(f"{name}.axis", _XYZ, _axis(tag))
+        numbers |= named(f"{name}.axis", XYZ, _axis(tag))
     mimic = tag.one("mimic")
     if kind in (*TURNING, *SLIDING):
         numbers |= _limits(tag, name, kind) | _dynamics(tag, name)
@@ -234,7 +235,7 @@ def _joint(tag: Tag, numbers: dict[str, float]) -> JointData:
         raise mimic.fault(f"a {kind} joint has no value that could follow another one; remove <mimic>.")
     elif kind != "fixed" and any(_dynamics(tag, name).values()):
         raise tag.needed("dynamics").fault(f"a {kind} joint has no single rate to damp; declare its forces in Python.")
-    return JointData(name, tag, kind, *ends, mimic=None if mimic is None else mimic.text("joint"))
+    return _Joint(name, kind, *ends, mimic=None if mimic is None else mimic.text("joint"), tag=tag)
 
 
 def _axis(tag: Tag) -> tuple[float, ...]:
@@ -278,9 +279,9 @@ def _dynamics(tag: Tag, name: str) -> dict[str, float]:
     return values
 
 
-def _reference_faults(links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> Iterator[str]:
+def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> Iterator[str]:
     """Faults of the names by which joints refer to links and to each other."""
-    carried: dict[str, JointData] = {}
+    carried: dict[str, _Joint] = {}
     for joint in joints.values():
         for end, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
@@ -301,7 +302,7 @@ def _reference_faults(links: Mapping[str, LinkData], joints: Mapping[str, JointD
             yield from _mimic_faults(joint, joints)
 
 
-def _mimic_faults(joint: JointData, joints: Mapping[str, JointData]) -> Iterator[str]:
+def _mimic_faults(joint: _Joint, joints: Mapping[str, _Joint]) -> Iterator[str]:
     mimic, seen, other = joint.tag.needed("mimic"), [joint.name], joint.mimic
     while other is not None:
         if other in seen:
@@ -320,7 +321,7 @@ def _mimic_faults(joint: JointData, joints: Mapping[str, JointData]) -> Iterator
         other = joints[other].mimic
 
 
-def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> tuple[str, dict[str, JointData]]:
+def _tree(top: Tag, links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> tuple[str, dict[str, _Joint]]:
     """The link that carries all others, and the joints in an order in which each one follows that of its parent."""
     carrier = {joint.child: joint for joint in joints.values()}
     roots = [name for name in links if name not in carrier]
@@ -330,7 +331,7 @@ def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointDat
         raise links[roots[1]].tag.fault(
             f"no joint connects this link with {roots[0]!r}, which no joint carries either; add one."
         )
-    by_parent: dict[str, list[JointData]] = {}
+    by_parent: dict[str, list[_Joint]] = {}
     for joint in joints.values():
         by_parent.setdefault(joint.parent, []).append(joint)
     order, reached = {}, [roots[0]]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 
-from symmb.mechanics.urdf.algebra import Matrix, Scalar, Vector, add, dot, is_nought
+from symmb.mechanics.robots.algebra import Matrix, Scalar, Vector, add, dot, is_nought
 
 
 @dataclass(frozen=True, eq=False)

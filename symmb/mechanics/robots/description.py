@@ -1,0 +1,96 @@
+"""What a file says about a machine: its links, its joints, and every number by name. Nothing is built from it here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
+"""Types of joints that have an angle, and those that have a displacement."""
+XYZ, RPY, ENTRIES = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("xx", "xy", "xz", "yy", "yz", "zz")
+_TRIANGLE = 5e-4
+"""Share of the sum of the moments of inertia by which one may exceed the others, as for `Body`: data of thin plates,
+rounded to three digits."""
+
+Form = Literal["box", "cylinder", "sphere", "mesh"]
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeData:
+    """A shape of a link, drawn at `xyz` [m] and turned by `rpy` [rad] in its axes.
+
+    `size` [m] has the sides of a box, radius and length of a cylinder, the radius of a sphere, or the scale of a mesh.
+    """
+
+    form: Form
+    xyz: tuple[float, ...]
+    rpy: tuple[float, ...]
+    size: tuple[float, ...]
+    mesh: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkData:
+    """A link, and the shapes in which it is drawn."""
+
+    name: str
+    shapes: tuple[ShapeData, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class JointData:
+    """A joint; `mimic` is the joint that it follows."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    mimic: str | None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has an angle or a displacement."""
+        return self.kind in (*TURNING, *SLIDING)
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """A file: its links and joints by name, joints in an order in which each one follows that of its parent."""
+
+    name: str
+    path: Path
+    links: Mapping[str, LinkData]
+    joints: Mapping[str, JointData]
+    root: str
+    numbers: dict[str, float]
+
+    @cached_property
+    def tops(self) -> dict[str, str]:
+        """Each link, after its parent, and the one that carries it by fixed joints: itself if no fixed joint does."""
+        tops = {self.root: self.root}
+        for joint in self.joints.values():
+            tops[joint.child] = tops[joint.parent] if joint.kind == "fixed" else joint.child
+        return tops
+
+
+def named(prefix: str, names: tuple[str, ...], values: tuple[float, ...]) -> dict[str, float]:
+    """Numbers by their names, such as "elbow.axis.x"."""
+    return {f"{prefix}.{name}": value for name, value in zip(names, values, strict=True)}
+
+
+def inertia_fault(moments: tuple[float, ...]) -> str:
+    """Why no body has these entries xx, xy, xz, yy, yz, zz of its inertia matrix; empty if one has."""
+    xx, xy, xz, yy, yz, zz = moments
+    low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
+    total = low + middle + high
+    if low < -_TRIANGLE * abs(total):
+        return f"a principal moment of inertia is {low:.3g}, below 0; check the entries and their signs."
+    if high - middle - low > _TRIANGLE * total:
+        return (
+            f"the largest principal moment of inertia {high:.4g} exceeds the sum of the others, {low + middle:.4g}, "
+            "which no body has; check the entries and their signs."
+        )
+    return ""

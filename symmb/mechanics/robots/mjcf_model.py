@@ -1,0 +1,86 @@
+"""A model of MuJoCo: names of its parts, which may be missing in the file, and what is switched off."""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from symmb._errors import DeclarationError
+from symmb._names import name_fault
+
+
+def values_of(array: Any) -> tuple[Any, ...]:
+    """An array of NumPy as a tuple of Python's numbers."""
+    return tuple(array.tolist())
+
+
+@dataclass(frozen=True, eq=False)
+class MjcfModel:
+    """A compiled `mujoco.MjModel`, the package, and the file from which it comes."""
+
+    model: Any
+    mujoco: Any
+    path: Path
+
+    def acts(self, what: str) -> bool:
+        """Whether a part of the physics is switched on, by its name in mjtDisableBit."""
+        return not self.model.opt.disableflags & int(getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{what}"))
+
+    def kind(self, enum: str, value: Any) -> str:
+        """A value of an enumeration by its last word: "JOINT" of mjTRN_JOINT."""
+        return getattr(self.mujoco, enum)(int(value)).name.rpartition("_")[2]
+
+    @cached_property
+    def bodies(self) -> list[str]:
+        """Names of all bodies, the world first."""
+        return self._names("body", self.model.nbody)
+
+    @cached_property
+    def joints(self) -> list[str]:
+        """Names of all joints."""
+        return self._names("joint", self.model.njnt)
+
+    @cached_property
+    def tendons(self) -> list[str]:
+        """Names of all tendons."""
+        return self._free_names("tendon", self.model.ntendon, {*self.bodies, *self.joints})
+
+    @cached_property
+    def actuators(self) -> list[str]:
+        """Names of all actuators."""
+        count = getattr(self.model, "nactuator", self.model.nu)  # before MuJoCo 4 each actuator had one control
+        return self._free_names("actuator", count, {*self.bodies, *self.joints, *self.tendons})
+
+    @cached_property
+    def equalities(self) -> list[str]:
+        """Names of all equality constraints."""
+        taken = {*self.bodies, *self.joints, *self.tendons, *self.actuators}
+        return self._free_names("equality", self.model.neq, taken)
+
+    def _names(self, kind: str, count: int) -> list[str]:
+        """Names of the parts of a kind, "joint2" of one without a name; no space, dot or bracket stands in them."""
+        own = [re.sub(r"[\s.\[\]]", "_", getattr(self.model, kind)(k).name) for k in range(count)]
+        for name in filter(None, own):
+            if fault := name_fault(name):
+                raise DeclarationError(f"{self.path}: {name!r} is no name of a {kind}, as {fault}")
+        taken: set[str] = set()
+        given = [name and _free(name, "_", taken) for name in own]
+        return [name or _free(f"{kind}{k}", "_", taken) for k, name in enumerate(given)]
+
+    def _free_names(self, kind: str, count: int, taken: set[str]) -> list[str]:
+        """Names of the parts of a kind, with the kind added where another part has the name."""
+        return [_free(name, f"_{kind}", taken) for name in self._names(kind, count)]
+
+    def mesh_file(self, mesh: int) -> str:
+        """The file of a mesh from the folder of the model, empty if its corners stand in the model."""
+        start = int(self.model.mesh_pathadr[mesh])
+        return "" if start < 0 else self.model.paths[start:].split(b"\0", 1)[0].decode()
+
+
+def _free(name: str, end: str, taken: set[str]) -> str:
+    """A name that is not taken, with an end if need be; it is taken from now on."""
+    while name in taken:
+        name += end
+    taken.add(name)
+    return name

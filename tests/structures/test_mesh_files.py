@@ -1,0 +1,184 @@
+"""Nodes and matrices from files of other programs: Nastran's cards and meshes that meshio reads."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bernoulli import AREA, DENSITY, HEIGHT, I_Y, LENGTH, E, free_beam
+from numpy.testing import assert_allclose
+from scipy.io import mmwrite
+from scipy.linalg import eigh
+
+import symmb as mb
+from symmb.structures.nastran import read_dmig
+
+BEAM = Path(__file__).parents[1] / "data" / "nastran" / "beam.bdf"
+"""Four elements of `free_beam`, written by pyNastran 1.4.1; nodes 100, 110, ..., 140."""
+POSITIONS, K, M = free_beam(4)
+
+
+def cantilever_eigenvalues(K, M, count):
+    """Of the beam whose first node is clamped [1/s^2]."""
+    return eigh(K[6:, 6:], M[6:, 6:], eigvals_only=True)[:count]
+
+
+def dmig(name, A, nodes, card="DMIG"):
+    """A symmetric matrix in free fields, with all digits."""
+    degrees = [(node, part) for node in nodes for part in range(1, 7)]
+    lines = [f"{card},{name},0,6,2,0,,,{len(A)}"]
+    for j, (node, part) in enumerate(degrees):
+        rows = [i for i in range(j, len(A)) if A[i, j]]
+        for i in rows:
+            lines.append(f"{card},{name},{node},{part},,{degrees[i][0]},{degrees[i][1]},{float(A[i, j])!r}")
+    return "\n".join(lines) + "\n"
+
+
+def grids(positions, nodes):
+    places = zip(nodes, positions.tolist(), strict=True)
+    return "".join(f"GRID,{node},,{x!r},{y!r},{z!r}\n" for node, (x, y, z) in places)
+
+
+def test_frequencies_of_a_cantilever_from_matrix_market_files(tmp_path):
+    positions, stiffness, mass = free_beam(20)
+    for name, A in (("K", stiffness), ("M", mass)):
+        mmwrite(tmp_path / f"{name}.mtx", A, precision=17)
+    modes = mb.FiniteElements.matrices(positions, tmp_path / "K.mtx", tmp_path / "M.mtx").modes(clamped=0, count=4)
+    assert_allclose(modes.stiffness, cantilever_eigenvalues(stiffness, mass, 4), rtol=1e-9)
+    closed = np.array([1.875104068711961, 4.694091132974175]) ** 2 * np.sqrt(E * I_Y / (DENSITY * AREA)) / LENGTH**2
+    assert_allclose(np.sqrt(modes.stiffness)[[0, 2]], closed, rtol=1e-5)  # of twenty elements
+
+
+def test_a_file_that_pynastran_wrote():
+    """Nodes, K and M stand in one file, in large fields of ten digits and numbers with the letter D."""
+    structure = mb.FiniteElements.matrices(BEAM, BEAM, BEAM)
+    assert_allclose(structure.positions, POSITIONS)
+    assert_allclose(structure.K.toarray(), K, rtol=1e-9, atol=1e-9 * K.max())
+    assert_allclose(structure.M.toarray(), M, rtol=1e-9, atol=1e-9 * M.max())
+    modes = structure.modes(clamped=0, count=3)
+    assert_allclose(modes.stiffness, cantilever_eigenvalues(structure.K.toarray(), structure.M.toarray(), 3), rtol=1e-9)
+    assert_allclose(modes.frequencies[0], 0.5596 * np.sqrt(E * HEIGHT**2 / 12 / DENSITY) / LENGTH**2, rtol=1e-3)
+
+
+def test_nodes_stand_in_the_order_of_their_numbers(tmp_path):
+    """The file lists them in another order, and has one without freedom."""
+    nodes = [7, 9, 30, 31, 400]
+    order = [3, 0, 4, 1, 2]
+    mesh = grids(POSITIONS[order], [nodes[k] for k in order]) + "GRID,8,,0.,0.,5.\n"
+    (tmp_path / "mesh.dat").write_text("$ a comment\nSOL 103\nCEND\nBEGIN BULK\n" + mesh + "ENDDATA\n")
+    (tmp_path / "matrices.pch").write_text(dmig("KAAX", K, nodes) + dmig("MAAX", M, nodes))
+    structure = mb.FiniteElements.matrices(tmp_path / "mesh.dat", *[tmp_path / "matrices.pch"] * 2)
+    assert_allclose(structure.positions, POSITIONS)
+    assert_allclose(structure.K.toarray(), K, rtol=1e-15)
+    assert_allclose(mb.FiniteElements.matrices(POSITIONS, *[tmp_path / "matrices.pch"] * 2).M.toarray(), M, rtol=1e-15)
+    modes = structure.modes(clamped=0, count=4)
+    assert_allclose(modes.stiffness, cantilever_eigenvalues(K, M, 4), rtol=1e-9)
+
+
+SMALL = """\
+DMIG    K              0       6       2
+DMIG    K              1       1               1       1     2.0
++              2       1    -2.0
+DMIG    K              1       2               1       2   2.0+3
+               2       2  -2.0+3
+DMIG    K              2       1               2       1     2.0
+DMIG    K              2       2               2       2   2.0+3
+"""
+LARGE = """\
+DMIG*   K                              0               6               2
+DMIG*   K                              1               1
+*                      1               1             2.0
+*                      2               1            -2.0
+DMIG*   K                              1               2
+*                      1               2         2.0D+03
+*                      2               2        -2.0D+03
+DMIG*   K                              2               1
+*                      2               1             2.0
+DMIG*   K                              2               2
+*                      2               2          2.0E+3
+"""
+FREE = """\
+dmig,K,0,6,2,,,,4
+dmig,K,1,1,,1,1,2.0,,+
++,2,1,-2.0
+DMIG,K,1,2,,1,2,2.+3,,
+,2,2,-2000.
+DMIG,K,2,1,,2,1,2
+DMIG*,K,2,2,
+*,2,2,2.0d3
+"""
+
+
+@pytest.mark.parametrize("text", [SMALL, LARGE, FREE], ids=["small", "large", "free"])
+def test_fields_of_all_widths_and_numbers_of_all_kinds(text, tmp_path):
+    (tmp_path / "K.nas").write_text(text)
+    A = np.array([[2.0, -2.0], [-2.0, 2.0]])
+    assert_allclose(read_dmig(tmp_path / "K.nas", "K").sparse([1, 2], 3).toarray(), np.kron(A, np.diag([1.0, 1e3, 0])))
+
+
+def test_positions_of_a_mesh(tmp_path):
+    meshio = pytest.importorskip("meshio")
+    lines = [("line", [[k, k + 1] for k in range(4)])]
+    for name in ("beam.vtk", "beam.inp", "beam.vtu"):
+        meshio.Mesh(POSITIONS, lines).write(tmp_path / name)
+        assert_allclose(mb.FiniteElements.matrices(tmp_path / name, K, M).positions, POSITIONS, atol=1e-15)
+    (tmp_path / "cut.vtu").write_text("<VTKFile>")
+    for name in ("cut.vtu", "beam.unknown"):
+        (tmp_path / "beam.unknown").write_text("")
+        with pytest.raises(mb.DeclarationError, match=rf"positions: meshio cannot read .*{name}\.$"):
+            mb.FiniteElements.matrices(tmp_path / name, K, M)
+    with pytest.raises(mb.SymmbError, match=r"none\.vtk"):
+        mb.FiniteElements.matrices(tmp_path / "none.vtk", K, M)
+
+
+GOOD = "DMIG,K,0,6,2\nDMIG,K,1,1,,1,1,2.0\n"
+FAULTS = {
+    "no matrix": ("GRID,1,,0.,0.,0.\n", "no matrix DMIG; one must begin with K, or be the only one"),
+    "two matrices": (GOOD + GOOD.replace(",K,", ",KB,"), "the matrices K, KB; one must begin with K"),
+    "no number": (GOOD + "DMIG,K,1,2,,1,2,two\n", "line 3, DMIG: an entry is 'two', which is no number"),
+    "infinite": (GOOD + "DMIG,K,1,2,,1,2,1e999\n", "line 3, DMIG: an entry is '1e999', which is not finite"),
+    "no node": (GOOD + "DMIG,K,one,2,,1,2,1.\n", "line 3, DMIG: a node is 'one', which is no whole number"),
+    "a scalar point": (GOOD + "DMIG,K,5,0,,5,0,1.\n", "line 3, DMIG: node 5 has the component 0; .* scalar points"),
+    "a component": (GOOD + "DMIG,K,5,7,,5,7,1.\n", "node 5 has the component 7"),
+    "twice": (GOOD + "DMIG,K,1,1,,1,1,2.0\n", "line 3, DMIG: the entry of node 1, component 1 is given twice"),
+    "complex": (GOOD.replace(",6,2", ",6,4"), "line 1, DMIG: K is complex"),
+    "rectangular": (GOOD.replace(",6,2", ",2,2"), "line 1, DMIG: K must begin with a header of form 1 or 6"),
+    "no header": (GOOD.split("\n")[1] + "\n", "line 1, DMIG: K must begin with a header"),
+    "no entry": (GOOD.split("\n")[0] + "\n", "line 1, DMIG: K has no entry"),
+    "other nodes": (GOOD, "positions has 5 nodes, but the matrices have 1"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_faults_of_matrices_are_one_sentence(case, tmp_path):
+    text, message = FAULTS[case]
+    (tmp_path / "K.pch").write_text(text)
+    with pytest.raises(mb.DeclarationError, match=message) as caught:
+        mb.FiniteElements.matrices(POSITIONS, tmp_path / "K.pch", M)
+    assert str(caught.value).endswith(".") and "\n" not in str(caught.value)
+
+
+GRIDS = {
+    "no node": ("BEGIN BULK\n", "has no card GRID"),
+    "twice": ("GRID,1,,0.,0.,0.\nGRID,1,,1.,0.,0.\n", "line 2, GRID: node 1 is given twice"),
+    "a system": ("GRID,1,4,0.,0.,0.\n", "line 1, GRID: the position of node 1 is in coordinate system 4"),
+    "a system of displacements": ("GRID,1,,0.,0.,0.,2\n", "the displacement of node 1 is in coordinate system 2"),
+    "no number": ("GRID,1,,0.,y,0.\n", "line 1, GRID: y of node 1 is 'y', which is no number"),
+    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have a node 110, for which .* has no GRID"),
+}
+
+
+@pytest.mark.parametrize("case", GRIDS)
+def test_faults_of_nodes_are_one_sentence(case, tmp_path):
+    text, message = GRIDS[case]
+    (tmp_path / "mesh.bdf").write_text(text)
+    with pytest.raises(mb.DeclarationError, match=message):
+        mb.FiniteElements.matrices(tmp_path / "mesh.bdf", BEAM, BEAM)
+
+
+def test_a_file_that_is_not_there_and_one_that_is_binary(tmp_path):
+    with pytest.raises(mb.SymmbError, match=re.escape("none.pch' cannot be read")):
+        mb.FiniteElements.matrices(POSITIONS, tmp_path / "none.pch", M)
+    (tmp_path / "K.pch").write_bytes(bytes(range(256)) * 10)
+    with pytest.raises(mb.DeclarationError, match="no matrix DMIG"):
+        mb.FiniteElements.matrices(POSITIONS, tmp_path / "K.pch", M)
