@@ -40,6 +40,8 @@ Linearisation
     critical, linearize, ModalSimulator
 Black boxes
     CommandSimulator, FMUSimulator, FunctionSimulator, StoredSimulator
+Scenes for other programs
+    save_fmu
 Results
     Trajectory, Event, Bounds, Contributions, Expansion, Moments, Comparison, Linearization
 Errors

@@ -26,6 +26,7 @@ from .bounds.taylor import Taylor as Taylor
 from .bounds.taylor_model import TaylorModel as TaylorModel
 from .drawing.show import view as view
 from .events.impulses import Event as Event
+from .exchange.fmu import save_fmu as save_fmu
 from .integrate.casadi_solvers import CVODES as CVODES
 from .integrate.casadi_solvers import IDAS as IDAS
 from .integrate.casadi_solvers import Collocation as Collocation

@@ -61,6 +61,17 @@ class StepEnds:
     stops: Callable[[Array, Array], Array] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Lanes:
+    """What an `Engine` runs."""
+
+    f: ca.Function
+    control: Tolerances | FixedStep
+    scheme: Scheme | None = None
+    ends: StepEnds = field(default_factory=StepEnds)
+    contacts: Contacts | None = None
+
+
 _EVENTS = 50
 """Events of a sample for which there is room at first: with more, the runs are made again."""
 MOST_PASSES = 1000

@@ -14,7 +14,7 @@ from symmb.codegen.contacts import Contacts
 from symmb.codegen.emit import LARGE_MODEL, Emitter
 from symmb.codegen.failures import FailureCode
 from symmb.codegen.graph import BOX, INPUT, Graph, graph_of
-from symmb.symbolic import ranges_along
+from symmb.symbolic import Pieces, ranges_along
 
 CACHED_STATES = 32
 """States whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes. tests/benchmarks/ensemble.py"""
@@ -113,6 +113,7 @@ def source_of(
     scheme: Scheme | None,
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
+    one_run: bool = False,
 ) -> str:
     """The C of an ensemble of f. That of a large model is kept in the cache, because its generation takes seconds.
 
@@ -123,15 +124,18 @@ def source_of(
     scheme : Scheme or None    of a `scheme_function`
     hysteresis : (m,)          by which each switch must be passed: a number above its rounding
     contacts : Contacts        whose gaps and margins are the last switches
+    one_run : bool             for single runs of one lane, which c/one_run.h makes, with the data of pieces
     """
 
     def write() -> str:
-        return _scheme_source(f, scheme) if scheme else _explicit_source(f, fixed, hysteresis, contacts)
+        if scheme:
+            return _scheme_source(f, scheme, one_run)
+        return _explicit_source(f, fixed, hysteresis, contacts, one_run)
 
     if f.n_instructions() < LARGE_MODEL:
         return write()
     key = hashlib.sha256(
-        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis, contacts)), _generator()]).encode()
+        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis, contacts, one_run)), _generator()]).encode()
     ).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
@@ -148,7 +152,9 @@ def _generator() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float], contacts: Contacts | None) -> str:
+def _explicit_source(
+    f: ca.Function, fixed: bool, hysteresis: Sequence[float], contacts: Contacts | None, one_run: bool
+) -> str:
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
     order, n_own = _state_order(graph, nodes["rates"])
@@ -165,10 +171,10 @@ def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float], c
         steps = [tableau.classical(), c_source("fixed_step")]
     else:
         steps = [tableau.pair(), c_source("embedded_pair")]
-    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis, contacts)
+    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis, contacts, one_run)
 
 
-def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
+def _scheme_source(f: ca.Function, scheme: Scheme, one_run: bool) -> str:
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
     n_w, n_z = scheme.n_w, scheme.n_z
@@ -183,7 +189,8 @@ def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
         "GROWTH": scheme.growth,
     }
     steps = [c_source("implicit_step")]
-    return _ensemble_source(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, steps)
+    places = list(range(f.numel_in(0)))
+    return _ensemble_source(graph, nodes, places, f.numel_in(1), sizes, steps, one_run=one_run)
 
 
 def _ensemble_source(
@@ -195,6 +202,7 @@ def _ensemble_source(
     steps: Sequence[str],
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
+    one_run: bool = False,
 ) -> str:
     """The C of an ensemble: the functions of a model, each of some nodes of the graph, and the files for its steps."""
     emitter = Emitter(graph, place)
@@ -203,7 +211,7 @@ def _ensemble_source(
     parts, functions, n_c = emitter.source()
     explicit = "rates" in nodes
     used = emitter.used(nodes["outputs"]) if explicit else []
-    if hysteresis:
+    if hysteresis or (one_run and explicit):
         used = list(range(len(place)))  # steps may end anywhere
     ranged = sorted({i % len(place) for i in emitter.inputs(nodes.get("bounds", ()), BOX) if i < 4 * len(place)})
     sizes = {
@@ -224,6 +232,7 @@ def _ensemble_source(
         "N_U": len(nodes.get("newton", ())),
         "LARGE": int(len(graph.nodes) > LARGE_MODEL),
         **sizes,
+        **({"WIDTH": 1} if one_run else {}),
     }
     lists: dict[str, Sequence[int]] = {"place": place, "used": used, "ranged": ranged}
     numbers = {"hysteresis": hysteresis}
@@ -248,14 +257,21 @@ def _ensemble_source(
             ),
             *(f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)),
             _only_in(0),
-            *(f"const double *{name}; /* set when the library is opened */" for name in graph.pieces),
+            *(_pieces(name, pieces if one_run else None) for name, pieces in graph.pieces.items()),
             functions,
             c_source("block", "projection", "switches", "impacts"),
             *steps,
-            c_source("ensemble"),
+            c_source(*(["begin"] if one_run else ["begin", "ensemble"])),
             "#endif",
         ]
     )
+
+
+def _pieces(name: str, pieces: Pieces | None) -> str:
+    """The definition of pieces, with their data or without."""
+    if pieces is None:
+        return f"const double *{name}; /* set when the library is opened */"
+    return f"const double *{name} = (const double[]){{{', '.join(map(repr, pieces.data.ravel().tolist()))}}};"
 
 
 def _only_in(part: int) -> str:

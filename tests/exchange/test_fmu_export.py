@@ -1,0 +1,136 @@
+"""FMUs of scenes are valid, run in FMPy as closed forms and SciPy tell, and as the scenes do."""
+
+import shutil
+import zipfile
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+from models import bouncing_ball, double_pendulum, four_bar
+from symmb.codegen import has_compiler
+
+fmpy = pytest.importorskip("fmpy")
+from fmpy.build import build_platform_binary  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not has_compiler(), reason="needs a C compiler")]
+
+
+def pendulum():
+    """A pendulum whose force switches with the time, and with its speed."""
+    p = mb.Parameters(length=1.0, drive=0.5, until=0.8)
+    rod = mb.Body("rod", mass=1.0, inertia=0.01)
+    pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, p.length))
+    push = mb.Torque("push", rod, ca.if_else(mb.t < p.until, p.drive, 0.0) - 0.1 * ca.fabs(rod.omega) * rod.omega)
+    system = mb.System(rod, pin, push, mb.Gravity(0, -9.81), parameters=p)
+    outputs = {"angle": rod.theta, "rod.omega": rod.omega, "lowest <point>": rod.y}
+    return mb.Scene(system, {"rod.theta": 0.4}, np.linspace(0, 2, 41), outputs, name="A driven pendulum")
+
+
+def by_scipy(times, length, drive, until):
+    """Angle and its rate (n_t, 2)."""
+
+    def rates(t, x):
+        torque = drive * (t < until) - 0.1 * abs(x[1]) * x[1] - 9.81 * length * np.sin(x[0])
+        return [x[1], torque / (0.01 + length**2)]
+
+    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    first = times[times < until]
+    begin = solve_ivp(rates, (0.0, until), [0.4, 0.0], t_eval=[*first, until], **exact).y
+    rest = solve_ivp(rates, (until, times[-1]), begin[:, -1], t_eval=times[times >= until], **exact).y
+    return np.hstack([begin[:, :-1], rest]).T
+
+
+def run_fmu(path, times, outputs, parameters, kind="CoSimulation", **options):
+    """Outputs (n_t, n_y) of an FMU in FMPy."""
+    options |= {"stop_time": times[-1], "output_interval": float(np.diff(times).max())}
+    rows = fmpy.simulate_fmu(str(path), start_values=parameters, fmi_type=kind, output=list(outputs), **options)
+    last = np.searchsorted(rows["time"], times + 1e-9, "right") - 1  # behind the events of model exchange
+    return np.array([rows[name][last] for name in outputs]).T
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_pendulum_agrees_with_scipy(version, tmp_path):
+    scene, path = pendulum(), tmp_path / "pendulum.fmu"
+    mb.save_fmu(mb.prepare(scene, mb.DormandPrince(1e-10)), path, version=version)
+    assert validate_fmu(str(path)) == []
+    parameters = {"length": 1.3, "drive": 0.7, "until": 1.03}
+    expected = by_scipy(scene.times, **parameters)
+    for kind, error in (("CoSimulation", 1e-9), ("ModelExchange", 1e-6)):
+        Y = run_fmu(path, scene.times, ["angle", "rod.omega", "lowest <point>"], parameters, kind, relative_tolerance=1e-10)
+        np.testing.assert_allclose(Y[:, :2], expected, atol=error)
+        np.testing.assert_allclose(Y[:, 2], -1.3 * np.cos(expected[:, 0]), atol=error)
+
+
+@pytest.mark.parametrize(
+    ("model", "solver"),
+    [
+        (double_pendulum, mb.DormandPrince(1e-10)),
+        (four_bar, mb.Rosenbrock()),
+        (bouncing_ball, mb.EventDriven()),
+    ],
+    ids=lambda value: getattr(value, "__name__", repr(value)),
+)
+def test_fmus_run_as_their_scenes(model, solver, tmp_path):
+    simulator, path = mb.DAESimulator(model.scene(), solver), tmp_path / "model.fmu"
+    mb.save_fmu(simulator, path)
+    assert validate_fmu(str(path)) == []
+    nominal = simulator.dae.p_nominal
+    for P in nominal * np.random.default_rng(3).uniform(0.98, 1.02, (3, len(nominal))):
+        parameters = dict(zip(simulator.parameters, P.tolist(), strict=True))
+        Y = run_fmu(path, simulator.times, simulator.outputs, parameters)
+        expected = simulator.run(P[None]).Y[0]
+        np.testing.assert_allclose(Y, expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_an_impact_in_a_communication_step_is_exact(tmp_path):
+    """A ball that falls from 1.25 m at 10 m/s^2 is at the floor after 0.5 s."""
+    p = mb.Parameters(e=0.8)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    floor = mb.Impact("floor", gap=ball.y, restitution=p.e)
+    system = mb.System(ball, floor, mb.Gravity(0, -10.0), parameters=p)
+    mb.save_fmu(mb.Scene(system, {"ball.y": 1.25}, np.linspace(0, 1, 5), {"y": ball.y, "vy": ball.vy}), tmp_path / "ball.fmu")
+    times = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    Y = run_fmu(tmp_path / "ball.fmu", times, ["y", "vy"], {"e": 0.6})
+    np.testing.assert_allclose(Y[:, 0], [1.25, 0.9375, 0, 0.6 * 5 * 0.25 - 5 * 0.25**2, 0.6 * 5 * 0.5 - 5 * 0.5**2], atol=1e-12)
+    np.testing.assert_allclose(Y[3:, 1], [0.5, -2.0], atol=1e-12)
+    with pytest.raises(Exception, match="fmi3ExitInitializationMode"):  # FMPy tells the call
+        run_fmu(tmp_path / "ball.fmu", times, ["y"], {"e": 1.6})
+
+
+def test_the_same_scene_gives_the_same_file_with_sources(tmp_path):
+    for name in ("a", "b"):
+        mb.save_fmu(pendulum(), tmp_path / f"{name}.fmu")
+    assert (tmp_path / "a.fmu").read_bytes() == (tmp_path / "b.fmu").read_bytes()
+    names = zipfile.ZipFile(tmp_path / "a.fmu").namelist()
+    assert {"sources/scene.c", "sources/fmi.c", "sources/buildDescription.xml"} <= set(names)
+    assert any(name.startswith("binaries/") and "/A_driven_pendulum." in name for name in names)
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="FMPy builds by CMake")
+@pytest.mark.parametrize("version", [2, 3])
+def test_sources_build_elsewhere(version, tmp_path):
+    mb.save_fmu(pendulum(), tmp_path / "pendulum.fmu", version=version)
+    folder = tmp_path / "extracted"
+    fmpy.extract(str(tmp_path / "pendulum.fmu"), str(folder))
+    shutil.rmtree(folder / "binaries")
+    (tmp_path / "build").mkdir()
+    build_platform_binary(folder, tmp_path / "build")
+    times = np.linspace(0, 2, 41)
+    Y = run_fmu(folder, times, ["angle", "rod.omega"], {})
+    np.testing.assert_allclose(Y, by_scipy(times, 1.0, 0.5, 0.8), atol=1e-7)
+
+
+def test_an_fmu_is_bounded_as_its_scene(tmp_path):
+    scene, box = pendulum(), mb.Box(length=(0.9, 1.1), drive=(0.4, 0.6))
+    mb.save_fmu(scene, tmp_path / "pendulum.fmu")
+    simulator = mb.FMUSimulator(
+        tmp_path / "pendulum.fmu", {"length": 1.0, "drive": 0.5}, times=scene.times, outputs=["angle", "rod.omega", "lowest <point>"]
+    )
+    method = mb.PolynomialChaos(order=4)
+    of_fmu, of_scene = mb.propagate(simulator, method, box), mb.propagate(scene, method, box)
+    np.testing.assert_allclose(of_fmu.lower, of_scene.lower, atol=1e-7)
+    np.testing.assert_allclose(of_fmu.upper, of_scene.upper, atol=1e-7)
