@@ -71,6 +71,10 @@ class Lanes:
     ends: StepEnds = field(default_factory=StepEnds)
     contacts: Contacts | None = None
 
+    def compiled(self, times: Array) -> "Engine":
+        """Their engine for output times (n_t,) [s]."""
+        return Engine(self.f, times, self.control, self.scheme, self.ends, self.contacts)
+
 
 _EVENTS = 50
 """Events of a sample for which there is room at first: with more, the runs are made again."""

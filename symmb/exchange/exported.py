@@ -90,4 +90,6 @@ def require_different(names: tuple[str, ...]) -> None:
     """DeclarationError if a name stands for two variables."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise DeclarationError(f"{twice[0]!r} names two variables of the exported scene: rename the parameter or output.")
+        raise DeclarationError(
+            f"{twice[0]!r} names two variables of the exported scene: rename the parameter or output."
+        )

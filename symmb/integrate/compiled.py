@@ -63,15 +63,6 @@ class CompiledSolver(Solver):
 class LaneSolver(CompiledSolver):
     """Steps that the C takes by itself."""
 
-    def engine(
-        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
-    ) -> AnyEngine:
-        lanes = self.lanes(dae, times, y, order=order, work=work, start=start)
-        f, control, ends, contacts = lanes.f, lanes.control, lanes.ends, lanes.contacts
-        if isinstance(control, Tolerances) and lanes.scheme is None and not has_compiler():
-            return ArrayEngine(f, times, control, ends, contacts)
-        return Engine(f, times, control, lanes.scheme, ends, contacts)
-
     @abstractmethod
     def lanes(
         self,

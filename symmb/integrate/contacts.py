@@ -138,9 +138,7 @@ def started(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t0: float, span: flo
     return x + ca.if_else(ca.sum1(faults) > 0, math.nan, 0)
 
 
-def _joints_started(
-    dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX, faults: ca.SX
-) -> tuple[ca.SX, ca.SX]:
+def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX, faults: ca.SX) -> tuple[ca.SX, ca.SX]:
     """The state with the conditions of joints that hold there, and faults with those of joints. See `JointLaws`."""
     at, x = dae.n_q + dae.n_v, ca.SX(x)
     slip, rounding = joints.slips(*dae.arguments(x, p, t))

@@ -8,8 +8,8 @@ import numpy as np
 
 from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
-from symmb.codegen import FixedStep, Lanes, StepEnds, Tolerances, has_compiler, model_function
-from symmb.integrate.compiled import CompiledIntegration, LaneSolver
+from symmb.codegen import ArrayEngine, FixedStep, Lanes, StepEnds, Tolerances, has_compiler, model_function
+from symmb.integrate.compiled import AnyEngine, CompiledIntegration, LaneSolver
 from symmb.integrate.contacts import contact_functions, contacts_of, started, with_gaps
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.integrate.initial_value_problem import PROJECTION_STEPS, build_problem
@@ -30,6 +30,14 @@ class Explicit(LaneSolver):
     @property
     def takes_any_coordinates(self) -> bool:
         return not isinstance(self.stabilization, AugmentedLagrangian)
+
+    def engine(
+        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
+    ) -> AnyEngine:
+        lanes = self.lanes(dae, times, y, order=order, work=work, start=start)
+        if isinstance(lanes.control, Tolerances) and not has_compiler():
+            return ArrayEngine(lanes.f, times, lanes.control, lanes.ends, lanes.contacts)
+        return lanes.compiled(times)
 
     def lanes(
         self,

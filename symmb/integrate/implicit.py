@@ -8,7 +8,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
-from symmb.codegen import FixedStep, Lanes, Scheme, StepEnds, Tolerances, has_compiler, scheme_function
+from symmb.codegen import Engine, FixedStep, Lanes, Scheme, StepEnds, Tolerances, has_compiler, scheme_function
 from symmb.integrate.compiled import CompiledIntegration, LaneSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.integrate.initial_value_problem import build_problem
@@ -40,6 +40,11 @@ class _SchemeSolver(LaneSolver):
     @abstractmethod
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
         """The symbolic step, of the Taylor coefficients up to `order`."""
+
+    def engine(
+        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
+    ) -> Engine:
+        return self.lanes(dae, times, y, order=order, work=work, start=start).compiled(times)
 
     def lanes(
         self,

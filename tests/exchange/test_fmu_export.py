@@ -60,18 +60,16 @@ def test_a_pendulum_agrees_with_scipy(version, tmp_path):
     parameters = {"length": 1.3, "drive": 0.7, "until": 1.03}
     expected = by_scipy(scene.times, **parameters)
     for kind, error in (("CoSimulation", 1e-9), ("ModelExchange", 1e-6)):
-        Y = run_fmu(path, scene.times, ["angle", "rod.omega", "lowest <point>"], parameters, kind, relative_tolerance=1e-10)
+        Y = run_fmu(
+            path, scene.times, ["angle", "rod.omega", "lowest <point>"], parameters, kind, relative_tolerance=1e-10
+        )
         np.testing.assert_allclose(Y[:, :2], expected, atol=error)
         np.testing.assert_allclose(Y[:, 2], -1.3 * np.cos(expected[:, 0]), atol=error)
 
 
 @pytest.mark.parametrize(
     ("model", "solver"),
-    [
-        (double_pendulum, mb.DormandPrince(1e-10)),
-        (four_bar, mb.Rosenbrock()),
-        (bouncing_ball, mb.EventDriven()),
-    ],
+    [(double_pendulum, mb.DormandPrince(1e-10)), (four_bar, mb.Rosenbrock()), (bouncing_ball, mb.EventDriven())],
     ids=lambda value: getattr(value, "__name__", repr(value)),
 )
 def test_fmus_run_as_their_scenes(model, solver, tmp_path):
@@ -92,10 +90,14 @@ def test_an_impact_in_a_communication_step_is_exact(tmp_path):
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     floor = mb.Impact("floor", gap=ball.y, restitution=p.e)
     system = mb.System(ball, floor, mb.Gravity(0, -10.0), parameters=p)
-    mb.save_fmu(mb.Scene(system, {"ball.y": 1.25}, np.linspace(0, 1, 5), {"y": ball.y, "vy": ball.vy}), tmp_path / "ball.fmu")
+    mb.save_fmu(
+        mb.Scene(system, {"ball.y": 1.25}, np.linspace(0, 1, 5), {"y": ball.y, "vy": ball.vy}), tmp_path / "ball.fmu"
+    )
     times = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
     Y = run_fmu(tmp_path / "ball.fmu", times, ["y", "vy"], {"e": 0.6})
-    np.testing.assert_allclose(Y[:, 0], [1.25, 0.9375, 0, 0.6 * 5 * 0.25 - 5 * 0.25**2, 0.6 * 5 * 0.5 - 5 * 0.5**2], atol=1e-12)
+    np.testing.assert_allclose(
+        Y[:, 0], [1.25, 0.9375, 0, 0.6 * 5 * 0.25 - 5 * 0.25**2, 0.6 * 5 * 0.5 - 5 * 0.5**2], atol=1e-12
+    )
     np.testing.assert_allclose(Y[3:, 1], [0.5, -2.0], atol=1e-12)
     with pytest.raises(Exception, match="fmi3ExitInitializationMode"):  # FMPy tells the call
         run_fmu(tmp_path / "ball.fmu", times, ["y"], {"e": 1.6})
@@ -128,7 +130,10 @@ def test_an_fmu_is_bounded_as_its_scene(tmp_path):
     scene, box = pendulum(), mb.Box(length=(0.9, 1.1), drive=(0.4, 0.6))
     mb.save_fmu(scene, tmp_path / "pendulum.fmu")
     simulator = mb.FMUSimulator(
-        tmp_path / "pendulum.fmu", {"length": 1.0, "drive": 0.5}, times=scene.times, outputs=["angle", "rod.omega", "lowest <point>"]
+        tmp_path / "pendulum.fmu",
+        {"length": 1.0, "drive": 0.5},
+        times=scene.times,
+        outputs=["angle", "rod.omega", "lowest <point>"],
     )
     method = mb.PolynomialChaos(order=4)
     of_fmu, of_scene = mb.propagate(simulator, method, box), mb.propagate(scene, method, box)
