@@ -46,7 +46,7 @@ def model_function(
     rates: ca.SX,
     outputs: ca.SX,
     projected: ca.SX | None,
-    start: tuple[ca.SX, ca.SX] | None = None,
+    start: tuple[ca.SX, ca.SX, ca.SX] | None = None,
     switches: ca.SX | None = None,
     contacts: Mapping[str, ca.SX] | None = None,
     ranged: ca.SX | None = None,
@@ -57,8 +57,8 @@ def model_function(
     ----------
     x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
     rates, outputs, projected : SX      x' (n_x,), outputs (n_y,), and x on the constraints or None
-    start : Newton's step of unknowns u, the first entries of x, and x (n_x,) at the start as a function of them;
-        without it the caller gives the states at the start
+    start : unknowns u, Newton's step of them, and x (n_x,) at the start as a function of them; without it the caller
+        gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
     ranged : SX                         switches (m,) of which bounds are taken, if not all of them
     contacts : mapping                  the functions of c/impacts.h
@@ -69,10 +69,7 @@ def model_function(
         box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t)
     if projected is not None:
         parts["project"] = projected
-    if start is not None:
-        parts["newton"], parts["start"] = start
-    inputs = {"x": x, "p": p, "t": t, "box": box}
-    return ca.Function("f", [*inputs.values()], [ca.densify(e) for e in parts.values()], [*inputs], list(parts))
+    return _function(parts, x, p, t, box, start)
 
 
 def scheme_function(
@@ -88,7 +85,7 @@ def scheme_function(
     follow: ca.SX,
     outputs: ca.SX,
     projected: ca.SX | None,
-    start: tuple[ca.SX, ca.SX] | None = None,
+    start: tuple[ca.SX, ca.SX, ca.SX] | None = None,
 ) -> ca.Function:
     """((w, h, z), p, t) -> the functions of c/implicit_step.h.
 
@@ -102,9 +99,20 @@ def scheme_function(
     parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
     if projected is not None:
         parts["project"] = whole(projected)
+    start = start and (*start[:2], whole(start[2]))
+    return _function(parts, x, p, t, ca.SX(0, 1), start)
+
+
+def _function(
+    parts: dict[str, ca.SX], x: ca.SX, p: ca.SX, t: ca.SX, box: ca.SX, start: tuple[ca.SX, ca.SX, ca.SX] | None
+) -> ca.Function:
+    """(x, p, t, box) -> parts, with newton and start of a start, whose unknowns stand in the place of the box."""
     if start is not None:
-        parts["newton"], parts["start"] = start[0], whole(start[1])
-    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
+        u, *of_u = start
+        box = ca.vertcat(box, ca.SX.sym("u", max(0, u.numel() - box.numel())))
+        parts["newton"], parts["start"] = ca.substitute(of_u, [u], [box[: u.numel()]])
+    inputs = {"x": x, "p": p, "t": t, "box": box}
+    return ca.Function("f", [*inputs.values()], [ca.densify(e) for e in parts.values()], [*inputs], list(parts))
 
 
 def source_of(

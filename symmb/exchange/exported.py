@@ -52,21 +52,12 @@ def exported(subject: Scene | DAESimulator) -> Exported:
         )
     simulator = subject if isinstance(subject, DAESimulator) else simulator_with(scene)
     solver, form = simulator.solver, simulator.formulation
-    dae, start = form.dae, form.start
+    dae = form.dae
     if not isinstance(solver, LaneSolver):
         raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {_SOLVERS}.")
     if not form.y.numel_in(0):
         raise DeclarationError(f"{scene.name} has no states: its outputs are plain expressions, which need no export.")
-    if start.is_equilibrium:
-        raise DeclarationError(
-            f"{scene.name}: the search for a static equilibrium cannot be exported. Start the scene where it ends: "
-            "scene.starting_at(mb.simulate(scene, times=[0.0]))."
-        )
-    if start.state.numel_in(0) > form.y.numel_in(0):
-        raise DeclarationError(
-            f"{scene.name}: its start has more unknowns than states. Give the scene coordinates='body'."
-        )
-    lanes = solver.lanes(dae, simulator.times, form.y, start=start, alone=True)
+    lanes = solver.lanes(dae, simulator.times, form.y, start=form.start, alone=True)
     if isinstance(lanes.control, FixedStep) and lanes.scheme is None:
         raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {_SOLVERS}.")
     parameters, outputs = tuple(simulator.parameters), tuple(simulator.outputs)

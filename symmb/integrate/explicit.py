@@ -77,7 +77,7 @@ class Explicit(LaneSolver):
             ca.vertcat(at(problem.ode), at(problem.quad)),
             ca.vertcat(at(outputs), x[n_x:, :]),
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
-            _compiled_start(start, dae, x, p, float(np.ptp(times)), alone),
+            _compiled_start(start, dae, p, float(np.ptp(times)), alone),
             at(frozen.switches) if frozen and frozen.switches.numel() else None,
             None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
             at(frozen.ranged) if frozen and frozen.ranged is not None else None,
@@ -86,15 +86,15 @@ class Explicit(LaneSolver):
 
 
 def _compiled_start(
-    start: Start | None, dae: DAE, x: ca.SX, p: ca.SX, span: float, alone: bool
-) -> tuple[ca.SX, ca.SX] | None:
+    start: Start | None, dae: DAE, p: ca.SX, span: float, alone: bool
+) -> tuple[ca.SX, ca.SX, ca.SX] | None:
     """The equations of a start that the engine computes; None if it is given the states."""
     if start is None or not (alone or (has_compiler() and start.compiles)):
         return None
-    newton, state = start.equations(x, p)
+    u, newton, state = start.equations(p)
     if dae.impacts is not None:
         state = started(dae, dae.impacts, state, p, start.t0, span)
-    return newton, state
+    return u, newton, state
 
 
 @dataclass(frozen=True, repr=False)

@@ -83,7 +83,7 @@ class _SchemeSolver(LaneSolver):
             follow=ca.vertcat(step.following, step.error) if isinstance(control, Tolerances) else step.following,
             outputs=ca.vertcat(y(state, step.p, step.t), w[past_work, :]),
             projected=None if step.projected is None else ca.substitute(step.projected, *at_state),
-            start=None if compiled is None else compiled.equations(state, step.p),
+            start=None if compiled is None else compiled.equations(step.p),
         )
         scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance)
         stops: StopsInTime | SwitchPasses | None = None

@@ -14,17 +14,16 @@
 /* The state at the first time, by Newton's method from u = 0, in each lane until its own step is small. NaN where it does
    not converge. */
 static void assemble(Part *a, V t) {
-  V *u = a->scratch, *du = a->scratch + SIZE(N_X);
-  memset(u, 0, SIZE(N_X) * sizeof(V));
+  V *u = a->scratch, *du = a->scratch + SIZE(N_U);
+  memset(u, 0, SIZE(N_U) * sizeof(V));
   M active = (M)zero() == 0;
   for (int n = 0; n < START_ITERATIONS && N_U > 0 && !none(active); ++n) {
     V step = zero(), size = each(START_SIZE);
     newton(u, a->c, t, du);
     for (int i = 0; i < N_U; ++i) {
-      V *ui = u + place[i];
-      *ui -= blend(active, du[i], zero());
+      u[i] -= blend(active, du[i], zero());
       step = v_larger(v_fabs(du[i]), step);
-      size = v_larger(v_fabs(*ui), size);
+      size = v_larger(v_fabs(u[i]), size);
     }
     active &= (M)(step > START_CONVERGED * size);
   }
