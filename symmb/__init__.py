@@ -41,7 +41,7 @@ Linearisation
 Black boxes
     CommandSimulator, FMUSimulator, FunctionSimulator, StoredSimulator
 Scenes for other programs
-    save_fmu
+    save_fmu, Input
 Results
     Trajectory, Event, Bounds, Contributions, Expansion, Moments, Comparison, Linearization
 Errors

@@ -90,6 +90,7 @@ from .mechanics.geometry import Cylinder as Cylinder
 from .mechanics.geometry import Mesh as Mesh
 from .mechanics.geometry import Sphere as Sphere
 from .mechanics.impact import Impact as Impact
+from .mechanics.input import Input as Input
 from .mechanics.joint import CamFollower as CamFollower
 from .mechanics.joint import Cylindrical as Cylindrical
 from .mechanics.joint import Distance as Distance

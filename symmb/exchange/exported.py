@@ -50,7 +50,10 @@ def exported(subject: Scene | DAESimulator) -> Exported:
             f"{scene.name}: output {next(iter(scene.figures))!r} is one number a run, and exported scenes have outputs "
             "over time. Leave it out by scene.with_outputs(...)."
         )
-    simulator = subject if isinstance(subject, DAESimulator) else simulator_with(scene)
+    inputs, simulator = tuple(scene.system.inputs), subject
+    if inputs or not isinstance(simulator, DAESimulator):
+        solver = simulator.solver if isinstance(simulator, DAESimulator) else None
+        simulator = simulator_with(scene.with_inputs(inputs), solver)
     solver, form = simulator.solver, simulator.formulation
     dae = form.dae
     if not isinstance(solver, LaneSolver):
@@ -60,13 +63,13 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     lanes = solver.lanes(dae, simulator.times, form.y, start=form.start, alone=True)
     if isinstance(lanes.control, FixedStep) and lanes.scheme is None:
         raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {_SOLVERS}.")
-    parameters, outputs = tuple(simulator.parameters), tuple(simulator.outputs)
+    parameters, outputs = tuple(scene.system.parameters), tuple(simulator.outputs)
     source = SceneSource(
         lanes=lanes,
         n_x=form.y.numel_in(0),
         nominal=dae.p_nominal,
-        n_inputs=0,
-        names=(*parameters, *outputs),
+        n_inputs=len(inputs),
+        names=(*parameters, *inputs, *outputs),
         times=simulator.times,
         has_rates=lanes.scheme is None and not dae.n_r and dae.impacts is None and dae.sampling is None,
         stops=np.empty(0) if dae.sampling is None else dae.sampling.instants(simulator.times),
@@ -74,7 +77,7 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     )
     states = (*dae.q_names, *dae.v_names, *dae.s_names)
     tolerance = getattr(solver, "rtol", None) or 0.0
-    return Exported(scene.name, source, parameters, (), outputs, states, simulator.units, tolerance)
+    return Exported(scene.name, source, parameters, inputs, outputs, states, simulator.units, tolerance)
 
 
 def require_different(names: tuple[str, ...]) -> None:

@@ -20,6 +20,7 @@ from symmb.mechanics import (
     Ground,
     Impact,
     Inertial,
+    Input,
     JointEvent,
     Latch,
     Load,
@@ -175,7 +176,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         else:
             own = getattr(element, "faults", ())
         faults.lines += own
-    bind = Binding(parameters, bodies, [e for e in sound if isinstance(e, OwnState)])
+    bind = Binding(parameters, bodies, _of_kind(OwnState, sound), _of_kind(Input, sound))
     some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
     inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind, parameters)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, parameters, faults)
@@ -359,7 +360,7 @@ def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) 
         reached += [s for s in dict.fromkeys(bind.states(state.rate)) if s not in reached]
     flags = [impact.state for impact in equations.impacts]
     flags += [state for event, _ in equations.joint_events for state in event.states]
-    return tuple(dict.fromkeys([*reached, *flags]))
+    return tuple(replace(s, rate=bind.without_inputs(s.rate)) for s in dict.fromkeys([*reached, *flags]))
 
 
 def stacked(parts: Sequence[ca.SX]) -> ca.SX:

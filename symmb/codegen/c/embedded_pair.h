@@ -267,11 +267,10 @@ PRIVATE V state_of(const Block *b, const Part *a, int i, double t) {
   return b->under_way ? interpolated(a, i, (t - b->t) / b->h) : a->x[i];
 }
 
-/* Goes on from that time with other parameters p. Returns 0 if samples failed. */
+/* Goes on from that time with other parameters. Returns 0 if samples failed. */
 PRIVATE int go_on_with(Block *b, Study *s, double t) {
   EACH_PART(b) {
     for (int i = 0; i < N_X; ++i) a->x_new[i] = state_of(b, a, i, t);
-    prepare(a->p, a->c);
     move_onto_constraints(a, a->x_new, t, a->x);
   }
   b->t = t;

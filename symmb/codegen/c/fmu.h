@@ -13,6 +13,7 @@
 
 /* Functions of FMI have all parameters that FMI gives them. */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
+#define PRIVATE static __attribute__((unused)) /* a function that one of the versions may do without */
 #define EXPORT __attribute__((visibility("default")))
 
 typedef enum { FMI_OK, FMI_WARNING, FMI_DISCARD, FMI_ERROR, FMI_FATAL } Status;
@@ -31,35 +32,35 @@ typedef struct Instance {
   char name[100];
 } Instance;
 
-static void say(Instance *i, Status status, const char *call, const char *text) {
+PRIVATE void say(Instance *i, Status status, const char *call, const char *text) {
   char line[400];
   snprintf(line, sizeof line, "%s: %s", call, text);
   if (i->logs && i->log) i->log(i, status, line);
 }
 
-static Status fault(Instance *i, const char *call, const char *text) {
+PRIVATE Status fault(Instance *i, const char *call, const char *text) {
   say(i, FMI_ERROR, call, text);
   return FMI_ERROR;
 }
 
 /* A call for something that the FMU does not have. */
-static Status refuse(Instance *i, const char *call) { return fault(i, call, "this FMU does not have it"); }
+PRIVATE Status refuse(Instance *i, const char *call) { return fault(i, call, "this FMU does not have it"); }
 
 /* The run has ended by a fault. */
-static Status fail(Instance *i, const char *call) {
+PRIVATE Status fail(Instance *i, const char *call) {
   char text[300];
   snprintf(text, sizeof text, "t = %g s: %s", i->t, scene_fault(i->scene));
   i->phase = FAILED;
   return fault(i, call, text);
 }
 
-static void release(Instance *i) {
+PRIVATE void release(Instance *i) {
   if (!i) return;
   scene_free(i->scene);
   free(i);
 }
 
-static Status reset(Instance *i) {
+PRIVATE Status reset(Instance *i) {
   memcpy(scene_parameters(i->scene), scene_nominal, SCENE_N_P * sizeof(double));
   i->phase = IDLE;
   i->end = scene_times[SCENE_N_T - 1];
@@ -67,7 +68,7 @@ static Status reset(Instance *i) {
   return FMI_OK;
 }
 
-static Instance *instance_of(const char *token, int exchange) {
+PRIVATE Instance *instance_of(const char *token, int exchange) {
   Instance *i = strcmp(token ? token : "", SCENE_TOKEN) || (exchange && !SCENE_HAS_RATES) ? NULL : calloc(1, sizeof *i);
   if (i && !(i->scene = scene_new())) {
     free(i);
@@ -81,14 +82,14 @@ static Instance *instance_of(const char *token, int exchange) {
 }
 
 /* The times of a run, which begins at the first time of the scene: starts hold there. */
-static Status set_up(Instance *i, const char *call, int has_tolerance, double tolerance, double begin, int has_end, double end) {
+PRIVATE Status set_up(Instance *i, const char *call, int has_tolerance, double tolerance, double begin, int has_end, double end) {
   if (begin != scene_times[0]) return fault(i, call, "a run starts at the start time of the default experiment only");
   i->end = has_end ? end : scene_times[SCENE_N_T - 1];
   i->tolerance = has_tolerance ? tolerance : 0.0;
   return FMI_OK;
 }
 
-static Status enter(Instance *i) {
+PRIVATE Status enter(Instance *i) {
   i->t = scene_times[0];
   i->phase = STARTING;
   i->changed = 1;
@@ -96,21 +97,27 @@ static Status enter(Instance *i) {
 }
 
 /* Lets the run have the parameters and inputs that were set. */
-static Status update(Instance *i, const char *call) {
+PRIVATE Status update(Instance *i, const char *call) {
   if (i->phase == FAILED) return fault(i, call, "the run has failed");
   if (!i->changed || i->phase == IDLE) return FMI_OK;
   i->changed = 0;
+#if SCENE_HAS_RATES
+  if (i->exchange && i->phase == RUNNING) {
+    scene_renew(i->scene);
+    return FMI_OK;
+  }
+#endif
   const int goes_on = i->phase == STARTING ? scene_start(i->scene, i->end, i->tolerance) : scene_change(i->scene);
   return goes_on ? FMI_OK : fail(i, call);
 }
 
-static Status leave(Instance *i, const char *call) {
+PRIVATE Status leave(Instance *i, const char *call) {
   const Status status = update(i, call);
   if (status == FMI_OK) i->phase = RUNNING;
   return status;
 }
 
-static Status step(Instance *i, const char *call, double t, double length) {
+PRIVATE Status step(Instance *i, const char *call, double t, double length) {
   if (i->phase != RUNNING || i->exchange) return fault(i, call, "no run is under way");
   if (fabs(t - i->t) > 1e-9 * (fabs(t) + length)) return fault(i, call, "a step begins where the one before ended");
   if (!(length >= 0.0 && length < INFINITY)) return fault(i, call, "the length of a step is no number from 0 on");
@@ -119,7 +126,7 @@ static Status step(Instance *i, const char *call, double t, double length) {
   return scene_step(i->scene, i->t) ? FMI_OK : fail(i, call);
 }
 
-static Status get(Instance *i, const char *call, const unsigned *reference, size_t n, double *values) {
+PRIVATE Status get(Instance *i, const char *call, const unsigned *reference, size_t n, double *values) {
   double x[SCENE_N_X + 1], rates[SCENE_N_X + 1], switches[SCENE_N_SWITCHES + 1];
   int has_x = 0, has_rates = 0, has_switches = 0;
   for (size_t k = 0; k < n; ++k) {
@@ -150,7 +157,7 @@ static Status get(Instance *i, const char *call, const unsigned *reference, size
   return FMI_OK;
 }
 
-static Status set(Instance *i, const char *call, const unsigned *reference, size_t n, const double *values) {
+PRIVATE Status set(Instance *i, const char *call, const unsigned *reference, size_t n, const double *values) {
   for (size_t k = 0; k < n; ++k) {
     if (reference[k] < 1 || reference[k] >= OUTPUTS) return fault(i, call, "only parameters and inputs can be set");
     double *p = scene_parameters(i->scene) + reference[k] - 1;
@@ -162,7 +169,7 @@ static Status set(Instance *i, const char *call, const unsigned *reference, size
 
 #if SCENE_HAS_RATES
 /* The states and the time of model exchange: NULL leaves the states as they are. */
-static Status move(Instance *i, const char *call, double t, const double *x) {
+PRIVATE Status move(Instance *i, const char *call, double t, const double *x) {
   double own[SCENE_N_X + 1];
   if (i->phase != RUNNING || !i->exchange) return fault(i, call, "no run of model exchange is under way");
   if (update(i, call) != FMI_OK) return FMI_ERROR;
@@ -172,21 +179,21 @@ static Status move(Instance *i, const char *call, double t, const double *x) {
 }
 
 /* A part of the values, from a reference on. */
-static Status get_part(Instance *i, const char *call, unsigned first, size_t n, double *values) {
+PRIVATE Status get_part(Instance *i, const char *call, unsigned first, size_t n, double *values) {
   unsigned references[N_VALUES];
   for (unsigned k = 0; k < n && first + k < N_VALUES; ++k) references[k] = first + k;
   return first + n > N_VALUES ? fault(i, call, "there are fewer") : get(i, call, references, n, values);
 }
 
-static Status settle_switches(Instance *i, const char *call) {
+PRIVATE Status settle_switches(Instance *i, const char *call) {
   if (update(i, call) != FMI_OK) return FMI_ERROR;
   scene_settle(i->scene);
   return FMI_OK;
 }
 #else
-static Status move(Instance *i, const char *call, double t, const double *x) { return refuse(i, call); }
-static Status get_part(Instance *i, const char *call, unsigned first, size_t n, double *values) { return refuse(i, call); }
-static Status settle_switches(Instance *i, const char *call) { return update(i, call); }
+PRIVATE Status move(Instance *i, const char *call, double t, const double *x) { return refuse(i, call); }
+PRIVATE Status get_part(Instance *i, const char *call, unsigned first, size_t n, double *values) { return refuse(i, call); }
+PRIVATE Status settle_switches(Instance *i, const char *call) { return update(i, call); }
 #endif
 
 #endif

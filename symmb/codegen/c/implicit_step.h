@@ -138,10 +138,9 @@ PRIVATE int run_until(Block *b, Study *s, long n) {
 /* State i of a part at time t, up to which the block has its outputs. */
 PRIVATE V state_of(const Block *b, const Part *a, int i, double t) { (void)b, (void)t; return a->x[i]; }
 
-/* Goes on from that time with other parameters p. Returns 0 if samples failed. */
+/* Goes on from that time with other parameters. Returns 0 if samples failed. */
 PRIVATE int go_on_with(Block *b, Study *s, double t) {
   (void)s, (void)t;
-  EACH_PART(b) prepare(a->p, a->c);
   observe(b);
   b->fresh = 1;
   b->wanted = b->first;

@@ -71,9 +71,15 @@ int scene_step(Scene *scene, double t) {
   return 1;
 }
 
+static void take_parameters(Scene *scene) {
+  Part *a = scene->block.part;
+  for (int i = 0; i < SCENE_N_P; ++i) a->p[i] = each(scene->p[i]);
+  prepare(a->p, a->c);
+}
+
 int scene_change(Scene *scene) {
   Block *b = &scene->block;
-  for (int i = 0; i < SCENE_N_P; ++i) b->part->p[i] = each(scene->p[i]);
+  take_parameters(scene);
   if (!note_fault(scene, go_on_with(b, &scene->study, scene->t))) return 0;
   note_outputs(scene);
   return 1;
@@ -95,6 +101,11 @@ void scene_move(Scene *scene, double t, const double *x) {
   scene->t = scene->block.t = t;
   scene->block.under_way = 0;
   for (int i = 0; i < SCENE_N_X; ++i) scene->block.part->x[place[i]] = each(x[i]);
+  note_outputs(scene);
+}
+
+void scene_renew(Scene *scene) {
+  take_parameters(scene);
   note_outputs(scene);
 }
 

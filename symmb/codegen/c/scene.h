@@ -31,9 +31,10 @@ void scene_states(const Scene *scene, double *x);
 const double *scene_outputs(const Scene *scene);
 const char *scene_fault(const Scene *scene);
 
-/* Where states have rates: other states and times, and their rates, outputs and switches. Branches stay as they are until
-   scene_settle. */
+/* Where states have rates: other states, times and parameters, and their rates, outputs and switches. Branches stay as they
+   are until scene_settle. */
 void scene_move(Scene *scene, double t, const double *x);
+void scene_renew(Scene *scene);
 void scene_rates(Scene *scene, double *rates);
 void scene_switches(Scene *scene, double *switches);
 void scene_settle(Scene *scene);
