@@ -6,7 +6,8 @@ from importlib.metadata import version as symmb_version
 
 import numpy as np
 
-from symmb.exchange.exported import Exported, require_different
+from symmb._errors import DeclarationError
+from symmb.exchange.exported import Exported
 from symmb.model import powers_of
 
 BINARY_FILES, HEADERS = ("fmi.c", "scene.c"), ("scene.h",)
@@ -55,7 +56,9 @@ def description(scene: Exported, version: int, identifier: str) -> bytes:
     indicators = range(scene.source.n_switches if scene.source.has_rates else 0)
     if three:
         variables += [_Variable(f"switch[{k}]", "local", "continuous", "calculated") for k in indicators]
-    require_different(tuple(variable.name for variable in variables))
+    names = [variable.name for variable in variables]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise DeclarationError(f"{twice[0]!r} names two variables of the FMU. Rename the parameter or the output.")
     token = {"instantiationToken" if three else "guid": scene.source.token}
     root = ET.Element(
         "fmiModelDescription",

@@ -1,6 +1,5 @@
 """A scene as C that runs it, with all that its users have to know."""
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,12 +77,3 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     states = (*dae.q_names, *dae.v_names, *dae.s_names)
     tolerance = getattr(solver, "rtol", None) or 0.0
     return Exported(scene.name, source, parameters, inputs, outputs, states, simulator.units, tolerance)
-
-
-def require_different(names: tuple[str, ...]) -> None:
-    """DeclarationError if a name stands for two variables."""
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise DeclarationError(
-            f"{twice[0]!r} names two variables of the exported scene: rename the parameter or output."
-        )

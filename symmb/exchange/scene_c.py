@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from symmb.codegen import C_FOLDER, scene_source
-from symmb.exchange.exported import exported, require_different
+from symmb.exchange.exported import exported
 from symmb.files import replacement
 from symmb.model import Scene
 from symmb.simulation import DAESimulator
@@ -14,11 +14,10 @@ def save_scene_c(scene: Scene | DAESimulator, folder: Path) -> tuple[Path, ...]:
 
     Raises
     ------
-    DeclarationError       if something of the scene needs Python, or two variables have one name
+    DeclarationError       if something of the scene needs Python
     FileError              if a file cannot be written
     """
     model = exported(scene)
-    require_different((*model.parameters, *model.inputs, *model.outputs))
     texts = scene_source(model.source) | {"main.c": (C_FOLDER / "main.c").read_text(encoding="utf-8")}
     for name, text in texts.items():
         with replacement(folder / name) as file:

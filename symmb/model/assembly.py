@@ -181,7 +181,11 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind, parameters)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, parameters, faults)
     faults.raise_any()
-    return _without_untouched(_assemble(inertial, bind, equations))
+    collected = _assemble(inertial, bind, equations)
+    for name in bind.inputs_in([ca.vec(collected.M), collected.Q, collected.Phi, collected.Psi]):
+        faults.lines.append(f"Input {name!r}: it stands in a point, a mass or a shape; inputs are for laws.")
+    faults.raise_any()
+    return _without_untouched(collected)
 
 
 class _Faults:

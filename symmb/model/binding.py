@@ -67,6 +67,10 @@ class Binding:
         """An expression with 0 in the place of inputs that are no parameters."""
         return ca.substitute(expression, self._inputs, 0 * self._inputs) if self._inputs.numel() else expression
 
+    def inputs_in(self, expressions: Sequence[ca.SX]) -> list[str]:
+        """Names of inputs that are no parameters, in expressions that are not bound."""
+        return [u.name() for u in ca.vertsplit(self._inputs) if ca.depends_on(ca.veccat(*expressions), u)]
+
     def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
         """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""
         if has_irregular_constant(expression):

@@ -139,3 +139,89 @@ def test_an_fmu_is_bounded_as_its_scene(tmp_path):
     of_fmu, of_scene = mb.propagate(simulator, method, box), mb.propagate(scene, method, box)
     np.testing.assert_allclose(of_fmu.lower, of_scene.lower, atol=1e-7)
     np.testing.assert_allclose(of_fmu.upper, of_scene.upper, atol=1e-7)
+
+
+def test_inputs_hold_between_communication_points(tmp_path):
+    """A cart behind a motor with lag: its speed and its force after two steps of inputs, in closed form."""
+    p = mb.Parameters(mass=2.0, lag=0.3)
+    cart, push, wind = mb.Body("cart", mass=p.mass, pose=mb.Particle()), mb.Input("push"), mb.Input("wind")
+    motor = mb.State("motor", rate=lambda z: (push.value - z) / p.lag)
+    force = mb.Force("force", cart.point(0, 0), (motor.value + wind.value, 0))
+    system = mb.System(cart, push, wind, motor, force, parameters=p)
+    scene = mb.Scene(system, times=np.linspace(0, 2, 21), outputs={"v": cart.vx, "wind outside": wind.value})
+    assert not mb.simulate(scene).values.any()
+    mb.save_fmu(scene, tmp_path / "cart.fmu")
+    assert validate_fmu(str(tmp_path / "cart.fmu")) == []
+    signals = np.array(
+        [(0.0, 0, 0), (0.5, 0, 0), (0.5, 1, 0), (1.0, 1, 0), (1.0, 1, -2), (2.0, 1, -2)],
+        dtype=[("time", float), ("push", float), ("wind", float)],
+    )
+    since = 1.5
+    expected = (since - 0.3 * (1 - np.exp(-since / 0.3)) - 2 * 1.0) / 2
+    for kind, error in (("CoSimulation", 1e-8), ("ModelExchange", 1e-6)):
+        Y = run_fmu(tmp_path / "cart.fmu", scene.times, ["v", "wind outside"], {}, kind, input=signals)
+        np.testing.assert_allclose(Y[-1], [expected, -2], atol=error)
+
+
+def test_an_input_is_one_of_a_linearisation():
+    cart, u = mb.Body("cart", mass=2.0, pose=mb.Particle()), mb.Input("u")
+    system = mb.System(cart, u, mb.Force("motor", cart.point(0, 0), (8 * u.value - cart.vx, 0)))
+    lin = mb.linearize(mb.Scene(system, outputs={"vx": cart.vx}), inputs=["u"])
+    np.testing.assert_allclose(lin.B.ravel(), [0, 4])
+    with pytest.raises(mb.DeclarationError, match="no actuator, input or parameter 'w'"):
+        mb.linearize(mb.Scene(system), inputs=["w"])
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda u: mb.System(u, parameters=mb.Parameters(u=1.0)), "Input 'u': a parameter or the time has this name"),
+        (lambda u: mb.System(u, mb.Input("u")), "Input 'u': the name is used twice"),
+        (lambda u: mb.System(mb.Input("a.b")), "Input 'a.b': a name is a text without"),
+        (lambda u: mb.Input(3), "Input: the name is a text, got 3"),
+        (lambda u: mb.System(mb.State("z", rate=u.value)), "Input 'u' is not part of the System. Add it"),
+    ],
+)
+def test_faults_of_inputs(make, text):
+    u = mb.Input("u")
+    with pytest.raises(mb.DeclarationError, match=text):
+        make(u)
+
+
+def test_inputs_stand_in_laws_alone():
+    body, u = mb.Body("body", 1.0, 0.1), mb.Input("u")
+    with pytest.raises(mb.DeclarationError, match="Input 'u': it stands in a point, a mass or a shape"):
+        mb.System(body, u, mb.Revolute("pin", mb.Ground().point(u.value, 0), body.point(0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("save", "text"),
+    [
+        (lambda scene, path: mb.save_fmu(scene, path, version=1), "version must be 2 or 3, of FMI, got 1"),
+        (lambda scene, path: mb.save_fmu(scene, path.with_suffix(".zip")), "must end in .fmu"),
+        (lambda scene, path: mb.save_fmu(scene.system, path), "Expected a Scene, got System"),
+        (lambda scene, path: mb.save_fmu(mb.prepare(scene, mb.CVODES()), path), r"CVODES\(\) cannot be exported"),
+        (lambda scene, path: mb.save_fmu(mb.prepare(scene, mb.RungeKutta()), path), "RungeKutta.* cannot be exported"),
+        (
+            lambda scene, path: mb.save_fmu(mb.prepare(scene, mb.Rosenbrock()), path),
+            "cannot end its steps at the kinks",
+        ),
+        (
+            lambda scene, path: mb.save_fmu(scene.with_outputs({"peak": mb.maximum(scene.system.bodies[0].y)}), path),
+            "output 'peak' is one number a run",
+        ),
+        (
+            lambda scene, path: mb.save_fmu(scene.with_outputs({"drive": scene.system.bodies[0].y}), path),
+            "'drive' names two variables",
+        ),
+    ],
+)
+def test_faults_are_told_in_one_sentence(save, text, tmp_path):
+    with pytest.raises(mb.DeclarationError, match=text):
+        save(pendulum(), tmp_path / "model.fmu")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(mb.SymmbError, match="cannot be written: No such file or directory"):
+        mb.save_fmu(pendulum(), tmp_path / "none" / "model.fmu")

@@ -62,6 +62,10 @@ int scene_start(Scene *scene, double end, double tolerance) {
 int scene_step(Scene *scene, double t) {
   Block *b = &scene->block;
   if (!(t > scene->t)) return 1;
+  if (N_STOPS > 0 && t > scene_times[SCENE_N_T - 1] + 1e-9 * (t - scene_times[0])) {
+    scene->fault = "sampled values end with the times of the scene";
+    return 0;
+  }
   scene->times[1] = t;
   if (t > scene->times[2]) scene->times[2] = t;
   b->next = 1;
