@@ -55,12 +55,12 @@ def exported(subject: Scene | DAESimulator) -> Exported:
         simulator = simulator_with(scene.with_inputs(inputs), solver)
     solver, form = simulator.solver, simulator.formulation
     dae = form.dae
-    if not isinstance(solver, LaneSolver):
-        raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {_SOLVERS}.")
     if not form.y.numel_in(0):
         raise DeclarationError(f"{scene.name} has no states: its outputs are plain expressions, which need no export.")
-    lanes = solver.lanes(dae, simulator.times, form.y, start=form.start, alone=True)
-    if isinstance(lanes.control, FixedStep) and lanes.scheme is None:
+    lanes = None
+    if isinstance(solver, LaneSolver):
+        lanes = solver.lanes(dae, simulator.times, form.y, start=form.start, alone=True)
+    if lanes is None or (isinstance(lanes.control, FixedStep) and lanes.scheme is None):
         raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {_SOLVERS}.")
     parameters, outputs = tuple(scene.system.parameters), tuple(simulator.outputs)
     source = SceneSource(

@@ -91,8 +91,9 @@ def test_programs_are_clean_under_sanitizers_and_print_the_outputs(model, solver
     name = model.__name__.rpartition(".")[2]
     assert main(["codegen", name, "-o", str(tmp_path), "--solver", solver]) == 0
     assert {"scene.c", "scene.h", "main.c", "model.c"} <= {path.name for path in tmp_path.iterdir()}
-    (tmp_path / "fmi.c").write_text('#include "scene.h"\n' + c_source("fmu", "fmi3"))
-    command = [compiler, *STRICT, *SANITIZED, "scene.c", "main.c", "fmi.c", "-o", "scene", "-lm"]
+    for version in ("fmi2", "fmi3"):
+        (tmp_path / f"{version}.c").write_text('#include "scene.h"\n' + c_source("fmu", version))
+    command = [compiler, *STRICT, *SANITIZED, "scene.c", "main.c", "fmi2.c", "fmi3.c", "-o", "scene", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)
     simulator = mb.DAESimulator(model.scene(), mb.DormandPrince(1e-10) if solver.startswith("dopri") else None)
     P = simulator.dae.p_nominal * 0.99
