@@ -42,7 +42,7 @@ typedef struct {
   V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters alone, then room for the model's functions */
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
   V atol[SIZE(N_X)];                               /* by the largest value of each state so far */
-  V p[SIZE(N_P)], scratch[2 * (N_X > N_U ? SIZE(N_X) : N_U)];          /* parameters; errors of a step, or unknowns of the start */
+  V p[SIZE(N_P)], scratch[2 * (N_X > N_U ? SIZE(N_X) : N_U)]; /* parameters; errors of a step, or unknowns of the start */
 #if N_S > 0
   V u[N_S], du[N_S], u_new[N_S], u_low[N_S], u_at[N_S]; /* switches on their sides, and their rates, see switches.h */
   V raised[N_S], when, which;

@@ -20,7 +20,7 @@ typedef struct {
 #define F EXPORT Status
 #define NOT_HAD(name, ...) F name(Instance *i, __VA_ARGS__) { return refuse(i, #name); }
 
-static void log2_(Instance *i, Status status, const char *text) {
+static void log_2(Instance *i, Status status, const char *text) {
   const Callbacks *c = i->callback;
   c->log(c->environment, i->name, status, "logStatusError", "%s", text);
 }
@@ -34,18 +34,19 @@ F fmi2SetDebugLogging(Instance *i, Boolean logs, size_t n, const char *const cat
 }
 
 EXPORT Instance *fmi2Instantiate(
-    const char *name, int type, const char *guid, const char *resources, const Callbacks *callbacks, Boolean visible, Boolean logs) {
+    const char *name, int type, const char *guid, const char *resources, const Callbacks *callbacks, Boolean visible,
+    Boolean logs) {
   const int exchange = type == 0;
   Instance *i = instance_of(guid, exchange);
   const int can_log = callbacks && callbacks->log;
   if (!i) {
     if (can_log)
-      callbacks->log(callbacks->environment, name, FMI_ERROR, "logStatusError", "the guid is another one, or the memory does not suffice");
+      callbacks->log(callbacks->environment, name, FMI_ERROR, "logStatusError", NO_INSTANCE);
     return NULL;
   }
   i->logs = logs;
   i->callback = (void *)callbacks;
-  i->log = can_log ? log2_ : NULL;
+  i->log = can_log ? log_2 : NULL;
   snprintf(i->name, sizeof i->name, "%s", name ? name : "");
   return i;
 }
@@ -76,7 +77,8 @@ NOT_HAD(fmi2FreeFMUstate, void **state)
 NOT_HAD(fmi2SerializedFMUstateSize, void *state, size_t *size)
 NOT_HAD(fmi2SerializeFMUstate, void *state, char bytes[], size_t size)
 NOT_HAD(fmi2DeSerializeFMUstate, const char bytes[], size_t size, void **state)
-NOT_HAD(fmi2GetDirectionalDerivative, const Reference u[], size_t n, const Reference k[], size_t m, const double s[], double v[])
+NOT_HAD(fmi2GetDirectionalDerivative, const Reference u[], size_t n, const Reference k[], size_t m, const double s[],
+        double v[])
 
 F fmi2DoStep(Instance *i, double t, double length, Boolean no_set_before) { return step(i, __func__, t, length); }
 F fmi2CancelStep(Instance *i) { return refuse(i, __func__); }

@@ -12,7 +12,7 @@ typedef void (*Log3)(void *environment, Status, const char *category, const char
 #define F EXPORT Status
 #define NOT_HAD(name, ...) F name(Instance *i, __VA_ARGS__) { return refuse(i, #name); }
 
-static void log3(Instance *i, Status status, const char *text) {
+static void log_3(Instance *i, Status status, const char *text) {
   ((Log3)i->callback)(i->environment, status, "logStatusError", text);
 }
 
@@ -22,9 +22,9 @@ static Instance *new3(const char *token, bool logs, void *environment, Log3 log,
     i->logs = logs;
     i->environment = environment;
     i->callback = (void *)log;
-    i->log = log ? log3 : NULL;
+    i->log = log ? log_3 : NULL;
   } else if (log)
-    log(environment, FMI_ERROR, "logStatusError", "the instantiation token is another one, or the memory does not suffice");
+    log(environment, FMI_ERROR, "logStatusError", NO_INSTANCE);
   return i;
 }
 
@@ -64,7 +64,8 @@ F fmi3EnterConfigurationMode(Instance *i) { return refuse(i, __func__); }
 F fmi3ExitConfigurationMode(Instance *i) { return refuse(i, __func__); }
 F fmi3EnterStepMode(Instance *i) { return update(i, __func__); }
 
-F fmi3DoStep(Instance *i, double t, double length, bool no_set_before, bool *event, bool *terminates, bool *early, double *reached) {
+F fmi3DoStep(
+    Instance *i, double t, double length, bool no_set_before, bool *event, bool *terminates, bool *early, double *reached) {
   const Status status = step(i, __func__, t, length);
   *event = *terminates = *early = false;
   *reached = i->t;
@@ -80,8 +81,12 @@ F fmi3SetFloat64(Instance *i, const Reference r[], size_t n, const double values
 
 /* There are no variables of other types. */
 #define TYPE(name, type) \
-  F fmi3Get##name(Instance *i, const Reference r[], size_t n, type values[], size_t m) { return n ? refuse(i, __func__) : FMI_OK; } \
-  F fmi3Set##name(Instance *i, const Reference r[], size_t n, const type values[], size_t m) { return n ? refuse(i, __func__) : FMI_OK; }
+  F fmi3Get##name(Instance *i, const Reference r[], size_t n, type values[], size_t m) { \
+    return n ? refuse(i, __func__) : FMI_OK; \
+  } \
+  F fmi3Set##name(Instance *i, const Reference r[], size_t n, const type values[], size_t m) { \
+    return n ? refuse(i, __func__) : FMI_OK; \
+  }
 typedef const char *String;
 TYPE(Float32, float)
 TYPE(Int8, int8_t)
@@ -106,8 +111,10 @@ NOT_HAD(fmi3FreeFMUState, void **state)
 NOT_HAD(fmi3SerializedFMUStateSize, void *state, size_t *size)
 NOT_HAD(fmi3SerializeFMUState, void *state, uint8_t bytes[], size_t size)
 NOT_HAD(fmi3DeserializeFMUState, const uint8_t bytes[], size_t size, void **state)
-NOT_HAD(fmi3GetDirectionalDerivative, const Reference u[], size_t n, const Reference k[], size_t m, const double s[], size_t ns, double v[], size_t nv)
-NOT_HAD(fmi3GetAdjointDerivative, const Reference u[], size_t n, const Reference k[], size_t m, const double s[], size_t ns, double v[], size_t nv)
+NOT_HAD(fmi3GetDirectionalDerivative, const Reference u[], size_t n, const Reference k[], size_t m, const double s[],
+        size_t ns, double v[], size_t nv)
+NOT_HAD(fmi3GetAdjointDerivative, const Reference u[], size_t n, const Reference k[], size_t m, const double s[], size_t ns,
+        double v[], size_t nv)
 NOT_HAD(fmi3GetIntervalDecimal, const Reference r[], size_t n, double intervals[], int qualifiers[])
 NOT_HAD(fmi3GetIntervalFraction, const Reference r[], size_t n, uint64_t counters[], uint64_t resolutions[], int qualifiers[])
 NOT_HAD(fmi3GetShiftDecimal, const Reference r[], size_t n, double shifts[])

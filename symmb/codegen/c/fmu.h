@@ -16,6 +16,8 @@
 #define PRIVATE static __attribute__((unused)) /* a function that one of the versions may do without */
 #define EXPORT __attribute__((visibility("default")))
 
+#define NO_INSTANCE "the token is another one, the FMU has no model exchange, or the memory does not suffice"
+
 typedef enum { FMI_OK, FMI_WARNING, FMI_DISCARD, FMI_ERROR, FMI_FATAL } Status;
 typedef enum { IDLE, STARTING, RUNNING, FAILED } Phase;
 enum { OUTPUTS = 1 + SCENE_N_P, STATES = OUTPUTS + SCENE_N_Y, RATES = STATES + SCENE_N_X, SWITCHES = RATES + SCENE_N_X };
