@@ -364,7 +364,11 @@ def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) 
         reached += [s for s in dict.fromkeys(bind.states(state.rate)) if s not in reached]
     flags = [impact.state for impact in equations.impacts]
     flags += [state for event, _ in equations.joint_events for state in event.states]
-    return tuple(replace(s, rate=bind.without_inputs(s.rate)) for s in dict.fromkeys([*reached, *flags]))
+    # Records of states that come along with expressions live as long as the tuple holds them.
+    return tuple(
+        replace(state, rate=bind.without_inputs(state.rate)) if bind.inputs_in([state.rate]) else state
+        for state in dict.fromkeys([*reached, *flags])
+    )
 
 
 def stacked(parts: Sequence[ca.SX]) -> ca.SX:
