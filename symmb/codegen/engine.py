@@ -63,13 +63,14 @@ class StepEnds:
 
 @dataclass(frozen=True, eq=False)
 class Lanes:
-    """What an `Engine` runs."""
+    """What an `Engine` runs. `knots` are the places of tables of time, for single runs; see `TimeSwitches.linear`."""
 
     f: ca.Function
     control: Tolerances | FixedStep
     scheme: Scheme | None = None
     ends: StepEnds = field(default_factory=StepEnds)
     contacts: Contacts | None = None
+    knots: tuple[Array, ...] = ()
 
     def compiled(self, times: Array) -> "Engine":
         """Their engine for output times (n_t,) [s]."""

@@ -50,6 +50,7 @@ def model_function(
     switches: ca.SX | None = None,
     contacts: Mapping[str, ca.SX] | None = None,
     ranged: ca.SX | None = None,
+    times: ca.SX | None = None,
 ) -> ca.Function:
     """(x, p, t, box) -> rates, outputs and, if given, project, newton and start, switches and their bounds in a box.
 
@@ -61,6 +62,7 @@ def model_function(
         gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
     ranged : SX                         switches (m,) of which bounds are taken, if not all of them
+    times : SX                          values at time 0 and slopes of linear switches of time, for single runs
     contacts : mapping                  the functions of c/impacts.h
     """
     parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
@@ -69,6 +71,8 @@ def model_function(
         box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t)
     if projected is not None:
         parts["project"] = projected
+    if times is not None:
+        parts["time_switches"] = times
     return _function(parts, x, p, t, box, start)
 
 

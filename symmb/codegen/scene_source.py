@@ -74,14 +74,19 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
         "NEWTON_CHANGE": lanes.scheme.newton if lanes.scheme else 0.0,
         "STEPS_AT_MOST": MOST_STEPS,
         "N_STOPS": len(scene.stops),
+        "N_TIMES": lanes.f.numel_out("time_switches") // 2 if "time_switches" in lanes.f.name_out() else 0,
     }
+    knots, n_knots = np.concatenate([np.empty(0), *lanes.knots]), [len(places) for places in lanes.knots]
+    n_knots = [0] * (int(numbers["N_TIMES"]) - len(n_knots)) + n_knots
+    numbers["STOPS_AT_MOST"] = len(scene.stops) + len(knots) + n_knots.count(0)
     atol = control.absolute(n_x) if controlled else np.zeros(n_x)
     faults = ["the start could not be solved for", *(reason.format("of the scene") for reason in REASONS)]
     source = [
         source_of(lanes.f, False, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, one_run=True),
         '#include "scene.h"',
         *(f"#define {name} {value!r}" for name, value in numbers.items()),
-        f"PRIVATE const double absolute[] = {_list(atol)}, stops[] = {_list(scene.stops)};",
+        f"PRIVATE const double absolute[] = {_list(atol)}, stops[] = {_list(scene.stops)}, knots[] = {_list(knots)};",
+        f"PRIVATE const int n_knots[] = {{{', '.join(map(str, n_knots or [0]))}}};",
         f"PRIVATE const char *const faults[] = {_list(faults)};",
         f"const double scene_times[] = {_list(scene.times)}, scene_nominal[] = {_list([*scene.nominal, 0.0])};",
         f"const char *const scene_names[] = {_list([*scene.names, ''])};",

@@ -54,7 +54,10 @@ class Explicit(LaneSolver):
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
         ).jets(order)
         own, contacts = problem.p, None
-        frozen = switched(problem, dae, times, alone) if self.controls_step and not order else None
+        of_time = stops_in_time(dae, times) if alone else None
+        linear = of_time and of_time.switches.linear
+        curved = of_time is not None and linear is None
+        frozen = switched(problem, dae, times, curved) if self.controls_step and not order else None
         ends = StepEnds(stops=stops_in_time(dae, times) if order else None) if self.controls_step else None
         if dae.impacts is not None:
             contacts = contacts_of(dae, dae.impacts, work)
@@ -81,8 +84,10 @@ class Explicit(LaneSolver):
             at(frozen.switches) if frozen and frozen.switches.numel() else None,
             None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
             at(frozen.ranged) if frozen and frozen.ranged is not None else None,
+            ca.vertcat(*linear[0](p)) if linear else None,
         )
-        return Lanes(f, control, ends=ends or StepEnds(), contacts=contacts)
+        knots = tuple(linear[1]) if linear else ()
+        return Lanes(f, control, ends=ends or StepEnds(), contacts=contacts, knots=knots)
 
 
 def _compiled_start(

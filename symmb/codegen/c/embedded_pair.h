@@ -276,6 +276,8 @@ PRIVATE int go_on_with(Block *b, Study *s, double t) {
   b->t = t;
   b->under_way = b->shortened = 0;
   b->soon = INFINITY;
+  memset(b->stop, 0, sizeof b->stop);
+  find_stop(b, s);
   follow_sizes(b, s);
   settle(b);
   if (!meet_contacts(b, s, -1)) return 0;

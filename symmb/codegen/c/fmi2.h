@@ -100,7 +100,9 @@ F fmi2EnterEventMode(Instance *i) { return FMI_OK; }
 F fmi2EnterContinuousTimeMode(Instance *i) { return update(i, __func__); }
 F fmi2NewDiscreteStates(Instance *i, EventInfo *info) {
   *info = (EventInfo){0};
-  return settle_switches(i, __func__);
+  const Status status = settle_switches(i, __func__, &info->next);
+  info->has_next = info->next < INFINITY;
+  return status;
 }
 F fmi2CompletedIntegratorStep(Instance *i, Boolean no_set_before, Boolean *event, Boolean *terminates) {
   *event = *terminates = 0;

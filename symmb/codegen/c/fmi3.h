@@ -132,8 +132,7 @@ F fmi3EnterContinuousTimeMode(Instance *i) { return i->exchange ? update(i, __fu
 F fmi3UpdateDiscreteStates(
     Instance *i, bool *again, bool *terminates, bool *nominals, bool *states, bool *has_next, double *next) {
   *again = *terminates = *nominals = *states = *has_next = false;
-  *next = INFINITY;
-  return settle_switches(i, __func__);
+  return settle_switches(i, __func__, next) == FMI_OK ? (*has_next = *next < INFINITY, FMI_OK) : FMI_ERROR;
 }
 F fmi3CompletedIntegratorStep(Instance *i, bool no_set_before, bool *event, bool *terminates) {
   *event = *terminates = false;

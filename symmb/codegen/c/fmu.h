@@ -187,15 +187,16 @@ PRIVATE Status get_part(Instance *i, const char *call, unsigned first, size_t n,
   return first + n > N_VALUES ? fault(i, call, "there are fewer") : get(i, call, references, n, values);
 }
 
-PRIVATE Status settle_switches(Instance *i, const char *call) {
+PRIVATE Status settle_switches(Instance *i, const char *call, double *next) {
   if (update(i, call) != FMI_OK) return FMI_ERROR;
   scene_settle(i->scene);
+  *next = scene_next_event(i->scene);
   return FMI_OK;
 }
 #else
 PRIVATE Status move(Instance *i, const char *call, double t, const double *x) { return refuse(i, call); }
 PRIVATE Status get_part(Instance *i, const char *call, unsigned first, size_t n, double *values) { return refuse(i, call); }
-PRIVATE Status settle_switches(Instance *i, const char *call) { return update(i, call); }
+PRIVATE Status settle_switches(Instance *i, const char *call, double *next) { return *next = INFINITY, update(i, call); }
 #endif
 
 #endif

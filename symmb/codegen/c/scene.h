@@ -38,5 +38,6 @@ void scene_renew(Scene *scene);
 void scene_rates(Scene *scene, double *rates);
 void scene_switches(Scene *scene, double *switches);
 void scene_settle(Scene *scene);
+double scene_next_event(const Scene *scene); /* the next switch of time, infinite without one */
 
 #endif
