@@ -62,6 +62,16 @@ def controlled():
     return mb.Scene(system, {"cart.x": 1.0}, np.linspace(0, 2, 41), {"x": cart.x, "force": brake.value})
 
 
+def bumpy():
+    """A mass on a spring, pushed by a table of time, which is stretched by a parameter, and by dry friction."""
+    p = mb.Parameters(rate=2.0)
+    bob, values = mb.Body("bob", 1.0, pose=mb.Particle()), [0, 1, 0, 2, 0, -1, 0, 3, 0]
+    push = mb.Table(np.linspace(0, 1, 9), values)(p.rate * mb.t - 0.5) - 0.1 * ca.fabs(bob.vx)
+    spring = mb.SpringDamper("spring", mb.Ground().point(0, 0), bob.point(0, 0), 30.0, 0.4)
+    system = mb.System(bob, spring, mb.Force("push", bob.point(0, 0), (push, 0)), parameters=p)
+    return mb.Scene(system, {"bob.x": 0.3}, np.linspace(0, 2, 41), {"x": bob.x})
+
+
 def run_fmu(path, times, outputs, parameters, kind="CoSimulation", **options):
     """Outputs (n_t, n_y) of an FMU in FMPy."""
     options |= {"stop_time": times[-1], "output_interval": float(np.diff(times).max())}
@@ -93,8 +103,9 @@ def test_a_pendulum_agrees_with_scipy(version, tmp_path):
         (bouncing_ball.scene, mb.EventDriven()),
         (release, mb.EventDriven()),
         (controlled, mb.DormandPrince()),
+        (bumpy, mb.DormandPrince()),
     ],
-    ids=["double_pendulum", "four_bar", "bouncing_ball", "release", "controlled"],
+    ids=["double_pendulum", "four_bar", "bouncing_ball", "release", "controlled", "bumpy"],
 )
 def test_fmus_run_as_their_scenes(make, solver, tmp_path):
     simulator, path = mb.DAESimulator(make(), solver), tmp_path / "model.fmu"
