@@ -5,7 +5,7 @@ Declare bodies, joints and forces; symmb derives the equations, compiles, simula
 by subject:
 
 Models
-    Parameters, Box, System, Scene, State, t, ddt, initial, load_urdf, load_mjcf, compile_dae
+    Parameters, Box, System, Scene, State, Input, t, ddt, initial, load_urdf, load_mjcf, compile_dae
 Bodies
     Body, Ground, Planar, Spatial, Particle, rotation, FlexibleBody, Beam, FiniteElements, Modes, Material, Section
 Shapes of bodies in drawings
@@ -40,6 +40,8 @@ Linearisation
     critical, linearize, ModalSimulator
 Black boxes
     CommandSimulator, FMUSimulator, FunctionSimulator, StoredSimulator
+Scenes for other programs
+    save_fmu
 Results
     Trajectory, Event, Bounds, Contributions, Expansion, Moments, Comparison, Linearization
 Errors

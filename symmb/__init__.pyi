@@ -26,6 +26,7 @@ from .bounds.taylor import Taylor as Taylor
 from .bounds.taylor_model import TaylorModel as TaylorModel
 from .drawing.show import view as view
 from .events.impulses import Event as Event
+from .exchange.fmu import save_fmu as save_fmu
 from .integrate.casadi_solvers import CVODES as CVODES
 from .integrate.casadi_solvers import IDAS as IDAS
 from .integrate.casadi_solvers import Collocation as Collocation
@@ -89,6 +90,7 @@ from .mechanics.geometry import Cylinder as Cylinder
 from .mechanics.geometry import Mesh as Mesh
 from .mechanics.geometry import Sphere as Sphere
 from .mechanics.impact import Impact as Impact
+from .mechanics.input import Input as Input
 from .mechanics.joint import CamFollower as CamFollower
 from .mechanics.joint import Cylindrical as Cylindrical
 from .mechanics.joint import Distance as Distance

@@ -51,6 +51,7 @@ FLOORS = {
     "bounds": 14,
     "study": 15,
     "drawing": 15,
+    "exchange": 15,
     "report": 16,
     "": 17,  # symmb/__init__.py, the public names
     "cli": 18,  # a client of the public names

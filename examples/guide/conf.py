@@ -87,6 +87,7 @@ GROUPS = {
     "Answers": "tolerances comparisons calibration",
     "Linearisation": "linear",
     "Black boxes": "simulators black_boxes external_programs fmus stored_runs",
+    "Scenes for other programs": "fmus",
     "Results": "results contributions",
     "Errors": "starting",
 }

@@ -20,6 +20,7 @@ from symmb.cli.assignments import add_set, scene_and_parameters
 from symmb.cli.bound import add_bound
 from symmb.cli.compare import add_compare
 from symmb.cli.completion import add_completion
+from symmb.cli.export import add_export
 from symmb.cli.linearize import add_linearize
 from symmb.cli.result_path import result_path
 from symmb.cli.runs import add_runs
@@ -30,7 +31,6 @@ from symmb.drawing import FORMATS
 from symmb.files import save_json
 from symmb.model import equations_text
 from symmb.plot import PICTURES
-from symmb.simulation import prepare_equations
 
 _PACKAGE = Path(mb.__file__).parent
 _GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
@@ -154,16 +154,6 @@ def _view(options: argparse.Namespace) -> tuple[str, ...]:
     return doubts
 
 
-def _codegen(options: argparse.Namespace) -> None:
-    folder = Path(options.output)
-    if folder.exists() and not folder.is_dir():
-        raise DeclarationError(f"{folder} is a file; -o takes the folder that the C files go to.")
-    with Progress("generating C"):
-        simulator = prepare_equations(load_scene(options.scene))
-        files = simulator.dae.save_c(folder, {**simulator.start.nominal(), "times": simulator.times})
-    print(*files, sep="\n")
-
-
 def _cache(options: argparse.Namespace) -> None:
     folder, files = cache.folder(), cache.contents()
     models, size = sum(path.suffix == ".so" for path in files), sum(path.lstat().st_size for path in files)
@@ -253,5 +243,4 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
     view.add_argument("--mode", metavar="K", type=int, help="the mode of this number, from 1 on, in place of a run")
     add_set(view)
 
-    codegen = command("codegen", "export the equations as C that builds without symmb", _codegen, usage="-o DIR")
-    codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")
+    add_export(command, solvers)

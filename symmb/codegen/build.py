@@ -14,7 +14,7 @@ import struct
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,6 +102,34 @@ def load(source: str, *names: str) -> ctypes.CDLL:
         compiler = _compiler()
         try:
             return _loaded(source, compiler, *names)
+        except _BuildError as error:
+            _give_up(compiler.command, str(error))
+            _compiler.cache_clear()
+
+
+def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
+    """A library of C files for every processor of this family, whose symbols are hidden unless they are exported.
+
+    Parameters
+    ----------
+    files                  name -> text
+    sources                names of those that are compiled
+
+    Raises
+    ------
+    NoCompilerError        if there is no C compiler, or none builds the sources
+    """
+    while True:
+        compiler = _compiler()
+        try:
+            with temporary_folder() as folder:
+                for name, text in files.items():
+                    (folder / name).write_text(text, encoding="utf-8")
+                library_path = folder / "library.so"
+                command = [*compiler.command, *(str(folder / name) for name in sources), "-o", str(library_path)]
+                seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * sum(map(len, files.values())) / 1e6
+                _compile([*command, *_FLAGS, "-fvisibility=hidden", "-lm"], library_path, folder, seconds)
+                return library_path.read_bytes()
         except _BuildError as error:
             _give_up(compiler.command, str(error))
             _compiler.cache_clear()

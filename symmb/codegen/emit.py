@@ -127,10 +127,12 @@ class Emitter:
         inputs = "p" if parameters_only else "x, c, t"
         arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
         out = "c" if parameters_only else "out"
+        names = ("p", "w", "c") if parameters_only else ("x", "c", "t", "w", "out")
+        unused = f"{', '.join(f'(void){name}' for name in names)};"
         for piece in range(len(schedule.pieces)):
             lines = self._piece(schedule, piece, outputs, out, parameters_only)
             head = f"PIECE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
-            self._pieces.append("\n".join([f"{head} {{", "  (void)w;", *lines, "}"]))
+            self._pieces.append("\n".join([f"{head} {{", f"  {unused}", *lines, "}"]))
         calls = [f"  {name}_{piece}({inputs}, c + N_C, {out});" for piece in range(len(schedule.pieces))]
         if schedule.angles:
             calls.insert(schedule.n_first, f"  sines({len(schedule.angles)}, c + N_C);")
@@ -152,7 +154,8 @@ class Emitter:
     def _statements(self, outputs: list[int], parameters_only: bool) -> tuple[list[int], dict[int, int]]:
         """The values that a function computes in order, and sines with their cosines, which follow each other."""
         nodes = self._graph.nodes
-        computed = [k for k in self._graph.needed(outputs) if nodes[k].operation not in (CONSTANT, INPUT)]
+        given = (lambda k: False) if parameters_only else self._hoisted
+        computed = [k for k in self._graph.needed(outputs, given) if nodes[k].operation not in (CONSTANT, INPUT)]
         order = sorted(k for k in computed if parameters_only or not self._hoisted(k))
         turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
         twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}

@@ -61,6 +61,22 @@ class StepEnds:
     stops: Callable[[Array, Array], Array] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Lanes:
+    """What an `Engine` runs. `knots` are the places of tables of time, for single runs; see `TimeSwitches.linear`."""
+
+    f: ca.Function
+    control: Tolerances | FixedStep
+    scheme: Scheme | None = None
+    ends: StepEnds = field(default_factory=StepEnds)
+    contacts: Contacts | None = None
+    knots: tuple[Array, ...] = ()
+
+    def compiled(self, times: Array) -> "Engine":
+        """Their engine for output times (n_t,) [s]."""
+        return Engine(self.f, times, self.control, self.scheme, self.ends, self.contacts)
+
+
 _EVENTS = 50
 """Events of a sample for which there is room at first: with more, the runs are made again."""
 MOST_PASSES = 1000

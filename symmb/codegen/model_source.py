@@ -14,7 +14,7 @@ from symmb.codegen.contacts import Contacts
 from symmb.codegen.emit import LARGE_MODEL, Emitter
 from symmb.codegen.failures import FailureCode
 from symmb.codegen.graph import BOX, INPUT, Graph, graph_of
-from symmb.symbolic import ranges_along
+from symmb.symbolic import Pieces, ranges_along
 
 CACHED_STATES = 32
 """States whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes. tests/benchmarks/ensemble.py"""
@@ -46,10 +46,11 @@ def model_function(
     rates: ca.SX,
     outputs: ca.SX,
     projected: ca.SX | None,
-    start: tuple[ca.SX, ca.SX] | None = None,
+    start: tuple[ca.SX, ca.SX, ca.SX] | None = None,
     switches: ca.SX | None = None,
     contacts: Mapping[str, ca.SX] | None = None,
     ranged: ca.SX | None = None,
+    times: ca.SX | None = None,
 ) -> ca.Function:
     """(x, p, t, box) -> rates, outputs and, if given, project, newton and start, switches and their bounds in a box.
 
@@ -57,10 +58,11 @@ def model_function(
     ----------
     x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
     rates, outputs, projected : SX      x' (n_x,), outputs (n_y,), and x on the constraints or None
-    start : Newton's step of unknowns u, the first entries of x, and x (n_x,) at the start as a function of them;
-        without it the caller gives the states at the start
+    start : unknowns u, Newton's step of them, and x (n_x,) at the start as a function of them; without it the caller
+        gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
     ranged : SX                         switches (m,) of which bounds are taken, if not all of them
+    times : SX                          values at time 0 and slopes of linear switches of time, for single runs
     contacts : mapping                  the functions of c/impacts.h
     """
     parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
@@ -69,10 +71,9 @@ def model_function(
         box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t)
     if projected is not None:
         parts["project"] = projected
-    if start is not None:
-        parts["newton"], parts["start"] = start
-    inputs = {"x": x, "p": p, "t": t, "box": box}
-    return ca.Function("f", [*inputs.values()], [ca.densify(e) for e in parts.values()], [*inputs], list(parts))
+    if times is not None:
+        parts["time_switches"] = times
+    return _function(parts, x, p, t, box, start)
 
 
 def scheme_function(
@@ -88,7 +89,7 @@ def scheme_function(
     follow: ca.SX,
     outputs: ca.SX,
     projected: ca.SX | None,
-    start: tuple[ca.SX, ca.SX] | None = None,
+    start: tuple[ca.SX, ca.SX, ca.SX] | None = None,
 ) -> ca.Function:
     """((w, h, z), p, t) -> the functions of c/implicit_step.h.
 
@@ -102,9 +103,20 @@ def scheme_function(
     parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
     if projected is not None:
         parts["project"] = whole(projected)
+    start = start and (*start[:2], whole(start[2]))
+    return _function(parts, x, p, t, ca.SX(0, 1), start)
+
+
+def _function(
+    parts: dict[str, ca.SX], x: ca.SX, p: ca.SX, t: ca.SX, box: ca.SX, start: tuple[ca.SX, ca.SX, ca.SX] | None
+) -> ca.Function:
+    """(x, p, t, box) -> parts, with newton and start of a start, whose unknowns stand in the place of the box."""
     if start is not None:
-        parts["newton"], parts["start"] = start[0], whole(start[1])
-    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
+        u, *of_u = start
+        box = ca.vertcat(box, ca.SX.sym("u", max(0, u.numel() - box.numel())))
+        parts["newton"], parts["start"] = ca.substitute(of_u, [u], [box[: u.numel()]])
+    inputs = {"x": x, "p": p, "t": t, "box": box}
+    return ca.Function("f", [*inputs.values()], [ca.densify(e) for e in parts.values()], [*inputs], list(parts))
 
 
 def source_of(
@@ -113,6 +125,7 @@ def source_of(
     scheme: Scheme | None,
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
+    one_run: bool = False,
 ) -> str:
     """The C of an ensemble of f. That of a large model is kept in the cache, because its generation takes seconds.
 
@@ -123,15 +136,18 @@ def source_of(
     scheme : Scheme or None    of a `scheme_function`
     hysteresis : (m,)          by which each switch must be passed: a number above its rounding
     contacts : Contacts        whose gaps and margins are the last switches
+    one_run : bool             for single runs of one lane, which c/one_run.h makes, with the data of pieces
     """
 
     def write() -> str:
-        return _scheme_source(f, scheme) if scheme else _explicit_source(f, fixed, hysteresis, contacts)
+        if scheme:
+            return _scheme_source(f, scheme, one_run)
+        return _explicit_source(f, fixed, hysteresis, contacts, one_run)
 
     if f.n_instructions() < LARGE_MODEL:
         return write()
     key = hashlib.sha256(
-        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis, contacts)), _generator()]).encode()
+        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis, contacts, one_run)), _generator()]).encode()
     ).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
@@ -148,7 +164,9 @@ def _generator() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float], contacts: Contacts | None) -> str:
+def _explicit_source(
+    f: ca.Function, fixed: bool, hysteresis: Sequence[float], contacts: Contacts | None, one_run: bool
+) -> str:
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
     order, n_own = _state_order(graph, nodes["rates"])
@@ -165,10 +183,10 @@ def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float], c
         steps = [tableau.classical(), c_source("fixed_step")]
     else:
         steps = [tableau.pair(), c_source("embedded_pair")]
-    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis, contacts)
+    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis, contacts, one_run)
 
 
-def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
+def _scheme_source(f: ca.Function, scheme: Scheme, one_run: bool) -> str:
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
     n_w, n_z = scheme.n_w, scheme.n_z
@@ -183,7 +201,8 @@ def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
         "GROWTH": scheme.growth,
     }
     steps = [c_source("implicit_step")]
-    return _ensemble_source(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, steps)
+    places = list(range(f.numel_in(0)))
+    return _ensemble_source(graph, nodes, places, f.numel_in(1), sizes, steps, one_run=one_run)
 
 
 def _ensemble_source(
@@ -195,6 +214,7 @@ def _ensemble_source(
     steps: Sequence[str],
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
+    one_run: bool = False,
 ) -> str:
     """The C of an ensemble: the functions of a model, each of some nodes of the graph, and the files for its steps."""
     emitter = Emitter(graph, place)
@@ -203,7 +223,7 @@ def _ensemble_source(
     parts, functions, n_c = emitter.source()
     explicit = "rates" in nodes
     used = emitter.used(nodes["outputs"]) if explicit else []
-    if hysteresis:
+    if hysteresis or (one_run and explicit):
         used = list(range(len(place)))  # steps may end anywhere
     ranged = sorted({i % len(place) for i in emitter.inputs(nodes.get("bounds", ()), BOX) if i < 4 * len(place)})
     sizes = {
@@ -224,6 +244,7 @@ def _ensemble_source(
         "N_U": len(nodes.get("newton", ())),
         "LARGE": int(len(graph.nodes) > LARGE_MODEL),
         **sizes,
+        **({"WIDTH": 1} if one_run else {}),
     }
     lists: dict[str, Sequence[int]] = {"place": place, "used": used, "ranged": ranged}
     numbers = {"hysteresis": hysteresis}
@@ -248,14 +269,21 @@ def _ensemble_source(
             ),
             *(f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)),
             _only_in(0),
-            *(f"const double *{name}; /* set when the library is opened */" for name in graph.pieces),
+            *(_pieces(name, pieces if one_run else None) for name, pieces in graph.pieces.items()),
             functions,
             c_source("block", "projection", "switches", "impacts"),
             *steps,
-            c_source("ensemble"),
+            c_source(*(["begin"] if one_run else ["begin", "ensemble"])),
             "#endif",
         ]
     )
+
+
+def _pieces(name: str, pieces: Pieces | None) -> str:
+    """The definition of pieces, with their data or without."""
+    if pieces is None:
+        return f"const double *{name}; /* set when the library is opened */"
+    return f"const double *{name} = (const double[]){{{', '.join(map(repr, pieces.data.ravel().tolist()))}}};"
 
 
 def _only_in(part: int) -> str:

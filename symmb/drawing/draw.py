@@ -12,7 +12,7 @@ from symmb.drawing.elements import GUIDE, Build, sketch
 from symmb.drawing.geometry import shapes_of_bodies
 from symmb.drawing.shapes import Drawing, Shape
 from symmb.drawing.survey import Survey
-from symmb.mechanics import Body, Element, Flywheel, Gravity, Joint, OwnState, Planar, Point
+from symmb.mechanics import Body, Element, Flywheel, Gravity, Input, Joint, OwnState, Planar, Point
 from symmb.plot import labels
 from symmb.simulation import Trajectory
 
@@ -76,7 +76,7 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
         outputs=labels(run.names, run.units),
         values=run.values,
         notes=(
-            *(e.title for e, build in sketches if build is None and not isinstance(e, Gravity | OwnState)),
+            *(e.title for e, build in sketches if build is None and not isinstance(e, Gravity | Input | OwnState)),
             *(note for own in given for note in own.notes),
         ),
     )

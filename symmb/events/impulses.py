@@ -17,7 +17,7 @@ from symmb.model import DAE, Impacts
 
 _SAME_JUMP, _SMALL = c_number("impacts", "SAME_JUMP"), c_number("switches", "SMALL")
 _MOST_IMPACTS, _ROUNDS = int(c_number("impacts", "MOST_IMPACTS")), int(c_number("impacts", "ROUNDS"))
-_PENETRATION, _SHORT_WAY = 1e-9, 1e-7
+PENETRATION, SHORT_WAY = 1e-9, 1e-7
 """Negative gap at the start that is rounding: over the scene's size, or over the way that speed and acceleration of the
 gap lead until the end. The gap itself may be all that is known of the size."""
 
@@ -117,7 +117,7 @@ class ImpactLaws:
         started = np.isfinite(x).all(axis=1, keepdims=True)
         gap, rate, _ = evaluate_padded(self._impacts.gaps, *at)
         way = np.abs(rate) * span + evaluate_padded(self._impacts.forces, *at)[2] * span**2 / 2
-        rounding = np.maximum(_PENETRATION * self._dae.scales.length, _SHORT_WAY * way)
+        rounding = np.maximum(PENETRATION * self._dae.scales.length, SHORT_WAY * way)
         e = evaluate_padded(self._impacts.impulses, *at)[3]
         faults = {}
         for i, k in np.argwhere(started & ~((e >= 0) & (e <= 1))).tolist():

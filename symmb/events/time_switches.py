@@ -64,6 +64,14 @@ class TimeSwitches:
         self._bounds = common("bounds", [p, box], [bounds])
         self._depends = ca.depends_on(curved, p)
 
+    @property
+    def linear(self) -> tuple[ca.Function, list[Array]] | None:
+        """(p) -> values (k,) at time 0 and slopes (k,), and the places (m,) of the last ones; None if some are curved.
+
+        The first ones switch at 0.
+        """
+        return None if self._curved.numel_out(0) or self._tables else (self._linear, self._places)
+
     def __call__(self, p: Array) -> Array:
         """Switches (N, k) of N samples p (N, n_p) in order, infinite behind the last one [s]."""
         p = p[:, : self._linear.numel_in(0)]

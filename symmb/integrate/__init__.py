@@ -5,7 +5,7 @@ Each solver is a frozen object with its options in the constructor; `registry` l
 
 from symmb.integrate.casadi_solvers import CVODES, IDAS, StabilizedIndex2
 from symmb.integrate.cells import refined
-from symmb.integrate.compiled import AnyEngine, CompiledSolver
+from symmb.integrate.compiled import AnyEngine, CompiledSolver, LaneSolver
 from symmb.integrate.event_driven import EventDriven, impacts_text, round_otherwise
 from symmb.integrate.explicit import DormandPrince
 from symmb.integrate.implicit import NSTIFFSI2, Rosenbrock

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs, runs_of
 from symmb._types import Array
-from symmb.codegen import ArrayEngine, Engine, FixedStep, Tolerances, has_compiler
+from symmb.codegen import ArrayEngine, Engine, FixedStep, Lanes, Tolerances, has_compiler
 from symmb.events import events_of, longest_step
 from symmb.integrate.integration import Integration, Run
 from symmb.integrate.projection import sampled_jets
@@ -58,6 +58,37 @@ class CompiledSolver(Solver):
             return control
         longest = min(longest_step(dae, times), control.longest or np.inf)
         return replace(control, longest=longest if np.isfinite(longest) else 0.0)
+
+
+class LaneSolver(CompiledSolver):
+    """Steps that the C takes by itself."""
+
+    @abstractmethod
+    def lanes(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+        alone: bool = False,
+    ) -> Lanes:
+        """What the engine runs.
+
+        Parameters
+        ----------
+        dae, times, y, order, work, start
+            as of `engine`
+        alone : bool
+            without Python: the start is always compiled, and steps end at switches that the C itself locates
+
+        Raises
+        ------
+        DeclarationError
+            If there are switches that only Python locates
+        """
 
 
 class CompiledIntegration(Integration):

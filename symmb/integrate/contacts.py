@@ -1,11 +1,12 @@
 """The equations of contacts for the engine: gaps as switches of the state, forces, impulses and states in contact."""
 
+import math
 from dataclasses import replace
 
 import casadi as ca
 
 from symmb.codegen import Contacts, StepEnds
-from symmb.events import ImpactLaws, JointLaws
+from symmb.events import PENETRATION, SHORT_WAY, ImpactLaws, JointLaws
 from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.step_ends import SwitchedProblem, hysteresis_of
 from symmb.model import DAE, Impacts, JointEvents
@@ -128,3 +129,39 @@ def contact_functions(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) 
 def _held(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
     """The state x (n_x,) in its closed contacts."""
     return ca.vertcat(*impacts.project(*dae.arguments(x, p, t)), x[dae.n_q + dae.n_v :])
+
+
+def started(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t0: float, span: float) -> ca.SX:
+    """The state of the start as `Contacts.started` makes it, nan where the run cannot start there.
+
+    Parameters
+    ----------
+    x : (n_x,) SX      at the start of a run over some span [s]
+    """
+    t, joints = ca.SX(t0), impacts.joints
+    gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
+    way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
+    e = impacts.impulses(*dae.arguments(x, p, t))[3]
+    rounding = ca.fmax(PENETRATION * dae.scales.length, SHORT_WAY * way)
+    faults = ca.vertcat(ca.SX(0), gap < -rounding, e < 0, e > 1)
+    if joints is not None:
+        x, faults = _joints_started(dae, joints, x, p, t, faults)
+    return x + ca.if_else(ca.sum1(faults) > 0, math.nan, 0)
+
+
+def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX, faults: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The state with the conditions of joints that hold there, and faults with those of joints. See `JointLaws`."""
+    at, x = dae.n_q + dae.n_v, ca.SX(x)
+    slip, rounding = joints.slips(*dae.arguments(x, p, t))
+    for k, (sticks, side) in enumerate(joints.clutches):
+        fresh, rest = ca.logic_and(x[at + sticks] == 0, x[at + side] == 0), ca.fabs(slip[k]) <= rounding[k]
+        x[at + sticks] = ca.if_else(fresh, rest, x[at + sticks])
+        x[at + side] = ca.if_else(fresh, ca.sign(slip[k]) * ca.logic_not(rest), x[at + side])
+    margins, _ = joints.margins(*dae.arguments(x, p, t))
+    of_clutches = {sticks for sticks, _ in joints.clutches}
+    for k, (flag, tolerance) in enumerate(zip(joints.flags, _tolerances(dae, joints), strict=True)):
+        holds = ca.SX(0) if flag in of_clutches else margins[k] < -tolerance
+        closed = ca.sum1(x[[at + i for i in (flag, *joints.others[k])]]) > 0.5
+        x[at + joints.holding[k]] = holds
+        faults = ca.vertcat(faults, ca.logic_and(holds, closed if joints.opens[k] else ca.logic_not(closed)))
+    return x, faults

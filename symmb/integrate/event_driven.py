@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array
-from symmb.codegen import Tolerances
+from symmb.codegen import Lanes, Tolerances
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration
 from symmb.integrate.explicit import DormandPrince, Explicit
 from symmb.integrate.integration import Integration
@@ -63,15 +63,23 @@ class EventDriven(Explicit):
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances:
         return replace(self.tolerances(dae, order, n_quad), growth=0.0, least=1.0, ahead=0.0)
 
-    def engine(
-        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
-    ) -> AnyEngine:
+    def lanes(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+        alone: bool = False,
+    ) -> Lanes:
         if order and dae.impacts is not None:
             raise PropagationError(
                 f"Derivatives with respect to parameters, and Taylor with them, are not valid across the events of "
                 f"{impacts_text(dae.impacts)}. Use PolynomialChaos(), Scanning(...) or MonteCarlo(...)."
             )
-        return super().engine(dae, times, y, order=order, work=work, start=start)
+        return super().lanes(dae, times, y, order=order, work=work, start=start, alone=alone)
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if dae.impacts is None:

@@ -4,12 +4,13 @@ from dataclasses import dataclass, field
 from typing import ClassVar, cast
 
 import casadi as ca
+import numpy as np
 
 from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
-from symmb.codegen import ArrayEngine, Engine, FixedStep, StepEnds, Tolerances, has_compiler, model_function
-from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
-from symmb.integrate.contacts import contact_functions, contacts_of, with_gaps
+from symmb.codegen import ArrayEngine, FixedStep, Lanes, StepEnds, Tolerances, has_compiler, model_function
+from symmb.integrate.compiled import AnyEngine, CompiledIntegration, LaneSolver
+from symmb.integrate.contacts import contact_functions, contacts_of, started, with_gaps
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.integrate.initial_value_problem import PROJECTION_STEPS, build_problem
 from symmb.integrate.integration import Integration, stateless_integration
@@ -19,7 +20,7 @@ from symmb.model import DAE
 from symmb.start import Start
 
 
-class Explicit(CompiledSolver):
+class Explicit(LaneSolver):
     """Explicit steps, compiled for many samples side by side."""
 
     stabilization: Stabilization
@@ -33,15 +34,34 @@ class Explicit(CompiledSolver):
     def engine(
         self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
     ) -> AnyEngine:
+        lanes = self.lanes(dae, times, y, order=order, work=work, start=start)
+        if isinstance(lanes.control, Tolerances) and not has_compiler():
+            return ArrayEngine(lanes.f, times, lanes.control, lanes.ends, lanes.contacts)
+        return lanes.compiled(times)
+
+    def lanes(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+        alone: bool = False,
+    ) -> Lanes:
         problem = build_problem(
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
         ).jets(order)
         own, contacts = problem.p, None
-        frozen = switched(problem, dae, times) if self.controls_step and not order else None
+        of_time = stops_in_time(dae, times) if alone else None
+        linear = of_time and of_time.switches.linear
+        curved = of_time is not None and linear is None
+        frozen = switched(problem, dae, times, curved) if self.controls_step and not order else None
         ends = StepEnds(stops=stops_in_time(dae, times) if order else None) if self.controls_step else None
         if dae.impacts is not None:
             contacts = contacts_of(dae, dae.impacts, work)
-            frozen, start = with_gaps(problem, frozen, dae, dae.impacts, work), None
+            frozen, start = with_gaps(problem, frozen, dae, dae.impacts, work), start if alone else None
         problem, ends = (frozen.problem, frozen.ends) if frozen else (problem, ends)
         # At the time of an event, outputs have their values after it.
         outputs = y(problem.x if contacts is None else cast(ca.SX, problem.projected), own, problem.t)
@@ -60,19 +80,26 @@ class Explicit(CompiledSolver):
             ca.vertcat(at(problem.ode), at(problem.quad)),
             ca.vertcat(at(outputs), x[n_x:, :]),
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
-            _compiled_start(start, x, p),
+            _compiled_start(start, dae, p, float(np.ptp(times)), alone),
             at(frozen.switches) if frozen and frozen.switches.numel() else None,
             None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
             at(frozen.ranged) if frozen and frozen.ranged is not None else None,
+            ca.vertcat(*linear[0](p)) if linear else None,
         )
-        if isinstance(control, Tolerances) and not has_compiler():
-            return ArrayEngine(f, times, control, ends, contacts)
-        return Engine(f, times, control, ends=ends, contacts=contacts)
+        knots = tuple(linear[1]) if linear else ()
+        return Lanes(f, control, ends=ends or StepEnds(), contacts=contacts, knots=knots)
 
 
-def _compiled_start(start: Start | None, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+def _compiled_start(
+    start: Start | None, dae: DAE, p: ca.SX, span: float, alone: bool
+) -> tuple[ca.SX, ca.SX, ca.SX] | None:
     """The equations of a start that the engine computes; None if it is given the states."""
-    return start.equations(x, p) if start is not None and has_compiler() and start.compiles else None
+    if start is None or not (alone or (has_compiler() and start.compiles)):
+        return None
+    u, newton, state = start.equations(p)
+    if dae.impacts is not None:
+        state = started(dae, dae.impacts, state, p, start.t0, span)
+    return u, newton, state
 
 
 @dataclass(frozen=True, repr=False)

@@ -6,21 +6,22 @@ from typing import ClassVar
 
 import casadi as ca
 
-from symmb._errors import PropagationError
+from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
-from symmb.codegen import Engine, FixedStep, Scheme, StepEnds, Tolerances, has_compiler, scheme_function
-from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
+from symmb.codegen import Engine, FixedStep, Lanes, Scheme, StepEnds, Tolerances, has_compiler, scheme_function
+from symmb.integrate.compiled import CompiledIntegration, LaneSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.integrate.initial_value_problem import build_problem
 from symmb.integrate.integration import Integration
 from symmb.integrate.projection import sampled_jets
 from symmb.integrate.rosenbrock_step import rosenbrock
 from symmb.integrate.stabilization import AugmentedLagrangian, Stabilization
+from symmb.integrate.step_ends import StopsInTime, stops_in_time
 from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE
 from symmb.schemes import Step, generalized_alpha, nstiff_si2
 from symmb.start import Start
-from symmb.symbolic import common
+from symmb.symbolic import common, has_kinks
 
 FULL_MATRIX = 12
 """Velocities up to which a full Newton matrix costs no more than a sparse one. tests/benchmarks/latency.py"""
@@ -28,7 +29,7 @@ MOST_VELOCITIES = 300
 """Velocities up to which a C compiler takes less than minutes for a Newton matrix. tests/benchmarks/scaling.py"""
 
 
-class _SchemeSolver(CompiledSolver):
+class _SchemeSolver(LaneSolver):
     """Steps of a scheme in symbols, each solved by Newton's method."""
 
     tolerance: float = 0.0  # of Newton's method; a scheme without iterations needs none
@@ -43,6 +44,25 @@ class _SchemeSolver(CompiledSolver):
     def engine(
         self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
     ) -> Engine:
+        return self.lanes(dae, times, y, order=order, work=work, start=start).compiled(times)
+
+    def lanes(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+        alone: bool = False,
+    ) -> Lanes:
+        if alone and has_kinks(dae.rhs):
+            raise DeclarationError(
+                f"{self!r} cannot end its steps at the kinks and jumps of this scene without Python. Prepare the scene "
+                "with DormandPrince()."
+            )
+        compiled = start if start is not None and (alone or start.compiles) else None
         step = self.scheme(dae, order, work)
         w, n_x = step.w, step.n_x
         state, control = w[:n_x], self.limited_control(dae, times, order, 0)
@@ -63,13 +83,15 @@ class _SchemeSolver(CompiledSolver):
             follow=ca.vertcat(step.following, step.error) if isinstance(control, Tolerances) else step.following,
             outputs=ca.vertcat(y(state, step.p, step.t), w[past_work, :]),
             projected=None if step.projected is None else ca.substitute(step.projected, *at_state),
-            start=start.equations(state, step.p) if start is not None and start.compiles else None,
+            start=None if compiled is None else compiled.equations(step.p),
         )
         scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance)
-        stops = None
-        if isinstance(control, Tolerances):
-            stops = SwitchPasses(dae, times, control.rtol, start if start is not None and start.compiles else None)
-        return Engine(f, times, control, scheme, StepEnds(stops=stops))
+        stops: StopsInTime | SwitchPasses | None = None
+        if alone:
+            stops = stops_in_time(dae, times)
+        elif isinstance(control, Tolerances):
+            stops = SwitchPasses(dae, times, control.rtol, compiled)
+        return Lanes(f, control, scheme, StepEnds(stops=stops))
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         def fixed_steps() -> Integration:

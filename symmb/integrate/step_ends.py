@@ -39,15 +39,20 @@ class SwitchedProblem:
     ranged: ca.SX | None = None
 
 
-def switched(problem: InitialValueProblem, dae: DAE, times: Array) -> SwitchedProblem | None:
-    """The problem with its switches; None if it has none. Algebraic variables must be eliminated."""
+def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool = False) -> SwitchedProblem | None:
+    """The problem with its switches; None if it has none. Algebraic variables must be eliminated.
+
+    Those of time alone are found before a run, or stand `of_time` among those of the state.
+    """
     x, p, t = problem.x, problem.p, problem.t
     f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))])
     smooth = not has_kinks(f)
-    stops = None if smooth and dae.sampling is None else stops_in_time(dae, times)
+    stops = None if dae.sampling is None and (smooth or of_time) else stops_in_time(dae, times)
     if smooth:
         return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
-    branch = branches(with_common_expressions(f), [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
+    branch = branches(
+        with_common_expressions(f), [(x, On.STATE), (p, On.PARAMETERS), (t, On.STATE if of_time else On.TIME)]
+    )
     (rates,) = branch.outputs
     ode = rates[: x.numel(), :]
 

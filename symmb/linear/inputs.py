@@ -12,22 +12,26 @@ from symmb.model import Scene
 
 
 def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, ...]]:
-    """The scene with a parameter for the additional force of each actuator, and the numbers of all input parameters.
+    """The scene with parameters for forces of actuators and for inputs, and the numbers of all input parameters.
 
     Raises
     ------
-    DeclarationError       if a name is neither of an actuator nor of a parameter, or repeats
+    DeclarationError       if a name is neither of an actuator, an input nor a parameter, or repeats
     """
     actuators = {e.name: e for e in scene.system.elements if isinstance(e, Actuator)}
-    parameters = scene.system.parameters
+    declared = scene.system.inputs
     motors = [e.name for e in scene.system.elements if isinstance(e, Motor)]
-    inputs = require_names("inputs", "actuator or parameter", inputs, (*actuators, *parameters, *motors))
+    known = (*actuators, *declared, *scene.system.parameters, *motors)
+    inputs = require_names("inputs", "actuator, input or parameter", inputs, known)
     if name := next((name for name in inputs if name in motors), None):
         raise DeclarationError(
-            f"inputs: that of Motor {name!r} is its voltage. Make it a parameter, voltage=p.u, and give inputs=['u']."
+            f"inputs: that of Motor {name!r} is its voltage. Make it an input, u = mb.Input('u'), voltage=u.value, and "
+            "give inputs=['u']."
         )
     if len(set(inputs)) < len(inputs):
         raise DeclarationError(f"inputs: names repeat: {', '.join(inputs)}.")
+    scene = scene.with_inputs([name for name in declared if name in inputs])
+    parameters = scene.system.parameters
     forces = {f"input_{k}": actuators[name] for k, name in enumerate(inputs) if name in actuators}
     if not forces:
         return scene, tuple(list(parameters).index(name) for name in inputs)

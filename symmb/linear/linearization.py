@@ -44,7 +44,7 @@ def linearize(
     parameters : mapping, optional
         values in place of the nominal ones, of a scene
     inputs : names
-        of actuators, which get an additional force or torque, or of parameters
+        of actuators, which get an additional force or torque, of inputs, or of parameters
     outputs : names, optional
         of outputs; default: all of the scene
 

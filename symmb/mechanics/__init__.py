@@ -28,6 +28,7 @@ from symmb.mechanics.force import (
 from symmb.mechanics.friction import Friction
 from symmb.mechanics.geometry import Geometry, Mesh
 from symmb.mechanics.impact import RESTITUTION, Impact
+from symmb.mechanics.input import Input
 from symmb.mechanics.joint import (
     CamFollower,
     Cylindrical,

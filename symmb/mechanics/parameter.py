@@ -1,6 +1,6 @@
 """Parameters: named symbols with nominal values."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError, NoParameterError
 from symmb._names import did_you_mean, name_fault
 from symmb._options import is_finite_number, shown
 from symmb._types import Array
-from symmb.symbolic import Kind, declare
+from symmb.symbolic import Kind, Symbol, declare
 
 
 class Parameters(Mapping[str, float]):
@@ -56,6 +56,14 @@ class Parameters(Mapping[str, float]):
         both._nominal = self._nominal | more._nominal
         both._symbols = ca.vertcat(self._symbols, more._symbols)
         both._records = (*self._records, *more._records)
+        return both
+
+    def with_inputs(self, inputs: Sequence[Symbol]) -> "Parameters":
+        """These parameters, and the symbols of inputs behind them, whose nominal values are 0."""
+        both = object.__new__(Parameters)
+        both._nominal = self._nominal | dict.fromkeys((symbol.name for symbol in inputs), 0.0)
+        both._symbols = ca.vertcat(self._symbols, *(symbol.sx for symbol in inputs))
+        both._records = (*self._records, *inputs)
         return both
 
     def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":

@@ -20,6 +20,7 @@ from symmb.mechanics import (
     Ground,
     Impact,
     Inertial,
+    Input,
     JointEvent,
     Latch,
     Load,
@@ -175,12 +176,16 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         else:
             own = getattr(element, "faults", ())
         faults.lines += own
-    bind = Binding(parameters, bodies, [e for e in sound if isinstance(e, OwnState)])
+    bind = Binding(parameters, bodies, _of_kind(OwnState, sound), _of_kind(Input, sound))
     some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
     inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind, parameters)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, parameters, faults)
     faults.raise_any()
-    return _without_untouched(_assemble(inertial, bind, equations))
+    collected = _assemble(inertial, bind, equations)
+    for name in bind.inputs_in([ca.vec(collected.M), collected.Q, collected.Phi, collected.Psi]):
+        faults.lines.append(f"Input {name!r}: it stands in a point, a mass or a shape; inputs are for laws.")
+    faults.raise_any()
+    return _without_untouched(collected)
 
 
 class _Faults:
@@ -349,7 +354,11 @@ def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) 
         reached += [s for s in dict.fromkeys(bind.states(state.rate)) if s not in reached]
     flags = [impact.state for impact in equations.impacts]
     flags += [state for event, _ in equations.joint_events for state in event.states]
-    return tuple(dict.fromkeys([*reached, *flags]))
+    # Records of states that come along with expressions live as long as the tuple holds them.
+    return tuple(
+        replace(state, rate=bind.without_inputs(state.rate)) if bind.inputs_in([state.rate]) else state
+        for state in dict.fromkeys([*reached, *flags])
+    )
 
 
 def stacked(parts: Sequence[ca.SX]) -> ca.SX:

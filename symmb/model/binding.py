@@ -7,15 +7,22 @@ import casadi as ca
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean, shown
 from symmb._types import Array, Expr
-from symmb.mechanics import Body, OwnState, Parameters
+from symmb.mechanics import Body, Input, OwnState, Parameters
 from symmb.symbolic import Kind, Symbol, from_sympy, given, has_irregular_constant, is_sympy, lookup, symbols_in, t
 
 
 class Binding:
     """Converts expressions into SX of the parameters, coordinates and velocities of one system, and time."""
 
-    def __init__(self, parameters: Parameters, bodies: Sequence[Body], states: Sequence[OwnState] = ()) -> None:
+    def __init__(
+        self,
+        parameters: Parameters,
+        bodies: Sequence[Body],
+        states: Sequence[OwnState] = (),
+        inputs: Sequence[Input] = (),
+    ) -> None:
         self._parameters = parameters
+        self._inputs = ca.vertcat(ca.SX(0, 1), *(u.value for u in inputs if u.name not in parameters))
         self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
         for i, name in enumerate(parameters):
             symbol = parameters.symbols[i]
@@ -26,6 +33,8 @@ class Binding:
         for state in states:
             for record in state.symbols:
                 self._known[record.sx.element_hash()] = (record.name, Kind.STATE, record.sx)
+        for u in inputs:
+            self._known[u.value.element_hash()] = (u.name, Kind.PARAMETER, u.value)
 
     @property
     def by_name(self) -> dict[str, ca.SX]:
@@ -51,7 +60,16 @@ class Binding:
         if expression.numel() != 1 and not any_size:
             raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
         self.check(expression, what, also)
+        expression = self.without_inputs(expression)
         return ca.sparsify(expression) if expression.numel() != 1 else ca.densify(expression)
+
+    def without_inputs(self, expression: ca.SX) -> ca.SX:
+        """An expression with 0 in the place of inputs that are no parameters."""
+        return ca.substitute(expression, self._inputs, 0 * self._inputs) if self._inputs.numel() else expression
+
+    def inputs_in(self, expressions: Sequence[ca.SX]) -> list[str]:
+        """Names of inputs that are no parameters, in expressions that are not bound."""
+        return [u.name() for u in ca.vertsplit(self._inputs) if ca.depends_on(ca.veccat(*expressions), u)]
 
     def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
         """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""

@@ -285,6 +285,13 @@ class Scene:
         """A copy with other nominal values of all parameters."""
         return replace(self, system=self.system.with_elements((), self.system.parameters.with_nominal(values)))
 
+    def with_inputs(self, names: Sequence[str]) -> "Scene":
+        """A copy with inputs of these names as parameters, behind the others, for programs that set them."""
+        symbols = [self.system.inputs[name] for name in names]
+        if not symbols:
+            return self
+        return replace(self, system=self.system.with_elements((), self.system.parameters.with_inputs(symbols)))
+
     def starting_at(self, run: EndedRun) -> "Scene":
         """A copy that goes on from the end of a run, with the parameters of the run as its nominal ones.
 

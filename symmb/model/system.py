@@ -18,7 +18,7 @@ import casadi as ca
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, require_name
 from symmb._types import Expr
-from symmb.mechanics import Body, Element, Ground, Joint, Parameters
+from symmb.mechanics import Body, Element, Ground, Input, Joint, Parameters
 from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
@@ -118,6 +118,12 @@ class System(Typeset):
     def bind(self) -> Binding:
         """Converts expressions of the system's symbols (numbers, SX or SymPy) into SX."""
         return self.collected.bind
+
+    @property
+    def inputs(self) -> dict[str, Symbol]:
+        """The symbols of the inputs that are no parameters, by name."""
+        inputs = [e for e in self.elements if isinstance(e, Input) and e.name not in self.parameters]
+        return {u.name: u.symbol for u in inputs}
 
     @property
     def bodies(self) -> tuple[Body, ...]:

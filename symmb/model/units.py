@@ -78,6 +78,11 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
     return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known, handles))
 
 
+def powers_of(unit: str) -> Unit:
+    """Powers of m, kg, s and rad in a unit that `units_of` gives."""
+    return next(powers for powers, text in _TEXTS.items() if text == unit)
+
+
 def _of_own_state(state: OwnState, system: System, handles: Sequence[tuple[ca.SX, Unit]]) -> Unit | None:
     """The unit of a sampled law, or of a rate times the time."""
     laws = {element.name: law for element, law in system.collected.sampled}

@@ -19,6 +19,7 @@ from symmb.mechanics import (
     Element,
     Ground,
     Impact,
+    Input,
     JointEvent,
     OwnState,
     Parameters,
@@ -38,6 +39,9 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
     """Arguments that are no elements, and names that are invalid or used twice, those of states by parameters too."""
     faults, names = [], set()
     own = [e.title for e in elements if isinstance(e, OwnState) and e.name in (*parameters, "t")]
+    for u in (e for e in elements if isinstance(e, Input)):
+        is_parameter = u.name in parameters and getattr(parameters, u.name).element_hash() == u.value.element_hash()
+        own += [u.title] if u.name in (*parameters, "t") and not is_parameter else []
     faults += [f"{title}: a parameter or the time has this name. Choose another." for title in own]
     for e in elements:
         if not isinstance(e, Body | Element):

@@ -118,27 +118,27 @@ class Start:
         states, rate = sizes_of_parts(dae, x, G, span, Scales(length).size)
         return Scales(length, energy, np.array([power_of_two(float(row)) for row in rows]), states, rate)
 
-    def equations(self, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def equations(self, p: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """The equations of `states` for generated code.
 
         Parameters
         ----------
-        x : (n_x,) SX          whose first entries are the unknowns u
         p : (n_p,) SX
 
         Returns
         -------
+        (n_u,) SX              unknowns u
         (n_u,) SX              Newton's step of u
         (n_x,) SX              state of the solution u, nan if it violates rows or parameters have impossible values
         """
-        u = x[: self.state.numel_in(0)]
+        u = ca.SX.sym("u", self.state.numel_in(0))
         J, r = self.position.jacobian(u, p), self.position.residual(u, p)
         newton = saddle_solver(ca.SX.eye(u.numel()), J, [1] * u.numel())(ca.SX(u.numel(), 1), r)[0]
         rounded = ca.fabs(r) <= LAST_DIGITS * ca.sum2(ca.fabs(J))
         newton = ca.if_else(_all(rounded), 0, newton)
         state = self.state(u, p)
         good = _all(ca.vertcat(self.holds(state, u, p), self.dae.positive(p) > 0))
-        return newton, state + ca.if_else(good, 0, math.nan)
+        return u, newton, state + ca.if_else(good, 0, math.nan)
 
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
         """Taylor coefficients x_0, ..., x_k of the start along directions, each (m, n_x), at p (n_p,) or (m, n_p)."""

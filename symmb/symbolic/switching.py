@@ -232,8 +232,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     >>> branches(f, [(x, On.STATE), (t, On.TIME)]).switches
     SX(x)
     """
-    (t,) = (symbols for symbols, on in inputs if on is On.TIME)
-    found = _Found(t)
+    found = _Found(next((symbols for symbols, on in inputs if on is On.TIME), ca.SX(0, 1)))
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
     parts = interpret(f, values, found.operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
     found.add_fronts_of_powers()

@@ -387,7 +387,13 @@ def test_a_scene_with_impacts(capsys, tmp_path):
     main(["equations", "bouncing_ball"])
     assert "impacts      floor" in capsys.readouterr().out
     main(["codegen", "bouncing_ball", "-o", str(tmp_path / "c")])
-    assert sorted(path.name for path in (tmp_path / "c").iterdir()) == ["model.c", "model.h"]
+    assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
+        "main.c",
+        "model.c",
+        "model.h",
+        "scene.c",
+        "scene.h",
+    ]
     assert "impulses" in (tmp_path / "c" / "model.h").read_text()
 
 

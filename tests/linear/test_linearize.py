@@ -226,7 +226,7 @@ def test_refusals():
     hanging = mb.Scene(mb.System(rod, pin, mb.Gravity(0, -9.81), parameters=p), coordinates="body")
     with pytest.raises(mb.DeclarationError, match="'length' moves constraints"):
         mb.linearize(hanging, inputs=["length"])
-    with pytest.raises(mb.DeclarationError, match=r"no actuator or parameter 'lenght'\. Did you mean 'length'"):
+    with pytest.raises(mb.DeclarationError, match=r"no actuator, input or parameter 'lenght'\. Did you mean 'length'"):
         mb.linearize(hanging, inputs=["lenght"])
     with pytest.raises(mb.DeclarationError, match="a scene is linearised at its start"):
         mb.linearize(hanging, 0.0)

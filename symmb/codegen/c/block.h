@@ -42,7 +42,7 @@ typedef struct {
   V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters alone, then room for the model's functions */
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
   V atol[SIZE(N_X)];                               /* by the largest value of each state so far */
-  V p[SIZE(N_P)], scratch[2 * SIZE(N_X)];          /* parameters; errors of a step, or unknowns of the start */
+  V p[SIZE(N_P)], scratch[2 * (N_X > N_U ? SIZE(N_X) : N_U)]; /* parameters; errors of a step, or unknowns of the start */
 #if N_S > 0
   V u[N_S], du[N_S], u_new[N_S], u_low[N_S], u_at[N_S]; /* switches on their sides, and their rates, see switches.h */
   V raised[N_S], when, which;
@@ -61,6 +61,11 @@ typedef struct {
   long stop[WIDTH];           /* the next switch of time of each sample, and the first of them */
   double stop_time, from, to; /* rates are evaluated between these times */
   long steps, iterations, most;
+  int under_way, meets, contact; /* whether a step is taken but not finished, and has events at its end; see impacts.h */
+  double pass;                   /* the share of the step at which it passes a switch, 2 without one */
+  int shortened;                 /* whether the step is a shorter one, to a switch */
+  double wanted, first;          /* of implicit steps: the next length, and that where they begin anew */
+  int fresh;                     /* whether they do */
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 #if N_G > 0
   V gap[SIZE(3 * N_I)], force[SIZE(4 * N_I)], law[SIZE(2 * N_I * (N_V + 1))]; /* values of the functions of contacts, see
@@ -74,7 +79,7 @@ typedef struct {
 #define EACH_PART(b) for (Part *a = (b)->part; a < (b)->part + PARTS; ++a)
 
 /* The slope of state i from x and the slopes that are kept. */
-PRIVATE inline V slope(const V *x, const V *k, int i) { return i < N_OWN ? k[i] : x[i - N_OWN]; }
+PRIVATE inline V slope(const V *x, const V *k, int i) { return N_OWN == N_X || i < N_OWN ? k[i] : x[i - N_OWN]; }
 
 /* Time t of a stage, on the right side of switches of time. */
 PRIVATE double between_stops(const Block *b, double t) { return t < b->from ? b->from : t > b->to ? b->to : t; }

@@ -98,12 +98,12 @@ PRIVATE double interpolation_error(Block *b, const Study *s) {
   return sqrt(most / SIZE(N_USED)) / MOST_MISSED;
 }
 
-/* Outputs at the times of the step up to one; 0 if one is not finite. */
-PRIVATE int sample_outputs(Block *b, Study *s, double until) {
-  while (b->next < s->n_t && s->times[b->next] <= until) {
+/* The first n outputs at the times of the step up to one; 0 if one is not finite. */
+PRIVATE int sample_outputs(Block *b, Study *s, double until, long n_t) {
+  while (b->next < n_t && s->times[b->next] <= until) {
     double share[CHUNK];
     long n = 0;
-    for (; n < CHUNK && b->next + n < s->n_t && s->times[b->next + n] <= until; ++n)
+    for (; n < CHUNK && b->next + n < n_t && s->times[b->next + n] <= until; ++n)
       share[n] = (s->times[b->next + n] - b->t) / b->h;
     EACH_PART(b) {
       for (int u = 0; u < N_USED; ++u) {
@@ -132,7 +132,7 @@ PRIVATE void shorten(Block *b, double error) {
 
 /* Accepts the step or shortens it. At the shortest step, samples whose error is too large fail. */
 PRIVATE int accept_step(Block *b, Study *s, double shortest) {
-  V norm[PARTS];
+  V norm[PARTS] = {{0}};
   double e = 0.0;
   EACH_PART(b) {
     norm[a - b->part] = error_norm(a, b->h, s);
@@ -172,19 +172,23 @@ PRIVATE void restart(Block *b, const Study *s) {
 /* Whether a step that passes a switch at its share z is taken again, by a shorter one. */
 PRIVATE int is_early(const Block *b, double z, double shortest) { return z < LATE && z * b->h > 10.0 * shortest; }
 
-/* Runs the block from the first time to the last. Returns 0 if samples failed. */
-PRIVATE int run(Block *b, Study *s) {
-  const double end = s->times[s->n_t - 1], shortest = SHORTEST * (end - s->times[0]);
+/* Begins the run at the first time. Returns 0 if samples failed. */
+PRIVATE int begin_run(Block *b, Study *s) {
+  b->steps = b->shortened = b->under_way = 0;
   if (s->n_t == 1) return 1;
-  b->steps = 0;
   begin_tolerances(b, s);
   follow_sizes(b, s);
   const int begins = find_stop(b, s);
   settle(b);
   if (N_E > 0 && begins && !meet_contacts(b, s, -1)) return 0;
   restart(b, s);
-  int shortened = 0;
-  while (b->next < s->n_t) {
+  return 1;
+}
+
+/* Takes a step, by a shorter one as long as it is not accepted. Returns 0 if samples failed. */
+PRIVATE int take_step(Block *b, Study *s) {
+  const double end = s->times[s->n_t - 1], shortest = SHORTEST * (end - s->times[0]);
+  for (;;) {
     if (s->longest > 0.0 && b->h > s->longest) b->h = s->longest;
     if (!(b->h > shortest)) b->h = shortest;
     if (b->h > b->soon) b->h = b->soon;
@@ -205,35 +209,85 @@ PRIVATE int run(Block *b, Study *s) {
       shorten(b, missed);
       continue;
     }
-    const double rough = searched && !shortened ? rough_pass(b) : 2.0;
-    const double z = !searched ? 2.0 : is_early(b, rough, shortest) ? rough : first_pass(b);
-    shortened = is_early(b, z, shortest);
-    if (shortened) { /* interpolants are as exact as steps near their ends only */
-      b->h *= z * BEYOND;
+    const double rough = searched && !b->shortened ? rough_pass(b) : 2.0;
+    b->pass = !searched ? 2.0 : is_early(b, rough, shortest) ? rough : first_pass(b);
+    b->shortened = is_early(b, b->pass, shortest);
+    if (b->shortened) { /* interpolants are as exact as steps near their ends only */
+      b->h *= b->pass * BEYOND;
       continue;
     }
-    if (z <= 1.0) b->t_new = b->t + z * b->h;
+    if (b->pass <= 1.0) b->t_new = b->t + b->pass * b->h;
     const int jumps = N_E > 0 && b->t_new >= b->stop_time; /* a law of time, and margins of joints by that */
-    const int contact = contact_at(b, z), meets = N_G > 0 && (contact >= 0 || jumps || b->t_new >= end);
-    if (!sample_outputs(b, s, meets ? nextafter(b->t_new, -INFINITY) : b->t_new)) return 0;
-    if (z <= 1.0 && !change_sides(b, s, z)) return 0;
-    EACH_PART(b) {
-      /* The slope before the projection serves the next step: it is as far off as the error of this one. */
-      memcpy(a->k, a->k + END * N_OWN, N_OWN * sizeof(V));
-      move_onto_constraints(a, a->x_new, b->t_new, a->x);
-    }
-    follow_sizes(b, s);
-    b->t = b->t_new;
-    b->h = b->h_next;
-    const int at_stop = b->t >= b->stop_time && find_stop(b, s);
-    if (z <= 1.0) raise_switches(b);
-    if (at_stop) settle(b);
-    if (meets && !(meet_contacts(b, s, contact) && observe_due(b, s))) return 0;
-    if (at_stop || (z <= 1.0 && contact < 0)) restart(b, s);
-    else if (contact < 0) keep_switches(b);
-    else EACH_PART(b) rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
+    b->contact = contact_at(b, b->pass);
+    b->meets = N_G > 0 && (b->contact >= 0 || jumps || b->t_new >= end);
+    return b->under_way = 1;
   }
+}
+
+/* Moves the block to the end of its step, and through the events there. Returns 0 if samples failed. */
+PRIVATE int finish_step(Block *b, Study *s) {
+  const double z = b->pass;
+  const int contact = b->contact;
+  b->under_way = 0;
+  if (z <= 1.0 && !change_sides(b, s, z)) return 0;
+  EACH_PART(b) {
+    /* The slope before the projection serves the next step: it is as far off as the error of this one. */
+    memcpy(a->k, a->k + END * N_OWN, N_OWN * sizeof(V));
+    move_onto_constraints(a, a->x_new, b->t_new, a->x);
+  }
+  follow_sizes(b, s);
+  b->t = b->t_new;
+  b->h = b->h_next;
+  const int at_stop = b->t >= b->stop_time && find_stop(b, s);
+  if (z <= 1.0) raise_switches(b);
+  if (at_stop) settle(b);
+  if (b->meets && !(meet_contacts(b, s, contact) && observe_due(b, s))) return 0;
+  if (at_stop || (z <= 1.0 && contact < 0)) restart(b, s);
+  else if (contact < 0) keep_switches(b);
+  else EACH_PART(b) rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
   return 1;
+}
+
+/* Runs the block until it has its first n outputs. A step that leads beyond them is under way then: its end may wait for
+   later times. Returns 0 if samples failed. */
+PRIVATE int run_until(Block *b, Study *s, long n) {
+  for (;;) {
+    if (b->under_way) {
+      if (!sample_outputs(b, s, b->meets ? nextafter(b->t_new, -INFINITY) : b->t_new, n)) return 0;
+      if (b->next >= n) return 1;
+      if (!finish_step(b, s)) return 0;
+    }
+    if (b->next >= n) return 1;
+    if (!take_step(b, s)) return 0;
+  }
+}
+
+/* State i of a part at time t, up to which the block has its outputs. The outputs need all states. */
+PRIVATE V state_of(const Block *b, const Part *a, int i, double t) {
+  return b->under_way ? interpolated(a, i, (t - b->t) / b->h) : a->x[i];
+}
+
+/* Goes on from that time with other parameters. Returns 0 if samples failed. */
+PRIVATE int go_on_with(Block *b, Study *s, double t) {
+  EACH_PART(b) {
+    for (int i = 0; i < N_X; ++i) a->x_new[i] = state_of(b, a, i, t);
+    move_onto_constraints(a, a->x_new, t, a->x);
+  }
+  b->t = t;
+  b->under_way = b->shortened = 0;
+  b->soon = INFINITY;
+  memset(b->stop, 0, sizeof b->stop);
+  find_stop(b, s);
+  follow_sizes(b, s);
+  settle(b);
+  if (!meet_contacts(b, s, -1)) return 0;
+  restart(b, s);
+  return 1;
+}
+
+/* Runs the block from the first time to the last. Returns 0 if samples failed. */
+PRIVATE int run(Block *b, Study *s) {
+  return begin_run(b, s) && run_until(b, s, s->n_t) && (!b->under_way || finish_step(b, s));
 }
 
 #endif

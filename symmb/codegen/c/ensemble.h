@@ -1,83 +1,8 @@
-/* An ensemble of n samples: threads take one block after another and keep values of all, or running extremes.
-
-   A step file in front gives run(): embedded_pair.h, fixed_step.h or implicit_step.h. */
+/* An ensemble of n samples: threads take one block after another and keep values of all, or running extremes. */
 #ifndef ENSEMBLE_H
 #define ENSEMBLE_H
 
-#include "embedded_pair.h"
-
-#if STARTED
-#define START_CONVERGED 1e-9 /* over the size: Newton is quadratic, so a step below it leaves an error at rounding level */
-#define START_ITERATIONS 30
-#define START_SIZE 1e-3 /* least size of the unknowns */
-
-/* The state at the first time, by Newton's method from u = 0, in each lane until its own step is small. NaN where it does
-   not converge. */
-static void assemble(Part *a, V t) {
-  V *u = a->scratch, *du = a->scratch + SIZE(N_X);
-  memset(u, 0, SIZE(N_X) * sizeof(V));
-  M active = (M)zero() == 0;
-  for (int n = 0; n < START_ITERATIONS && N_U > 0 && !none(active); ++n) {
-    V step = zero(), size = each(START_SIZE);
-    newton(u, a->c, t, du);
-    for (int i = 0; i < N_U; ++i) {
-      V *ui = u + place[i];
-      *ui -= blend(active, du[i], zero());
-      step = v_larger(v_fabs(du[i]), step);
-      size = v_larger(v_fabs(*ui), size);
-    }
-    active &= (M)(step > START_CONVERGED * size);
-  }
-  start(u, a->c, t, a->x);
-  for (int i = 0; N_U > 0 && i < N_X; ++i) a->x[i] = blend(active, each(NAN), a->x[i]);
-}
-#endif
-
-/* States of a block at the first time, of its samples that did not fail. Lanes without a sample repeat one of them, so
-   that they do not change the common step. Returns 0 if a state is not finite; its sample then fails. */
-static int place_samples(Block *b, Study *s) {
-  int finite = 1;
-  EACH_PART(b) {
-    V sum = zero();
-    for (int l = 0; l < W; ++l) {
-      const long i = b->sample[((a - b->part) * W + l) % b->live];
-      for (int j = 0; j < N_P - N_S; ++j) a->p[j][l] = s->p[i * (N_P - N_S) + j];
-      for (int j = N_P - N_S; j < N_P; ++j) a->p[j][l] = 1.0;
-      for (int j = 0; j < N_X && !STARTED; ++j) a->x[place[j]][l] = s->x0[i * N_X + j];
-    }
-    prepare(a->p, a->c);
-#if STARTED
-    assemble(a, each(b->t));
-#endif
-    for (int j = 0; j < N_X; ++j) sum += a->x[j] * 0.0;
-    for (int l = 0; l < W; ++l)
-      if (sum[l] != 0.0) {
-        fail_sample(b, s, (a - b->part) * W + l, b->t, STEPS);
-        finite = 0;
-      }
-  }
-  return finite;
-}
-
-/* Starts the samples of a block that did not fail. Returns 0 if there are none. */
-static int begin(Block *b, Study *s) {
-  b->t = s->times[0];
-  b->next = 1;
-  for (;;) {
-    b->live = 0;
-    for (long i = b->number * WIDTH; i < b->number * WIDTH + WIDTH && i < s->n; ++i)
-      if (s->t_failed[i] != s->t_failed[i]) b->sample[b->live++] = i;
-    if (!b->live) return 0;
-    for (long l = 0; l < b->live && s->passes; ++l)
-      for (long j = 0; j < s->most_passes; ++j) s->passes[b->sample[l] * s->most_passes + j] = NAN;
-    memset(b->stop, 0, sizeof b->stop);
-    b->stop_time = b->to = b->soon = INFINITY;
-    b->from = -INFINITY;
-    if (!place_samples(b, s)) continue;
-    observe(b);
-    if (begin_contacts(b, s) && store_outputs(b, s, 0, 1)) return 1;
-  }
-}
+#include "begin.h"
 
 /* The work of one thread: it runs blocks until none is left. Values go to s->Y, or extremes to lower and upper (n_t, N_Y),
    where they join those of earlier blocks. Returns 0 if there is not enough memory. */

@@ -65,25 +65,30 @@ PRIVATE int fail_samples(Block *b, Study *s, const M *marked, char why) {
   return 0;
 }
 
-/* Runs the block from the first time to the last. Returns 0 if samples failed. */
-PRIVATE int run(Block *b, Study *s) {
+/* Begins the run at the first time. Returns 0 if samples failed. */
+PRIVATE int begin_run(Block *b, Study *s) {
   const double span = s->times[s->n_t - 1] - s->times[0], longest = s->longest > 0.0 ? s->longest : span;
-  const double shortest = s->rtol > 0.0 ? 1e-14 * span : 1e-4 * longest;
-  double wanted = s->rtol > 0.0 && longest > 1e-4 * span ? 1e-4 * span : longest;
-  const double first = wanted;
-  int fresh = 1;
-  M marked[PARTS];
+  b->first = b->wanted = s->rtol > 0.0 && longest > 1e-4 * span ? 1e-4 * span : longest;
+  b->fresh = 1;
   b->steps = b->iterations = b->most = 0;
   if (find_stop(b, s)) b->t = b->from;
-  while (b->next < s->n_t) {
-    if (!(wanted > shortest)) wanted = shortest;
+  return 1;
+}
+
+/* Runs the block until it has its first n outputs. Returns 0 if samples failed. */
+PRIVATE int run_until(Block *b, Study *s, long n) {
+  const double span = s->times[s->n_t - 1] - s->times[0], longest = s->longest > 0.0 ? s->longest : span;
+  const double shortest = s->rtol > 0.0 ? 1e-14 * span : 1e-4 * longest;
+  M marked[PARTS];
+  while (b->next < n) {
+    if (!(b->wanted > shortest)) b->wanted = shortest;
     const double goal = b->to < s->times[b->next] ? b->to : s->times[b->next];
-    const double left = goal - b->t, parts = ceil(left / wanted - 1e-9);
+    const double left = goal - b->t, parts = ceil(left / b->wanted - 1e-9);
     b->t_new = parts > 1.0 ? b->t + left / parts : goal;
     b->h = parts > 1.0 ? left / parts : left;
     EACH_PART(b) {
       a->x[N_W] = each(b->h);
-      if (fresh) {
+      if (b->fresh) {
         history(a->x, a->c, each(b->t), a->k);
         memcpy(a->x, a->k, N_W * sizeof(V));
       }
@@ -94,7 +99,7 @@ PRIVATE int run(Block *b, Study *s) {
     }
     if (!solve(b, s, marked)) {
       if (!(b->h > 1.0000001 * shortest)) return fail_samples(b, s, marked, NEWTON);
-      wanted = 0.5 * b->h;
+      b->wanted = 0.5 * b->h;
       continue;
     }
     EACH_PART(b) follow(a->x, a->c, each(b->t_new), a->k);
@@ -105,13 +110,13 @@ PRIVATE int run(Block *b, Study *s) {
       factor = best < GROWTH ? best : GROWTH;
       if (!(e <= 1.0)) {
         if (!(b->h > 1.0000001 * shortest)) return fail_samples(b, s, marked, STEPS);
-        wanted = b->h * (factor > 0.1 ? factor : 0.1);
+        b->wanted = b->h * (factor > 0.1 ? factor : 0.1);
         continue;
       }
     }
     const double next = factor * b->h < longest ? factor * b->h : longest;
-    wanted = factor < 1.0 || next > wanted ? next : wanted < GROWTH * b->h ? wanted : GROWTH * b->h;
-    fresh = 0;
+    b->wanted = factor < 1.0 || next > b->wanted ? next : b->wanted < GROWTH * b->h ? b->wanted : GROWTH * b->h;
+    b->fresh = 0;
     b->t = b->t_new;
     EACH_PART(b) memcpy(a->x, a->k, N_W * sizeof(V));
     if (b->t < goal) continue;
@@ -120,8 +125,8 @@ PRIVATE int run(Block *b, Study *s) {
       b->t = b->stop_time;
       find_stop(b, s);
       b->t = b->from;
-      fresh = 1;
-      wanted = first;
+      b->fresh = 1;
+      b->wanted = b->first;
     }
     if (b->t < s->times[b->next]) continue;
     observe(b);
@@ -129,5 +134,20 @@ PRIVATE int run(Block *b, Study *s) {
   }
   return 1;
 }
+
+/* State i of a part at time t, up to which the block has its outputs. */
+PRIVATE V state_of(const Block *b, const Part *a, int i, double t) { (void)b, (void)t; return a->x[i]; }
+
+/* Goes on from that time with other parameters. Returns 0 if samples failed. */
+PRIVATE int go_on_with(Block *b, Study *s, double t) {
+  (void)s, (void)t;
+  observe(b);
+  b->fresh = 1;
+  b->wanted = b->first;
+  return 1;
+}
+
+/* Runs the block from the first time to the last. Returns 0 if samples failed. */
+PRIVATE int run(Block *b, Study *s) { return begin_run(b, s) && run_until(b, s, s->n_t); }
 
 #endif

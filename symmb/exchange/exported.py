@@ -1,0 +1,79 @@
+"""A scene as C that runs it, with all that its users have to know."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb.codegen import FixedStep, SceneSource
+from symmb.integrate import LaneSolver
+from symmb.model import Scene
+from symmb.simulation import DAESimulator, scene_of, simulator_with
+
+_SOLVERS = "DormandPrince(), EventDriven() or Rosenbrock()"
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """A scene for programs without Python.
+
+    Attributes
+    ----------
+    name : str
+    source : SceneSource
+    parameters, inputs, outputs, states : tuple of str
+    units : tuple of str       of the outputs, '' where they are not known
+    tolerance : float          relative tolerance of the steps; 0 without
+    """
+
+    name: str
+    source: SceneSource
+    parameters: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    units: tuple[str, ...]
+    tolerance: float
+
+
+def exported(subject: Scene | DAESimulator) -> Exported:
+    """A scene, by the solver that pilot runs choose for studies, or one that is prepared with its own.
+
+    Raises
+    ------
+    DeclarationError       if something of the scene needs Python
+    """
+    scene = scene_of(subject)
+    if scene.figures:
+        raise DeclarationError(
+            f"{scene.name}: output {next(iter(scene.figures))!r} is one number a run, and exported scenes have outputs "
+            "over time. Leave it out by scene.with_outputs(...)."
+        )
+    inputs, simulator = tuple(scene.system.inputs), subject
+    if inputs or not isinstance(simulator, DAESimulator):
+        solver = simulator.solver if isinstance(simulator, DAESimulator) else None
+        simulator = simulator_with(scene.with_inputs(inputs), solver)
+    solver, form = simulator.solver, simulator.formulation
+    dae = form.dae
+    if not form.y.numel_in(0):
+        raise DeclarationError(f"{scene.name} has no states: its outputs are plain expressions, which need no export.")
+    lanes = None
+    if isinstance(solver, LaneSolver):
+        lanes = solver.lanes(dae, simulator.times, form.y, start=form.start, alone=True)
+    if lanes is None or (isinstance(lanes.control, FixedStep) and lanes.scheme is None):
+        raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {_SOLVERS}.")
+    parameters, outputs = tuple(scene.system.parameters), tuple(simulator.outputs)
+    source = SceneSource(
+        lanes=lanes,
+        n_x=form.y.numel_in(0),
+        nominal=dae.p_nominal,
+        n_inputs=len(inputs),
+        names=(*parameters, *inputs, *outputs),
+        times=simulator.times,
+        has_rates=lanes.scheme is None and not dae.n_r and dae.impacts is None and dae.sampling is None,
+        stops=np.empty(0) if dae.sampling is None else dae.sampling.instants(simulator.times),
+        token=simulator.identity(),
+    )
+    states = (*dae.q_names, *dae.v_names, *dae.s_names)
+    tolerance = getattr(solver, "rtol", None) or 0.0
+    return Exported(scene.name, source, parameters, inputs, outputs, states, simulator.units, tolerance)

@@ -1,0 +1,262 @@
+"""FMUs of scenes are valid, run in FMPy as closed forms and SciPy tell, and as the scenes do."""
+
+import shutil
+import zipfile
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+from models import bouncing_ball, double_pendulum, four_bar
+from symmb.codegen import has_compiler
+
+fmpy = pytest.importorskip("fmpy")
+from fmpy.build import build_platform_binary  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not has_compiler(), reason="needs a C compiler")]
+
+
+def pendulum():
+    """A pendulum whose force switches with the time, and with its speed."""
+    p = mb.Parameters(length=1.0, drive=0.5, until=0.8)
+    rod = mb.Body("rod", mass=1.0, inertia=0.01)
+    pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, p.length))
+    push = mb.Torque("push", rod, ca.if_else(mb.t < p.until, p.drive, 0.0) - 0.1 * ca.fabs(rod.omega) * rod.omega)
+    system = mb.System(rod, pin, push, mb.Gravity(0, -9.81), parameters=p)
+    outputs = {"angle": rod.theta, "rod.omega": rod.omega, "lowest <point>": rod.y}
+    return mb.Scene(system, {"rod.theta": 0.4}, np.linspace(0, 2, 41), outputs, name="A driven pendulum")
+
+
+def by_scipy(times, length, drive, until):
+    """Angle and its rate (n_t, 2)."""
+
+    def rates(t, x):
+        torque = drive * (t < until) - 0.1 * abs(x[1]) * x[1] - 9.81 * length * np.sin(x[0])
+        return [x[1], torque / (0.01 + length**2)]
+
+    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    first = times[times < until]
+    begin = solve_ivp(rates, (0.0, until), [0.4, 0.0], t_eval=[*first, until], **exact).y
+    rest = solve_ivp(rates, (until, times[-1]), begin[:, -1], t_eval=times[times >= until], **exact).y
+    return np.hstack([begin[:, :-1], rest]).T
+
+
+def release():
+    """A pendulum whose pin opens."""
+    p = mb.Parameters(length=1.0, until=0.7)
+    bob = mb.Body("bob", mass=1.0, inertia=0.05)
+    pin = mb.Revolute("pin", mb.Ground().point(0, 0), bob.point(0, p.length))
+    system = mb.System(bob, pin, mb.Release(pin, mb.t > p.until), mb.Gravity(0, -9.81), parameters=p)
+    return mb.Scene(system, {"bob.theta": 1.0}, np.linspace(0, 1.5, 31), {"x": bob.x, "y": bob.y})
+
+
+def controlled():
+    """A cart with a digital brake."""
+    p = mb.Parameters(gain=8.0)
+    cart = mb.Body("cart", 1.0, pose=mb.Particle())
+    brake = mb.Sampled("brake", period=0.11, law=-p.gain * cart.x - 2 * cart.vx)
+    system = mb.System(cart, brake, mb.Force("push", cart.point(0, 0), (brake.value, 0)), parameters=p)
+    return mb.Scene(system, {"cart.x": 1.0}, np.linspace(0, 2, 41), {"x": cart.x, "force": brake.value})
+
+
+def bumpy():
+    """A mass on a spring, pushed by a table of time, which is stretched by a parameter, and by dry friction."""
+    p = mb.Parameters(rate=2.0)
+    bob, values = mb.Body("bob", 1.0, pose=mb.Particle()), [0, 1, 0, 2, 0, -1, 0, 3, 0]
+    push = mb.Table(np.linspace(0, 1, 9), values)(p.rate * mb.t - 0.5) - 0.1 * ca.fabs(bob.vx)
+    spring = mb.SpringDamper("spring", mb.Ground().point(0, 0), bob.point(0, 0), 30.0, 0.4)
+    system = mb.System(bob, spring, mb.Force("push", bob.point(0, 0), (push, 0)), parameters=p)
+    return mb.Scene(system, {"bob.x": 0.3}, np.linspace(0, 2, 41), {"x": bob.x})
+
+
+def run_fmu(path, times, outputs, parameters, kind="CoSimulation", **options):
+    """Outputs (n_t, n_y) of an FMU in FMPy."""
+    options |= {"stop_time": times[-1], "output_interval": float(np.diff(times).max())}
+    rows = fmpy.simulate_fmu(str(path), start_values=parameters, fmi_type=kind, output=list(outputs), **options)
+    last = np.searchsorted(rows["time"], times + 1e-9, "right") - 1  # behind the events of model exchange
+    return np.array([rows[name][last] for name in outputs]).T
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_pendulum_agrees_with_scipy(version, tmp_path):
+    scene, path = pendulum(), tmp_path / "pendulum.fmu"
+    mb.save_fmu(mb.prepare(scene, mb.DormandPrince(1e-10)), path, version=version)
+    assert validate_fmu(str(path)) == []
+    parameters = {"length": 1.3, "drive": 0.7, "until": 1.03}
+    expected = by_scipy(scene.times, **parameters)
+    for kind, error in (("CoSimulation", 1e-9), ("ModelExchange", 1e-6)):
+        Y = run_fmu(
+            path, scene.times, ["angle", "rod.omega", "lowest <point>"], parameters, kind, relative_tolerance=1e-10
+        )
+        np.testing.assert_allclose(Y[:, :2], expected, atol=error)
+        np.testing.assert_allclose(Y[:, 2], -1.3 * np.cos(expected[:, 0]), atol=error)
+
+
+@pytest.mark.parametrize(
+    ("make", "solver"),
+    [
+        (double_pendulum.scene, mb.DormandPrince(1e-10)),
+        (four_bar.scene, mb.Rosenbrock()),
+        (bouncing_ball.scene, mb.EventDriven()),
+        (release, mb.EventDriven()),
+        (controlled, mb.DormandPrince()),
+        (bumpy, mb.DormandPrince()),
+    ],
+    ids=["double_pendulum", "four_bar", "bouncing_ball", "release", "controlled", "bumpy"],
+)
+def test_fmus_run_as_their_scenes(make, solver, tmp_path):
+    simulator, path = mb.DAESimulator(make(), solver), tmp_path / "model.fmu"
+    mb.save_fmu(simulator, path)
+    assert validate_fmu(str(path)) == []
+    nominal = simulator.dae.p_nominal
+    for P in nominal * np.random.default_rng(3).uniform(0.98, 1.02, (3, len(nominal))):
+        parameters = dict(zip(simulator.parameters, P.tolist(), strict=True))
+        Y = run_fmu(path, simulator.times, simulator.outputs, parameters)
+        expected = simulator.run(P[None]).Y[0]
+        np.testing.assert_allclose(Y, expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_an_impact_in_a_communication_step_is_exact(tmp_path):
+    """A ball that falls from 1.25 m at 10 m/s^2 is at the floor after 0.5 s."""
+    p = mb.Parameters(e=0.8)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    floor = mb.Impact("floor", gap=ball.y, restitution=p.e)
+    system = mb.System(ball, floor, mb.Gravity(0, -10.0), parameters=p)
+    mb.save_fmu(
+        mb.Scene(system, {"ball.y": 1.25}, np.linspace(0, 1, 5), {"y": ball.y, "vy": ball.vy}), tmp_path / "ball.fmu"
+    )
+    times = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    Y = run_fmu(tmp_path / "ball.fmu", times, ["y", "vy"], {"e": 0.6})
+    np.testing.assert_allclose(
+        Y[:, 0], [1.25, 0.9375, 0, 0.6 * 5 * 0.25 - 5 * 0.25**2, 0.6 * 5 * 0.5 - 5 * 0.5**2], atol=1e-12
+    )
+    np.testing.assert_allclose(Y[3:, 1], [0.5, -2.0], atol=1e-12)
+    with pytest.raises(Exception, match="fmi3ExitInitializationMode"):  # FMPy tells the call
+        run_fmu(tmp_path / "ball.fmu", times, ["y"], {"e": 1.6})
+
+
+def test_the_same_scene_gives_the_same_file_with_sources(tmp_path):
+    for name in ("a", "b"):
+        mb.save_fmu(pendulum(), tmp_path / f"{name}.fmu")
+    assert (tmp_path / "a.fmu").read_bytes() == (tmp_path / "b.fmu").read_bytes()
+    names = zipfile.ZipFile(tmp_path / "a.fmu").namelist()
+    assert {"sources/scene.c", "sources/fmi.c", "sources/buildDescription.xml"} <= set(names)
+    assert any(name.startswith("binaries/") and "/A_driven_pendulum." in name for name in names)
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="FMPy builds by CMake")
+@pytest.mark.parametrize("version", [2, 3])
+def test_sources_build_elsewhere(version, tmp_path):
+    mb.save_fmu(pendulum(), tmp_path / "pendulum.fmu", version=version)
+    folder = tmp_path / "extracted"
+    fmpy.extract(str(tmp_path / "pendulum.fmu"), str(folder))
+    shutil.rmtree(folder / "binaries")
+    (tmp_path / "build").mkdir()
+    build_platform_binary(folder, tmp_path / "build")
+    times = np.linspace(0, 2, 41)
+    Y = run_fmu(folder, times, ["angle", "rod.omega"], {})
+    np.testing.assert_allclose(Y, by_scipy(times, 1.0, 0.5, 0.8), atol=1e-7)
+
+
+def test_an_fmu_is_bounded_as_its_scene(tmp_path):
+    scene, box = pendulum(), mb.Box(length=(0.9, 1.1), drive=(0.4, 0.6))
+    mb.save_fmu(scene, tmp_path / "pendulum.fmu")
+    simulator = mb.FMUSimulator(
+        tmp_path / "pendulum.fmu",
+        {"length": 1.0, "drive": 0.5},
+        times=scene.times,
+        outputs=["angle", "rod.omega", "lowest <point>"],
+    )
+    method = mb.PolynomialChaos(order=4)
+    of_fmu, of_scene = mb.propagate(simulator, method, box), mb.propagate(scene, method, box)
+    np.testing.assert_allclose(of_fmu.lower, of_scene.lower, atol=1e-7)
+    np.testing.assert_allclose(of_fmu.upper, of_scene.upper, atol=1e-7)
+
+
+def test_inputs_hold_between_communication_points(tmp_path):
+    """A cart behind a motor with lag: its speed and its force after two steps of inputs, in closed form."""
+    p = mb.Parameters(mass=2.0, lag=0.3)
+    cart, push, wind = mb.Body("cart", mass=p.mass, pose=mb.Particle()), mb.Input("push"), mb.Input("wind")
+    motor = mb.State("motor", rate=lambda z: (push.value - z) / p.lag)
+    force = mb.Force("force", cart.point(0, 0), (motor.value + wind.value, 0))
+    system = mb.System(cart, push, wind, motor, force, parameters=p)
+    scene = mb.Scene(system, times=np.linspace(0, 2, 21), outputs={"v": cart.vx, "wind outside": wind.value})
+    assert not mb.simulate(scene).values.any()
+    mb.save_fmu(scene, tmp_path / "cart.fmu")
+    assert validate_fmu(str(tmp_path / "cart.fmu")) == []
+    signals = np.array(
+        [(0.0, 0, 0), (0.5, 0, 0), (0.5, 1, 0), (1.0, 1, 0), (1.0, 1, -2), (2.0, 1, -2)],
+        dtype=[("time", float), ("push", float), ("wind", float)],
+    )
+    since = 1.5
+    expected = (since - 0.3 * (1 - np.exp(-since / 0.3)) - 2 * 1.0) / 2
+    for kind, error in (("CoSimulation", 1e-8), ("ModelExchange", 1e-6)):
+        Y = run_fmu(tmp_path / "cart.fmu", scene.times, ["v", "wind outside"], {}, kind, input=signals)
+        np.testing.assert_allclose(Y[-1], [expected, -2], atol=error)
+
+
+def test_an_input_is_one_of_a_linearisation():
+    cart, u = mb.Body("cart", mass=2.0, pose=mb.Particle()), mb.Input("u")
+    system = mb.System(cart, u, mb.Force("motor", cart.point(0, 0), (8 * u.value - cart.vx, 0)))
+    lin = mb.linearize(mb.Scene(system, outputs={"vx": cart.vx}), inputs=["u"])
+    np.testing.assert_allclose(lin.B.ravel(), [0, 4])
+    with pytest.raises(mb.DeclarationError, match="no actuator, input or parameter 'w'"):
+        mb.linearize(mb.Scene(system), inputs=["w"])
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda u: mb.System(u, parameters=mb.Parameters(u=1.0)), "Input 'u': a parameter or the time has this name"),
+        (lambda u: mb.System(u, mb.Input("u")), "Input 'u': the name is used twice"),
+        (lambda u: mb.System(mb.Input("a.b")), "Input 'a.b': a name is a text without"),
+        (lambda u: mb.Input(3), "Input: the name is a text, got 3"),
+        (lambda u: mb.System(mb.State("z", rate=u.value)), "Input 'u' is not part of the System. Add it"),
+    ],
+)
+def test_faults_of_inputs(make, text):
+    u = mb.Input("u")
+    with pytest.raises(mb.DeclarationError, match=text):
+        make(u)
+
+
+def test_inputs_stand_in_laws_alone():
+    body, u = mb.Body("body", 1.0, 0.1), mb.Input("u")
+    with pytest.raises(mb.DeclarationError, match="Input 'u': it stands in a point, a mass or a shape"):
+        mb.System(body, u, mb.Revolute("pin", mb.Ground().point(u.value, 0), body.point(0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("save", "text"),
+    [
+        (lambda scene, path: mb.save_fmu(scene, path, version=1), "version must be 2 or 3, of FMI, got 1"),
+        (lambda scene, path: mb.save_fmu(scene, path.with_suffix(".zip")), "must end in .fmu"),
+        (lambda scene, path: mb.save_fmu(scene.system, path), "Expected a Scene, got System"),
+        (lambda scene, path: mb.save_fmu(mb.prepare(scene, mb.CVODES()), path), r"CVODES\(\) cannot be exported"),
+        (lambda scene, path: mb.save_fmu(mb.prepare(scene, mb.RungeKutta()), path), "RungeKutta.* cannot be exported"),
+        (
+            lambda scene, path: mb.save_fmu(mb.prepare(scene, mb.Rosenbrock()), path),
+            "cannot end its steps at the kinks",
+        ),
+        (
+            lambda scene, path: mb.save_fmu(scene.with_outputs({"peak": mb.maximum(scene.system.bodies[0].y)}), path),
+            "output 'peak' is one number a run",
+        ),
+        (
+            lambda scene, path: mb.save_fmu(scene.with_outputs({"drive": scene.system.bodies[0].y}), path),
+            "'drive' names two variables",
+        ),
+    ],
+)
+def test_faults_are_told_in_one_sentence(save, text, tmp_path):
+    with pytest.raises(mb.DeclarationError, match=text):
+        save(pendulum(), tmp_path / "model.fmu")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(mb.SymmbError, match="cannot be written: No such file or directory"):
+        mb.save_fmu(pendulum(), tmp_path / "none" / "model.fmu")
