@@ -232,7 +232,7 @@ def follow_point(side: Side, P: ca.SX, name: str) -> tuple[Foot, Symbol]:
     measured, rate = side.measured, ddt(P)
 
     def moved(s: ca.SX, bounds: Bounds | None) -> ca.SX:
-        return s + Foot.at(measured.curve, s, P, bounds).step
+        return s + _short(Foot.at(measured.curve, s, P, bounds).step, measured)
 
     s = ca.SX.sym(name)
     bounds = Bounds.of(s, side.part)
@@ -259,13 +259,20 @@ def follow_curve(a: Side, b: Side, motion: Motion, name: str) -> tuple[Feet, tup
     bounds = bounds_at(s)
     first = feet(s, bounds)
     start = _start(a, b, motion)
-    longest = ca.vertcat(*[side.measured.period / 8 for side in (a, b)])  # an eighth of a turn round a corner
+
+    def moved(s: ca.SX, bounds: Sequence[Bounds | None]) -> ca.SX:
+        step = feet(s, bounds).step
+        return s + ca.vertcat(*[_short(step[k], side.measured) for k, side in enumerate((a, b))])
+
     for _ in range(_STEPS):
-        step = feet(start, bounds_at(start)).step
-        start += step / ca.sqrt(1 + (step / longest) ** 2)
+        start = moved(start, bounds_at(start))
     states = declare(names, Kind.STATE, s, first.rate, start)
-    second = s + first.step
-    return feet(second + feet(second, bounds).step, bounds), states
+    return feet(moved(moved(s, bounds), bounds), bounds), states
+
+
+def _short(step: ca.SX, measured: Measured) -> ca.SX:
+    """A step, or an eighth of a turn where it is longer: the place behind it is one of the curve."""
+    return step / ca.sqrt(1 + (step / (measured.period / 8)) ** 2)
 
 
 def _start(a: Side, b: Side, motion: Motion) -> ca.SX:

@@ -28,6 +28,14 @@ def test_motions_are_those_of_scipy(name, seed):
     assert_allclose(run.values, known, rtol=0, atol=1e-7 * max(np.abs(known).max(), 1))
 
 
+@pytest.mark.slow
+def test_feet_behind_a_centre_of_curvature_do_not_touch():
+    """A foot on the far side of a cam of points jumped along the curve, and seemed next to a body in free flight."""
+    scene, known = contact_shapes.spline(np.random.default_rng([27, 6]))
+    run = mb.simulate(scene, mb.DormandPrince(rtol=1e-9))
+    assert_allclose(run.values, known, rtol=0, atol=1e-7)
+
+
 @pytest.mark.long
 def test_feet_that_pass_a_corner_need_few_steps():
     """Steps that ended where each of three evaluations of a foot passes it were 600,000."""
