@@ -78,7 +78,7 @@ def description(scene: Exported, version: int, identifier: str) -> bytes:
     times = scene.source.times
     experiment = {"startTime": repr(float(times[0]))}
     if len(times) > 1:
-        experiment |= {"stopTime": repr(float(times[-1])), "stepSize": repr(float(np.diff(times).max()))}
+        experiment |= {"stopTime": repr(float(times[-1])), "stepSize": f"{np.diff(times).max():.12g}"}
     if scene.tolerance:
         experiment["tolerance"] = repr(scene.tolerance)
     ET.SubElement(root, "DefaultExperiment", dict(sorted(experiment.items(), key=lambda item: item[0])))
