@@ -472,7 +472,7 @@ def errors(kind: str, seed: int) -> tuple[float, float, float]:
     of_values = np.abs(run.values - values).max(axis=0) / np.maximum(np.abs(values).max(axis=0), 1e-2)
     assert len(run.events) == len(times), (kind, seed, run.events, times)
     of_times = max((abs(event.time - time) for event, time in zip(run.events, times, strict=True)), default=0.0)
-    of_works = max(abs(e.work - w) / max(abs(w), 1.0) for e, w in zip(run.events, works, strict=True))
+    of_works = max((abs(e.work - w) / max(abs(w), 1.0) for e, w in zip(run.events, works, strict=True)), default=0.0)
     return float(of_values.max()), of_times, of_works
 
 
