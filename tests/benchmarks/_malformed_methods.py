@@ -7,6 +7,7 @@ Each is a function with good arguments, chosen by the names of its parameters. `
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,23 @@ RESULTS = {
 """What symmb makes and nobody else does; its methods are called."""
 BETWEEN_ROOMS = {
     "another_way", "around", "bounds", "carried", "course", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "measured", "nearest", "number", "planned_runs", "position_rows", "positive", "pressure", "remembered", "response", "retract",
-    "round", "run_seconds", "sizes", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
+    "round", "run_seconds", "sizes", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_inputs", "with_mass", "with_nominal", "with_states", "without",
 }  # fmt: skip
 """Methods that one room calls of another; the guide and the docstrings of public names do not mention them."""
-INTERNAL = frozenset(RESULTS | BETWEEN_ROOMS | {"view", "stability"})
+OPTIONAL = {"jax_function": "jax", "torch_function": "torch", "load_mjcf": "mujoco"}
+"""Functions that need a package, which takes seconds to load."""
+
+
+def _is_missing(package: str) -> bool:
+    try:
+        import_module(package)
+    except ModuleNotFoundError:
+        return True
+    return False
+
+
+MISSING = {name for name, package in OPTIONAL.items() if _is_missing(package)}
+INTERNAL = frozenset(RESULTS | BETWEEN_ROOMS | MISSING | {"view", "stability"})
 """Names that are left out. `view` opens windows, and `stability` takes minutes where it is called rightly."""
 
 OF_OWNER: dict[str, dict[str, Any]] = {
