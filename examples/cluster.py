@@ -72,4 +72,6 @@ if __name__ == "__main__":
     ways += [] if options.slurm else [runs_as_tasks(place, options.dask)]
     for comparison in ways:
         print(comparison)
+        if options.folder:
+            comparison.plot(place / "cluster.png")
         assert comparison.rows[0].score.error.max() < 1e-3  # polynomials with 16 runs beside 289 runs

@@ -69,6 +69,8 @@ class Binding:
 
     def inputs_in(self, expressions: Sequence[ca.SX]) -> list[str]:
         """Names of inputs that are no parameters, in expressions that are not bound."""
+        if not self._inputs.numel():
+            return []
         return [u.name() for u in ca.vertsplit(self._inputs) if ca.depends_on(ca.veccat(*expressions), u)]
 
     def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
