@@ -14,7 +14,7 @@ from symmb.drawing.geometry import outward
 from symmb.drawing.outlines import Painter
 from symmb.mechanics import Element, OwnState
 
-WITHOUT_PLACE = {"Gravity", "Impact", "Motion", "VelocityConstraint"}
+WITHOUT_PLACE = {"Gravity", "Impact", "Input", "Motion", "VelocityConstraint"}
 """Gravity is an arrow beside the mechanism. The others are expressions, which a page names as not drawn."""
 ELEMENTS = {
     name: kind for name in mb.__all__ if isinstance(kind := getattr(mb, name), type) and issubclass(kind, Element)
