@@ -93,7 +93,7 @@ def scheme_function(
 ) -> ca.Function:
     """((w, h, z), p, t) -> the functions of c/implicit_step.h.
 
-    `projected`, if not None, and `start` are functions of the state, with which w begins.
+    `projected`, if not None, and `start` give the state, with which w begins.
     """
     x = ca.vertcat(w, h, z)
 
@@ -103,7 +103,8 @@ def scheme_function(
     parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
     if projected is not None:
         parts["project"] = whole(projected)
-    start = start and (*start[:2], whole(start[2]))
+    if start is not None:  # nothing has been written yet to the rest of x
+        start = (*start[:2], ca.vertcat(start[2], ca.SX(x.numel() - start[2].numel(), 1)))
     return _function(parts, x, p, t, ca.SX(0, 1), start)
 
 

@@ -1,5 +1,6 @@
 """The fixed C: each file compiles by itself, without warnings, and generated programs are clean under sanitizers."""
 
+import os
 import shutil
 import subprocess
 
@@ -16,6 +17,8 @@ from symmb.codegen.model_source import _generator
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 STRICT = ("-std=gnu11", "-Wall", "-Wextra", "-Wvla", "-Werror", "-fsyntax-only")
 SANITIZED = ("-std=gnu11", "-O0", "-g", "-march=native", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+FILLED = {**os.environ, "ASAN_OPTIONS": "max_malloc_fill_size=1000000000:malloc_fill_byte=255"}
+"""Memory that nobody has written to is full of NaN."""
 MAIN = """
 #include <stdio.h>
 int main(void) {{
@@ -80,7 +83,7 @@ def test_generated_programs_are_clean_under_sanitizers(model, solver, tmp_path):
     source, program = tmp_path / "study.c", tmp_path / "study"
     source.write_text(engine.source + MAIN.format(**numbers), encoding="utf-8")
     subprocess.run([COMPILERS[0], *SANITIZED, str(source), "-o", str(program), "-lm"], check=True, capture_output=True)
-    run = subprocess.run([str(program)], capture_output=True, text=True)
+    run = subprocess.run([str(program)], capture_output=True, text=True, env=FILLED)
     assert run.returncode == 0, run.stderr
     Y = np.array(run.stdout.split(), dtype=float).reshape(len(P), len(simulator.times), -1)
     np.testing.assert_allclose(Y, simulator.run(P).Y, rtol=1e-9, atol=1e-9)

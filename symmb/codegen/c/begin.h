@@ -15,7 +15,7 @@
    not converge. */
 static void assemble(Part *a, V t) {
   V *u = a->scratch, *du = a->scratch + SIZE(N_U);
-  memset(u, 0, sizeof a->scratch);
+  memset(u, 0, SIZE(N_U) * sizeof(V));
   M active = (M)zero() == 0;
   for (int n = 0; n < START_ITERATIONS && N_U > 0 && !none(active); ++n) {
     V step = zero(), size = each(START_SIZE);

@@ -10,7 +10,6 @@ int work(Study *s, double *restrict lower, double *restrict upper);
 int work(Study *s, double *restrict lower, double *restrict upper) {
   const long n = s->Y ? 0 : s->n_t * N_Y;
   Block *b = aligned_alloc(sizeof(V), sizeof(Block));
-  if (b) memset(b, 0, sizeof *b); /* what a step file does not set begins as 0 */
   double *part = malloc((2 * n + 1) * sizeof(double));
   const int enough = b && part;
   while (enough && (b->number = __atomic_fetch_add(&s->next_block, 1, __ATOMIC_RELAXED)) * WIDTH < s->n) {
