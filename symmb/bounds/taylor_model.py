@@ -1,12 +1,14 @@
 """Proved bounds: Taylor models of the motion, as polynomials with a remainder."""
 
+import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from symmb._errors import PropagationError
+from symmb._errors import PropagationError, SymmbWarning
 from symmb._limits import require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor, Mask
@@ -96,7 +98,10 @@ class TaylorModel(Method):
         problem = problem_of(self, simulator, box)
         self._require_room(problem.d, *((_TERMS, 1) if problem.n else (_NODES, EXTRA_NODES + 1)))
 
+        outlook = _Outlook(self)
+
         def tell(share: float) -> None:
+            outlook.note(share)
             if progress is not None:
                 progress(min(int(share * _PARTS), _PARTS), _PARTS)
 
@@ -119,6 +124,37 @@ class TaylorModel(Method):
 
     def __repr__(self) -> str:
         return constructor_text(self, f"order={self.order}")
+
+
+class _Outlook:
+    """Says once, early, how long a proof takes, if it takes minutes.
+
+    The first steps are short and become longer, so that the last step tells more than all of them.
+    """
+
+    def __init__(self, method: TaylorModel) -> None:
+        self._method, self._last, self._is_open = method, (time.monotonic(), 0.0), True
+        self._from = self._last[0] + _SHORT
+
+    def note(self, share: float) -> None:
+        """Note the share of the horizon that is proved."""
+        (before, last), now = self._last, time.monotonic()
+        self._last = now, share
+        if not self._is_open or now < self._from or not last < share < 1.0:
+            return
+        self._is_open = False
+        minutes = (1.0 - share) * (now - before) / (share - last) / 60.0
+        if minutes > 1.0:
+            warnings.warn(
+                f"{self._method!r}: {100 * share:.2g} % of the time is proved; the rest takes about {minutes:.0f} "
+                "minutes. A lower order or fewer boxes take less.",
+                SymmbWarning,
+                stacklevel=2,
+            )
+
+
+_SHORT = 8.0
+"""Time after which a proof tells how long it takes [s]."""
 
 
 def _remedy(problem: Problem, found: Enclosure) -> str:

@@ -14,8 +14,10 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import U, above, of_sum
 
-_FINEST, _LARGEST = 300, 3e5
-"""Most nodes of a variable, and of a grid: its values take seconds."""
+_FINEST, _LARGEST, _MOST = 300, 3e5, 5e7
+"""Most nodes of a variable, and of a grid, and most values of all entries of a frame there: they take seconds, and 2 GB
+with what is computed from them. A step with 1e9 values took a minute, of six bodies in space between short springs.
+"""
 _ALIAS = 0.2
 """Share of the bound of a defect that may be due to aliasing."""
 _GROWTH = 1e-3
@@ -63,6 +65,12 @@ def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
     return tuple(int(degree) + 1 for degree in degrees)
 
 
+def _is_large(counts: tuple[int, ...], step: TimeStep) -> bool:
+    """Whether values at so many nodes take too long for a step."""
+    nodes = math.prod(counts)
+    return nodes > _LARGEST or nodes * step.problem.n**2 > _MOST
+
+
 def defect_of_motion(
     step: TimeStep, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control
 ) -> Array:
@@ -87,16 +95,16 @@ def defect_of_motion(
     harmless = np.maximum(harmless, _SMALLEST * harmless.max())
     wanted = np.maximum(_ALIAS * control.wanted, small)
     counts = node_counts(rho, 0.3 * float((wanted / most).min()), top)
-    if math.prod(counts) > _LARGEST:
+    if _is_large(counts, step):
         counts = node_counts(rho, 0.3 * float((harmless / most).min()), top)
-    if math.prod(counts) > _LARGEST:
+    if _is_large(counts, step):
         raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     for _ in range(_TRIALS):
         wanted = np.maximum(_ALIAS * sampled, small)
         finer = node_counts(rho, 0.3 * float((wanted / most).min()), top)
         finer = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))
-        if (alias <= wanted).all() or finer == counts or math.prod(finer) > _LARGEST:
+        if (alias <= wanted).all() or finer == counts or _is_large(finer, step):
             break
         counts = finer
         sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
@@ -139,7 +147,7 @@ def defect_of_frame(step: TimeStep, rho: list[float], C_on: Array, most_slope: A
     w = np.maximum(w, _SMALLEST * w.max())
     ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
     counts = node_counts(rho, ratio, (_FINEST,) * k)
-    if math.prod(counts) > _LARGEST:
+    if _is_large(counts, step):
         raise ProofError("deviations from the polynomials grow too differently over the box")
     return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)
 

@@ -1,5 +1,6 @@
 """TaylorModel: proved bounds of scenes, what it refuses, and what it says where a proof ends."""
 
+import itertools
 import sys
 import warnings
 from pathlib import Path
@@ -100,6 +101,16 @@ def test_one_of_two_formulas_that_is_not_smooth():
     with pytest.warns(mb.SymmbWarning, match=r"bounds are infinite for f, .* over the box; try smaller intervals"):
         bounds = mb.propagate(scene, mb.TaylorModel())
     np.testing.assert_allclose(bounds["g"], [[0.81], [1.21]], atol=1e-12)
+
+
+def test_a_long_proof_tells_early_how_long_it_takes(monkeypatch):
+    seconds = itertools.count(0.0, 20.0)
+    monkeypatch.setattr("symmb.bounds.taylor_model.time.monotonic", lambda: next(seconds))
+    with pytest.warns(
+        mb.SymmbWarning, match=r"^TaylorModel\(order=8\): .* % of the time is proved; the rest takes about \d+ minutes"
+    ) as told:
+        mb.propagate(van_der_pol(), mb.TaylorModel())
+    assert len(told) == 1
 
 
 def test_errors_of_a_solver_are_no_doubt_about_a_proof():
