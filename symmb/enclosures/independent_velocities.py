@@ -162,7 +162,7 @@ def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
     G = dae.G(*at)
     solve = ExplicitSolver(G[:, dependent], G_there[:, dependent])
     drift = dae.Phi_dot(*dae.arguments(ca.vertcat(q, 0 * v, *rest[:-2]), p, ca.SX(start.t0)))
-    return ca.vertcat(q, _in_order(dependent, -solve(drift + G[:, free] @ v[free]), v[free]), *rest[:-2])
+    return ca.vertcat(q, _in_order(dependent, -solve(drift + G[:, free] @ v[free, :]), v[free, :]), *rest[:-2])
 
 
 def _partitions(form: Formulation, times: Array) -> list[Partition]:

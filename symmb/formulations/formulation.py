@@ -180,7 +180,7 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     x = ca.vertcat(system.q, system.v, system.s)
     at = start.nominal()
     place = ca.Function("place", [x, system.p], [system.joints.of_bodies[0]])
-    state = place(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
+    state = place(np.concatenate([at["q"], at["v"], at["s"]]), at["p"]).full().ravel()
     joints = system.joints.with_signs(state, bodies.start.nominal()["q"])
     declared = declared_function(scene, system, joints.expression(ca.densify(scene.y)))
     y = joint_output_function(bodies.dae, start.dae, scene, system, joints, declared)

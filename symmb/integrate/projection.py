@@ -8,7 +8,7 @@ from symmb.symbolic import jet_function
 
 def normalize(dae: DAE, x: ca.SX) -> ca.SX | None:
     """The state with quaternions of norm 1; None if there are none."""
-    moved = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
+    moved = ca.vertcat(dae.retract(x[: dae.n_q, :], ca.SX.zeros(dae.n_v)), x[dae.n_q :, :])
     return None if ca.is_equal(moved, x, 1) else moved
 
 
@@ -16,7 +16,7 @@ def sampled(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
     """The state with the sampled values of a time, if an instant is reached."""
     if dae.sampling is None:
         return x
-    return ca.vertcat(x[: dae.n_q + dae.n_v], dae.sampling.held(*dae.arguments(x, p, time)))
+    return ca.vertcat(x[: dae.n_q + dae.n_v, :], dae.sampling.held(*dae.arguments(x, p, time)))
 
 
 def sampled_jets(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, order: int) -> ca.SX:
@@ -38,13 +38,13 @@ def project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.S
     """
     if dae.min_norm_correction is None or dae.Phi_dot is None:
         return normalize(dae, x)
-    x = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
+    x = ca.vertcat(dae.retract(x[: dae.n_q, :], ca.SX.zeros(dae.n_v)), x[dae.n_q :, :])
     at = dae.arguments(x, p, time)
     if dae.Phi is not None:
         for _ in range(projections):
             at = dae.arguments(x, p, time)
             violation = ca.vertcat(dae.Phi(*at), ca.SX.zeros(dae.n_r - dae.n_c))
-            x = ca.vertcat(dae.retract(at[0], dae.min_norm_correction(*at, -violation)), x[dae.n_q :])
+            x = ca.vertcat(dae.retract(at[0], dae.min_norm_correction(*at, -violation)), x[dae.n_q :, :])
     # The matrix of the last Newton step serves the velocities as well: the error is a product of two small drifts.
     change = dae.min_norm_correction(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
     return x + ca.vertcat(ca.SX.zeros(dae.n_q), change, ca.SX.zeros(dae.n_s))

@@ -70,15 +70,15 @@ class StateSpace(CompiledSolver):
         control = cast(Tolerances, self.limited_control(dae, times, order, problem.quad.numel()))
         n_x = problem.x.numel()
         x = ca.vertcat(problem.x, ca.SX.sym("work", problem.quad.numel()))
-        projected = None if problem.projected is None else ca.vertcat(problem.projected, x[n_x:])
+        projected = None if problem.projected is None else ca.vertcat(problem.projected, x[n_x:, :])
         switches = frozen.switches if frozen.switches.numel() else None
         rates = ca.vertcat(problem.ode, problem.quad)
-        outputs = ca.vertcat(outputs, x[n_x:])
+        outputs = ca.vertcat(outputs, x[n_x:, :])
         f = model_function(x, problem.p, problem.t, rates, outputs, projected, None, switches)
         return _Partitioned(dae, f, times, control, frozen.ends)
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        return CompiledIntegration(self, dae, times, order, work) if dae.n_v else stateless_integration(dae, times)
+        return CompiledIntegration(self, dae, times, order, work) if dae.n_v + dae.n_s else stateless_integration(dae, times)
 
 
 _WORSE = 1.5
@@ -102,7 +102,7 @@ class _Partitioned(ArrayEngine):
         self._dependent: Indices | None = None
         x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
         delta, none = ca.SX.sym("delta", dae.n_v), ca.SX(0, 1)
-        there = ca.vertcat(dae.retract(x[: dae.n_q], delta), x[dae.n_q :])
+        there = ca.vertcat(dae.retract(x[: dae.n_q, :], delta), x[dae.n_q :, :])
         at = dae.arguments(there, p, t)
         rows = [none if f is None else f(*at) for f in (dae.Phi, dae.Phi_dot)]
         G = ca.SX(0, dae.n_v) if dae.G is None else dae.G(*at)

@@ -74,7 +74,7 @@ class Origin:
         x, p = ca.SX.sym("x", len(self.point.x)), ca.SX.sym("p", len(self.point.p))
         z = ca.SX.sym("z", len(self.lift))
         delta, more = z[: dae.n_v], z[dae.n_v :]
-        moved = ca.vertcat(dae.retract(x[: dae.n_q], delta), x[dae.n_q :] + more)
+        moved = ca.vertcat(dae.retract(x[: dae.n_q, :], delta), x[dae.n_q :] + more)
         closed = project(dae, moved, p, ca.SX(self.point.t), _PROJECTIONS)
         return common("displaced", [x, z, p], [ca.densify(moved if closed is None else closed)])
 

@@ -269,8 +269,8 @@ class DAE:
 
     def arguments(self, x: ca.SX, p: ca.SX, time: ca.SX) -> tuple[ca.SX, ...]:
         """The state x = (q, v[, s]) split into the arguments of the Functions."""
-        n = self.n_q + self.n_v
-        return (x[: self.n_q], x[self.n_q : n], *((x[n:],) if self.n_s else ()), p, time)
+        q, v, s = ca.vertsplit(x, [0, self.n_q, self.n_q + self.n_v, x.numel()])  # a slice of one number may be a row
+        return (q, v, *((s,) if self.n_s else ()), p, time)
 
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.

@@ -138,8 +138,9 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
 
     q_j = ca.SX.sym("q", dae.n_q)
     x_j = measured(of_bodies_at(of_bodies(q_j, p)), p)
-    s_start = ca.Function("s_start", [q_j, p], [x_j[dae.n_q + dae.n_v :]]) if dae.n_s else None
-    velocities = common("velocities", [q_j, p], [x_j[dae.n_q : dae.n_q + dae.n_v]])
+    _, v_j, s_j = ca.vertsplit(x_j, [0, dae.n_q, dae.n_q + dae.n_v, dae.n_q + dae.n_v + dae.n_s])
+    s_start = ca.Function("s_start", [q_j, p], [s_j]) if dae.n_s else None
+    velocities = common("velocities", [q_j, p], [v_j])
     of_joints = None if start.joint_residuals is None else _residuals(start.joint_residuals, joints)
     dae = replace(dae, s_start=s_start)
     state, holds = start_functions(dae, start.t0, (u, p), q, velocities(q, p), of_joints, listed[others])

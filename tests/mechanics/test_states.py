@@ -115,7 +115,7 @@ def test_an_equilibrium_counts_the_force_of_a_state():
     assert_allclose(mb.simulate(scene)["x"][0], 0.1, atol=1e-10)
 
 
-@pytest.mark.parametrize("solver", [None, *ALL_SOLVERS, mb.NSTIFFSI2(rtol=1e-6)], ids=repr)
+@pytest.mark.parametrize("solver", [None, *ALL_SOLVERS, mb.NSTIFFSI2(rtol=1e-6), mb.StateSpace()], ids=repr)
 def test_a_system_of_states_alone_is_an_initial_value_problem(solver):
     """Logistic growth, z' = k z (1 - z)."""
     p = mb.Parameters(k=3.0)
@@ -129,6 +129,28 @@ def test_a_system_of_states_alone_is_an_initial_value_problem(solver):
     simulator = mb.DAESimulator(scene, mb.DormandPrince())
     expected = [1 / (1 + 9 * np.exp(-k * TIMES)) for k in (1.0, 4.0)]
     assert_allclose(simulator.run(np.array([[1.0], [4.0]])).Y[:, :, 0], expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("held", ["welded", "driven"])
+@pytest.mark.parametrize("solver", [None, mb.StateSpace(), *ALL_SOLVERS], ids=repr)
+def test_a_state_beside_a_body_that_cannot_move(solver, held):
+    """z' = -k z is all that moves by itself: coordinates of the joints have no states but this one."""
+    p = mb.Parameters(k=3.0)
+    body, z = mb.Body("body", 2.0, 1.0), mb.State("z", rate=lambda z: -p.k * z)
+    joint = mb.Weld if held == "welded" else mb.Revolute
+    joint = joint("joint", GROUND.point(0, 0), body.point(0.5, 0))
+    drive = [mb.Motion("drive", joint.angle, 0.5 * mb.t)] if held == "driven" else []
+    system, box = mb.System(body, z, joint, *drive, parameters=p), mb.Box(k=(2.9, 3.1))
+    outputs = {"z": z.value, "x": body.x}
+    scene = mb.Scene(system, {"z": 1.0}, TIMES, outputs, box, coordinates="joint")
+    run = mb.simulate(scene, solver)
+    assert_allclose(run["z"], np.exp(-3 * TIMES), atol=2e-2)
+    angle = 0.5 * TIMES if held == "driven" else 0.0 * TIMES
+    assert_allclose(run["x"], -0.5 * np.cos(angle), atol=2e-3)
+    if solver is None:
+        bounds = mb.propagate(scene, mb.TaylorModel(order=6))
+        assert_allclose([bounds.lower[-1, 0], bounds.upper[-1, 0]], np.exp([-3.1, -2.9]), rtol=1e-8)
+        assert_allclose(mb.linearize(scene).A[-1, -1], -3.0)
 
 
 def test_a_study_of_one_state_with_a_switch():
