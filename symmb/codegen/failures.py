@@ -17,6 +17,7 @@ class FailureCode(IntEnum):
     UNENDING = 6
     DEPENDENT = 7
     ENDLESS = 8
+    OPEN = 9
 
 
 REASONS = (
@@ -29,5 +30,6 @@ REASONS = (
     "impacts of {} at one instant do not end",
     "the contacts {} that have closed depend on each other",
     "impacts of {} follow each other without end",
+    "the constraints cannot be met with the new parameters",
 )
 """The text of each FailureCode; names of contacts are put in."""

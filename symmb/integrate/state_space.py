@@ -78,7 +78,9 @@ class StateSpace(CompiledSolver):
         return _Partitioned(dae, f, times, control, frozen.ends)
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        return CompiledIntegration(self, dae, times, order, work) if dae.n_v + dae.n_s else stateless_integration(dae, times)
+        if not dae.n_v + dae.n_s:
+            return stateless_integration(dae, times)
+        return CompiledIntegration(self, dae, times, order, work)
 
 
 _WORSE = 1.5

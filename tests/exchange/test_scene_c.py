@@ -129,6 +129,38 @@ def test_a_scene_without_states_has_equations_only(tmp_path, capsys):
     assert not (tmp_path / "scene.c").exists()
 
 
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.EventDriven()], ids=repr)
+def test_a_loop_closes_at_once_where_a_length_changes(solver, tmp_path):
+    """The crank turns at a given rate, so that the other angles follow from the lengths by the law of cosines."""
+    p = mb.Parameters(rocker=0.25)
+    ground, crank, coupler, rocker = mb.Ground(), *(mb.Body(name, 1.0, 0.01) for name in ("crank", "coupler", "rocker"))
+    drive = mb.Revolute("drive", ground.point(0, 0), crank.point(0, 0))
+    loop = [
+        mb.Revolute("a", crank.point(0.1, 0), coupler.point(0, 0)),
+        mb.Revolute("b", coupler.point(0.3, 0), rocker.point(p.rocker, 0)),
+        mb.Revolute("c", ground.point(0.3, 0), rocker.point(0, 0)),
+    ]
+    system = mb.System(crank, coupler, rocker, drive, *loop, mb.Motion("turn", drive.angle, 3 * mb.t), parameters=p)
+    outputs = {"x": rocker.point(p.rocker, 0).x, "y": rocker.point(p.rocker, 0).y}
+    guess = {"coupler.theta": 0.6, "rocker.theta": 1.5}
+    scene = mb.Scene(system, {"crank.theta": 0.0}, np.linspace(0, 1, 11), outputs, guess=guess)
+    _, functions = library(scene, tmp_path, solver)
+    run = ctypes.c_void_p(functions.scene_new())
+    assert functions.scene_start(run, ctypes.c_double(1.0), ctypes.c_double(0.0))
+    assert functions.scene_step(run, ctypes.c_double(0.5))
+    for length in (0.27, 0.22):
+        functions.scene_parameters(run)[0] = length
+        assert functions.scene_change(run)
+        x, y = functions.scene_outputs(run)[:2]
+        np.testing.assert_allclose(
+            [np.hypot(x - 0.3, y), np.hypot(x - 0.1 * np.cos(1.5), y - 0.1 * np.sin(1.5))], [length, 0.3], rtol=1e-9
+        )
+    functions.scene_parameters(run)[0] = 0.9
+    assert not functions.scene_change(run)
+    assert functions.scene_fault(run) == b"the constraints cannot be met with the new parameters"
+    functions.scene_free(run)
+
+
 def test_parameters_and_inputs_may_change_during_a_run(tmp_path):
     """A step of the torque of a crane at rest moves it as SciPy's solution of its equations."""
     from scipy.integrate import solve_ivp

@@ -271,8 +271,9 @@ PRIVATE V state_of(const Block *b, const Part *a, int i, double t) {
 PRIVATE int go_on_with(Block *b, Study *s, double t) {
   EACH_PART(b) {
     for (int i = 0; i < N_X; ++i) a->x_new[i] = state_of(b, a, i, t);
-    move_onto_constraints(a, a->x_new, t, a->x);
+    memcpy(a->x, a->x_new, sizeof a->x);
   }
+  if (!reach_constraints(b, s, t)) return 0;
   b->t = t;
   b->under_way = b->shortened = 0;
   b->soon = INFINITY;

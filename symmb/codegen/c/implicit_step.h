@@ -140,8 +140,7 @@ PRIVATE V state_of(const Block *b, const Part *a, int i, double t) { (void)b, (v
 
 /* Goes on from that time with other parameters. Returns 0 if samples failed. */
 PRIVATE int go_on_with(Block *b, Study *s, double t) {
-  (void)s, (void)t;
-  observe(b);
+  if (!reach_constraints(b, s, t)) return 0;
   b->fresh = 1;
   b->wanted = b->first;
   return 1;

@@ -14,6 +14,33 @@ PRIVATE void move_onto_constraints(Part *a, const V *x, double t, V *out) {
 #endif
 }
 
+#define REACHED 1e-9 /* over the largest state: Newton is quadratic, so a change below it leaves an error at rounding level */
+enum { PROJECTIONS_AT_MOST = PROJECTED ? 20 : 0 };
+
+/* Moves the block onto the constraints at time t from far off: parameters have changed. Returns 0 if a sample failed. */
+PRIVATE int reach_constraints(Block *b, Study *s, double t) {
+  int reached = 1;
+  EACH_PART(b) {
+    M active = (M)zero() == (PROJECTED ? 0 : 1);
+    for (int n = 0; n < PROJECTIONS_AT_MOST && !none(active); ++n) {
+      V change = zero(), size = zero();
+      move_onto_constraints(a, a->x, t, a->x_new);
+      for (int i = 0; i < N_X; ++i) {
+        change = v_larger(v_fabs(a->x_new[i] - a->x[i]), change);
+        size = v_larger(v_fabs(a->x_new[i]), size);
+      }
+      memcpy(a->x, a->x_new, sizeof a->x);
+      active = ~(M)(change <= REACHED * size);
+    }
+    for (int l = 0; l < W; ++l)
+      if (active[l]) {
+        fail_sample(b, s, (a - b->part) * W + l, t, OPEN);
+        reached = 0;
+      }
+  }
+  return reached;
+}
+
 /* Moves the block onto the constraints and computes its outputs there. */
 PRIVATE void observe(Block *b) {
   EACH_PART(b) {
