@@ -3,7 +3,8 @@
 Bodies follow along the tree of joints, in groups: single bodies, or those of loops that share joints. A group moves
 rigidly with the body that carries it, unless listed velocities or drives forbid that. Then it deviates from this motion
 by least kinetic energy, d' M d / 2 with G (v + d) + Phi_t = 0. Where even that is impossible, its carrier cannot move
-as it would by itself, and both groups deviate together. All this is decided once, at the nominal parameters.
+as it would by itself, and both groups deviate together. All this is decided once, at the nominal parameters. Flywheels
+come last: they turn as the mechanism makes them turn.
 """
 
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.mechanics import AbstractBody, Joint, Planar
+from symmb.mechanics import AbstractBody, Flywheel, Joint, Planar
 from symmb.model import DAE, Scene
 from symmb.start.joint_tree import GROUND, Group, JointTree
 from symmb.start.rank import strong_rows
@@ -50,7 +51,7 @@ def start_velocities(
 def _along(tree: JointTree, rates: "_Rates") -> ca.SX | None:
     """Velocities of all bodies (n_v,); None if a group has been joined with that of its carrier."""
     v = ca.SX(rates.dae.n_v, 1)
-    for group in tree.groups():
+    for group in sorted(tree.groups(), key=lambda group: not rates.flywheels.isdisjoint(group.bodies)):
         moved = rates.moved(v, group)
         if moved is None:
             tree.join(group)
@@ -118,7 +119,10 @@ class _Rates:
 
     @cached_property
     def connected(self) -> list[frozenset[int]]:
-        """The bodies of each row; with the ground, unless rigid motions of all of them have no rate in the row."""
+        """The bodies of each row; with the ground, unless rigid motions of all of them have no rate in the row.
+
+        A row of a flywheel restricts this alone.
+        """
         there = pattern(self.G.sparsity())
         bodies = self.scene.system.bodies
         if not there.size:
@@ -130,11 +134,19 @@ class _Rates:
         connected = []
         for row, touched in zip(self.G_nominal * scales, there, strict=True):
             numbers = frozenset(self.body_of[touched].tolist())
+            if flywheels := numbers & self.flywheels:
+                connected.append(flywheels)
+                continue
             motions = [0, 1, 5] if any(isinstance(bodies[k].pose, Planar) for k in numbers) else slice(None)
             own, along = row[touched], R[touched][:, motions]
             is_relative = bool((np.abs(own @ along) <= ROUNDING * np.abs(own).sum() * size[motions]).all())
             connected.append(numbers if is_relative else numbers | {GROUND})
         return connected
+
+    @cached_property
+    def flywheels(self) -> frozenset[int]:
+        """Their numbers."""
+        return frozenset(k for k, body in enumerate(self.scene.system.bodies) if isinstance(body, Flywheel))
 
     @cached_property
     def _rows_of(self) -> list[list[int]]:
@@ -161,7 +173,7 @@ class _Rates:
         listed = [i for i in columns if i in self.listed]
         v = ca.SX(v)
         v[columns] = self._carried(v, group)
-        if not listed and is_zero(self.drive[rows]):
+        if not listed and is_zero(self.drive[rows]) and not members & self.flywheels:
             return v
         for i in listed:
             v[i] = self.listed[i]
