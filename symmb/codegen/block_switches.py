@@ -21,9 +21,9 @@ WIDTH = int(c_number("lanes", "WIDTH"))
 _STOP_MARGIN, _REVERSAL, LATE, BEYOND = (
     c_number("switches", name) for name in ("STOP_MARGIN", "REVERSAL", "LATE", "BEYOND")
 )
-_FORCE_SHARE = c_number("switches", "FORCE_SHARE")
 _LEAST = float(np.finfo(float).tiny)
 _SETTLINGS, _FORCE_PARTS = (int(c_number("switches", name)) for name in ("SETTLINGS", "FORCE_PARTS"))
+_FORCE_LEAST = c_number("switches", "FORCE_LEAST")
 
 
 class BlockSwitches:
@@ -158,39 +158,65 @@ class BlockSwitches:
             box, up = np.concatenate([box, times]), sides[:, some] > 0
             least, largest, fall, rise = np.split(bounds_of(box, c[:, some], t[some]), 4)
             least, fall, rise = np.where(up, [least, fall, rise], [-largest, -rise, -fall])
-            least[self._by_force] = np.where(high - low > _FORCE_SHARE, -np.inf, np.inf)
-            fall[self._by_force], rise[self._by_force] = -np.inf, np.inf
+            least[self._by_force] = np.inf  # see _first_release
             return least + raised[:, some], fall, rise
 
         when, which = first_pass(x, F, values, bounds, u[:m], self._hysteresis)
         if self._contacts is not None:
-            self._first_release(x, F, self._p[:, lanes], t, h, when, which)
+            self._first_release(x, F, self._p[:, lanes], t, h, values, when, which)
         first = when.reshape(-1, self._width).min(axis=1)
         return first, (when == np.repeat(first, self._width)) & np.isfinite(when), which
 
-    def _first_release(self, x: Array, F: Array, p: Array, t: Array, h: Array, when: Array, which: Indices) -> None:
-        """Where closed contacts open before shares `when` (L,): m + k is put in the place of `which` for number k."""
+    def _first_release(
+        self,
+        x: Array,
+        F: Array,
+        p: Array,
+        t: Array,
+        h: Array,
+        margins: Callable[..., Array],
+        when: Array,
+        which: Indices,
+    ) -> None:
+        """Where forces open contacts or joints before shares `when` (L,), and the number then; m + k of contact k.
+
+        Parts of the step are halved until no parabola through three values falls below 0 between them.
+        """
         contacts, m = cast(Contacts, self._contacts), len(self._sides)
         closed = x[list(contacts.closed)] > 0.5
-        lanes = np.flatnonzero(closed.any(axis=0))
-        if not lanes.size:
-            return
+        acts = np.concatenate([closed, np.ones((len(self._by_force), closed.shape[1]), dtype=bool)])
+        numbers = np.concatenate([m + np.arange(len(closed)), self._by_force])
 
         def forces(theta: Array, lane: Indices) -> Array:
             at = interpolated(x[:, lane], F[:, :, lane], theta)
-            return contacts.laws.forces(at.T, p[:, lane].T, t[lane] + theta * h[lane]).T
+            own = margins(at, theta, lane)[self._by_force] if len(self._by_force) else np.empty((0, len(lane)))
+            if not len(closed):
+                return own
+            laws = contacts.laws.forces(at.T, p[:, lane].T, t[lane] + theta * h[lane]).T
+            return np.concatenate([laws[: len(closed)], own])
 
-        shares = np.linspace(0, 1, _FORCE_PARTS + 1)
-        values = np.array([forces(np.full(len(lanes), share), lanes) for share in shares])
-        part, number, row = np.nonzero((values[:-1] >= 0) & (values[1:] < 0) & closed[:, lanes])
-        if not len(row):
-            return
-        every, lane = np.arange(len(row)), lanes[row]
-        ends, at_ends = (shares[part], shares[part + 1]), (values[part, number, row], values[part + 1, number, row])
-        theta = roots(lambda z: forces(z, lane)[number, every], *ends, *at_ends)
-        for i in np.argsort(-theta, kind="stable"):  # the earliest comes last
-            if theta[i] < when[lane[i]]:
-                when[lane[i]], which[lane[i]] = theta[i], m + number[i]
+        lanes = np.flatnonzero(acts.any(axis=0))
+        low, lane = np.repeat(np.arange(_FORCE_PARTS) / _FORCE_PARTS, len(lanes)), np.tile(lanes, _FORCE_PARTS)
+        share, part = 1.0 / _FORCE_PARTS, acts[:, lane]
+        while lane.size:
+            start, middle, end = (forces(low + z * share, lane) for z in (0.0, 0.5, 1.0))
+            falls = part & (start >= 0) & ((middle < 0) | (end < 0))
+            for k, i in np.argwhere(falls).tolist():
+                early = middle[k, i] < 0
+                ends = (start, middle) if early else (middle, end)
+                begin = low[i] + (0.0 if early else 0.5 * share)
+                own = lane[i : i + 1]
+                theta = roots(
+                    lambda z, k=k, own=own: forces(z, own)[k],
+                    np.array([begin]), np.array([begin + 0.5 * share]), *(value[k, i : i + 1] for value in ends),
+                )[0]  # fmt: skip
+                if theta < when[own[0]]:
+                    when[own[0]], which[own[0]] = theta, numbers[k]
+            part = part & ~falls & (start >= 0) & _may_fall(start, middle, end)
+            again = part.any(axis=0) & (share > _FORCE_LEAST) & (low < when[lane])
+            share *= 0.5
+            low, lane, part = low[again], lane[again], part[:, again]
+            low, lane, part = np.concatenate([low, low + share]), np.tile(lane, 2), np.tile(part, 2)
 
     def forget(self, lanes: Lanes) -> None:
         """The switches of lanes are again those at the begin of the step."""
@@ -222,3 +248,10 @@ class BlockSwitches:
         self._raised[:, lanes] = raised + lift
         self._u[:, lanes] = np.concatenate([u[:m] + lift, u[m:]])
         return c, sticks.any(axis=0).reshape(-1, self._width)
+
+
+def _may_fall(start: Array, middle: Array, end: Array) -> Mask:
+    """Whether a parabola through three values, with twice its bend, falls below 0 between them."""
+    bend = 4.0 * (start + end - 2.0 * middle)
+    slope = end - start - bend
+    return (bend > 0) & (slope < 0) & (slope + 2 * bend > 0) & (4.0 * bend * start < slope**2)

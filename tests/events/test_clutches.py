@@ -79,6 +79,17 @@ def test_a_pulse_of_time_is_not_passed_over(compiles, monkeypatch):
     assert happened(run) == [("brake", "opens", 1.0), ("brake", "closes", 1.01225)]
 
 
+@pytest.mark.parametrize("compiles", [True, False])
+@pytest.mark.parametrize(("width", "excess"), [(0.05, 1e-2), (0.3, 1e-5)])
+def test_a_brake_at_rest_lets_go_for_a_moment(width, excess, compiles, monkeypatch):
+    """Nothing moves before, so that steps are long, and the torque is above the capacity only for a small part of the width."""
+    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: compiles)
+    run = mb.simulate(braked(5.0, 4.0 + (1.0 + excess) * ca.exp(-(((mb.t - 1.2) / width) ** 2)), omega=0.0))
+    opens, closes = (event for event in run.events if event.time > 0)
+    assert (opens.what, closes.what) == ("opens", "closes")
+    assert_allclose(opens.time, 1.2 - width * np.sqrt(np.log1p(excess)), atol=1e-9)
+
+
 @pytest.mark.long
 def test_arrays_pass_the_instant_at_which_a_clutch_lets_go(monkeypatch):
     """Steps on arrays once ended just before it, again and again: they took the laws of time behind it."""
@@ -182,7 +193,9 @@ def test_an_impulse_turns_the_slip(compiles, monkeypatch):
         ("brake", "closes", 1.0),
     ]
     assert happened(run) == turned
-    assert_allclose(run["w"], np.where(run.t < 0.5, 3 - 2 * run.t, np.minimum(2 * run.t - 2, 0)), atol=1e-12)
+    off = run.t != 0.5  # rounding decides on which side of the impact that output is
+    exact = np.where(run.t < 0.5, 3 - 2 * run.t, np.minimum(2 * run.t - 2, 0))
+    assert_allclose(run["w"][off], exact[off], atol=1e-12)
 
 
 def test_faults_are_told():

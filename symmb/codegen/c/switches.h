@@ -48,9 +48,9 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9: a slope is off the cubic's by this many times the largest distance */
 #define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
 #define SMALL 1e-12         /* share of the terms of a sum below which the sum is zero but for rounding */
-#define FORCE_SHARE 0.125   /* share of a step, of parts in which a force that opens a joint may pass once, for the same reason */
-#define FORCE_PARTS 6       /* equal parts of a step, in each of which the force in a closed contact may change sign once:
-                               its range is that of a linear system, too wide to tell more. tests/events/test_impacts.py */
+#define FORCE_PARTS 4       /* parts of a step in which a force that opens a contact or a joint is looked at, at both ends and
+                               in the middle: its range is that of a linear system, too wide to tell more */
+#define FORCE_LEAST 6.103515625e-05 /* share of a step, 2^-14: shorter parts are judged by their ends */
 
 PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
 
@@ -142,10 +142,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
   time[2] = each(share * h);
   bounds(a->box, a->c, zero(), range);
   for (int k = 0; k < N_S; ++k) {
-    if (is_by_force(k)) {
-      open |= (M)(each(share) > FORCE_SHARE);
-      continue;
-    }
+    if (is_by_force(k)) continue; /* see first_release */
     const M up = (M)(sides(a)[k] > 0.0);
     const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
     const V rounding = each(share < 1.0 ? SLIGHT * hysteresis[k] : 0.0); /* a whole step near a switch is looked at in halves */
@@ -163,6 +160,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
 PRIVATE int may_pass(Block *b, int last) {
   M any = (M)zero();
   for (int k = 0; k < N_I; ++k) any |= is_closed(b->part, k) - (M)zero();
+  for (int k = 0; k < N_S; ++k) any |= is_by_force(k) - (M)zero();
   EACH_PART(b) {
     for (int k = 0; k < N_S; ++k) {
       const V u = a->u[k] - a->raised[k];
@@ -262,25 +260,48 @@ PRIVATE void bound_part(Part *a, double low, double high) {
   }
 }
 
-/* The first share of the step, before the given one, at which a closed contact opens, or the given one. */
+/* Whether a parabola through three values from 0 on, with twice its bend, falls below 0 between them. */
+PRIVATE int may_fall(double from, double middle, double to) {
+  const double bend = 4.0 * (from + to - 2.0 * middle), slope = to - from - bend;
+  return bend > 0.0 && slope < 0.0 && slope + 2.0 * bend > 0.0 && from < slope * slope / (4.0 * bend);
+}
+
+/* The first share of the step, before the given one, at which force k falls below 0, or the given one. Parts are halved
+   until no parabola falls below 0 between values that do not. */
+PRIVATE double first_fall(Part *a, Block *b, int k, double first) {
+  double low = 0.0, share = 1.0 / FORCE_PARTS;
+  V from = switch_at(a, b, k, zero());
+  while (low < first && low < 1.0) {
+    const double half = low + 0.5 * share, high = low + share;
+    const V middle = switch_at(a, b, k, each(half)), to = switch_at(a, b, k, each(high));
+    if (from[0] >= 0.0 && (middle[0] < 0.0 || to[0] < 0.0)) {
+      const int early = middle[0] < 0.0;
+      const V when = sign_change(a, b, k, ~(M)zero(), each(early ? low : half), each(early ? half : high), early ? from : middle,
+                                 early ? middle : to, 0.0);
+      return when[0] < first ? when[0] : first;
+    }
+    if (from[0] >= 0.0 && share > FORCE_LEAST && may_fall(from[0], middle[0], to[0])) {
+      share *= 0.5;
+      continue;
+    }
+    low = high;
+    from = to;
+    while (share < 1.0 / FORCE_PARTS && fmod(low, 2.0 * share) == 0.0) share *= 2.0;
+  }
+  return first;
+}
+
+/* The first share of the step, before the given one, at which a force opens a closed contact or a joint, or the given
+   one. */
 PRIVATE double first_release(Block *b, double first) {
   Part *a = b->part;
-  for (int k = 0; k < N_I; ++k) {
-    if (!is_closed(a, k)) continue;
-    V from = switch_at(a, b, N_S + k, zero());
-    for (int i = 1; i <= FORCE_PARTS; ++i) {
-      const V low = each((i - 1.0) / FORCE_PARTS), high = each((double)i / FORCE_PARTS), to = switch_at(a, b, N_S + k, high);
-      if (from[0] >= 0.0 && to[0] < 0.0) {
-        const V when = sign_change(a, b, N_S + k, ~(M)zero(), low, high, from, to, 0.0);
-        if (when[0] < first) {
-          first = when[0];
-          a->when = when;
-          a->which = each((double)(N_S + k));
-        }
-        break;
-      }
-      from = to;
-    }
+  for (int k = 0; k < N_S + N_I; ++k) {
+    if (k < N_S ? !is_by_force(k) : !is_closed(a, k - N_S)) continue;
+    const double when = first_fall(a, b, k, first);
+    if (when >= first) continue;
+    first = when;
+    a->when = each(when);
+    a->which = each((double)k);
   }
   return first;
 }
