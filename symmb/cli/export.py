@@ -25,11 +25,11 @@ def add_export(command: Callable[..., argparse.ArgumentParser], solvers: str) ->
         usage="-o DIR [options]",
     )
     codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")
-    codegen.add_argument("--solver", metavar="S", help="solver of the runs: dopri, rosenbrock or event-driven")
+    codegen.add_argument("--solver", metavar="S", help="solver of the runs: dopri, rosenbrock or events")
     fmu = command("fmu", "export the scene as an FMU, for Simulink, Modelica tools and others", _fmu, solvers)
     fmu.add_argument("-o", "--output", metavar="F.fmu", required=True, help="file to write")
     fmu.add_argument("--fmi", metavar="N", type=int, default=3, help="version of FMI, 2 or 3; default: 3")
-    fmu.add_argument("--solver", metavar="S", help="solver of co-simulation: dopri, rosenbrock or event-driven")
+    fmu.add_argument("--solver", metavar="S", help="solver of co-simulation: dopri, rosenbrock or events")
 
 
 def _codegen(options: argparse.Namespace) -> None:

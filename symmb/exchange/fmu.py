@@ -63,7 +63,7 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     ----------
     Modelica Association (2022), Functional Mock-up Interface Specification 3.0, and version 2.0.4.
     """
-    if version not in (2, 3) or isinstance(version, bool):
+    if not isinstance(version, int) or version not in (2, 3):
         raise DeclarationError(f"save_fmu: version must be 2 or 3, of FMI, got {shown(version)}.")
     require_suffix(path, ".fmu")
     model = exported(scene)

@@ -224,6 +224,20 @@ class Scene:
         """Names of the outputs over time, in order."""
         return tuple(self._bound_outputs)
 
+    @cached_property
+    def curve_units(self) -> tuple[str, ...]:
+        """Units of the outputs over time: those of coordinates that move uniformly as well."""
+        whole = ca.vertcat(*(self._bound(self._outputs_given[name], name) for name in self.curve_names), ca.SX(0, 1))
+        return units_of(self.system, whole)
+
+    @property
+    def _outputs_given(self) -> Mapping[str, Expr]:
+        return self._bound_outputs if self.outputs is None else self.outputs
+
+    def _bound(self, expression: Expr, what: str) -> ca.SX:
+        """An expression as SX, before coordinates that move uniformly are put in."""
+        return self.system.bind(expression, what, also=self.system.solved_hashes, any_size=True)
+
     @property
     def output_names(self) -> tuple[str, ...]:
         """Names of the outputs, in order."""
@@ -232,7 +246,7 @@ class Scene:
     @cached_property
     def units(self) -> tuple[str, ...]:
         """Units of the outputs, '' where they do not follow from the expression."""
-        known = dict(zip(self.curve_names, units_of(self.system, self.y), strict=True))
+        known = dict(zip(self.curve_names, self.curve_units, strict=True))
         known |= {name: figure_unit(self.system, figure) for name, figure in self.figures.items()}
         return tuple(known[name] for name in self.output_names)
 
@@ -244,7 +258,7 @@ class Scene:
     def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
         """Any expression of the scene as SX of q, v, v', s, lam, p and t. Decoupled coordinates move uniformly."""
         require_instance("expression: what", what, str, "a text")
-        bound = self.system.bind(expression, what, also=self.system.solved_hashes, any_size=True)
+        bound = self._bound(expression, what)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
         for x_name, x, v_name, vx in self.system.collected.decoupled:
             v0 = self.prescribed.drift.get(v_name, ca.SX(0))

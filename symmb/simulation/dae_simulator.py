@@ -31,7 +31,7 @@ from symmb.integrate import (
     round_otherwise,
 )
 from symmb.mechanics import FlexibleBody
-from symmb.model import Scene, units_of
+from symmb.model import Scene
 from symmb.simulation.ensembles import LOCK, CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.solver_choice import MANY, Pilot, another, choose, for_studies, require_able
 from symmb.symbolic import HIGHEST_ORDER, batch
@@ -106,7 +106,7 @@ class DAESimulator:
         self.scene, self.name, self.box = scene, scene.name, scene.box
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
-        self.outputs, self.units = scene.curve_names, units_of(scene.system, scene.y)
+        self.outputs, self.units = scene.curve_names, scene.curve_units
         self.bodies, self._joints, self._spare = formulations(scene)
         self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)

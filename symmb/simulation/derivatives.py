@@ -1,7 +1,7 @@
 """Runs and their derivatives with respect to parameters, as arrays and as functions of JAX and PyTorch."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -93,31 +93,37 @@ class Differentiable:
         return Y[::n_p].reshape(*batch, *self.shape), dY.reshape(*batch, *self.shape, n_p)
 
     def at_nominal(self) -> tuple[Array, Array]:
-        """The nominal run (n_t, n_y) and its derivatives (n_t, n_y, n_p).
+        """The nominal run (n_t, n_y) and its derivatives (n_t, n_y, n_p), as of `checked_slopes`."""
+        return self.checked_slopes(self._nominal[self._columns])
 
-        A warning tells jumps that the run passes, where derivatives are not those of differences of runs.
-        """
-        p = self._nominal[self._columns]
-        Y, dY = self.slopes(p)
-        simulator = self.simulator
-        kink = simulator.kink(self._nominal) if isinstance(simulator, Kinked) else None
+    def checked_slopes(self, P: Array) -> tuple[Array, Array]:
+        """The same as `slopes`. A warning tells jumps of runs, where derivatives are not those of differences."""
+        Y, dY = self.slopes(P)
+        if isinstance(self.simulator, Kinked):
+            n_p = len(self._columns)
+            for p, own in zip(np.reshape(P, (-1, n_p)), dY.reshape(-1, *self.shape, n_p), strict=True):
+                if doubt := self._doubt(p, own):
+                    warn_of([doubt], self._owner)
+                    break
+        return Y, dY
+
+    def _doubt(self, p: Array, dY: Array) -> str:
+        """What makes derivatives dY (n_t, n_y, n_p) at p (n_p,) wrong, empty if nothing does."""
+        kink = cast(Kinked, self.simulator).kink(self._samples(p)[0])
         if kink is None:
-            return Y, dY
+            return ""
         steps = _APART * np.where(p, np.abs(p), 1.0)
         ends = self.values(p + np.concatenate([np.diag(steps), -np.diag(steps)]))
         differences = np.moveaxis((ends[: len(p)] - ends[len(p) :]) / (2 * steps[:, None, None]), 0, -1)
         off = np.abs(differences - dY) > _DISAGREES * np.maximum(np.abs(dY), np.abs(differences)).max(axis=0)
         off[np.flatnonzero(self.simulator.times < kink[0])] = False
-        if off.any():
-            names = [name for name, one in zip(self.parameters, off.any(axis=(0, 1)), strict=True) if one]
-            warn_of(
-                [
-                    f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they leave out the "
-                    f"{kink[1]} that are met there."
-                ],
-                self._owner,
-            )
-        return Y, dY
+        names = [name for name, one in zip(self.parameters, off.any(axis=(0, 1)), strict=True) if one]
+        if not names:
+            return ""
+        return (
+            f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they leave out the "
+            f"{kink[1]} that are met there."
+        )
 
     def require_shape(self, shape: Sequence[int]) -> None:
         """DeclarationError unless arrays of a shape hold the parameters (..., n_p)."""
@@ -136,6 +142,9 @@ class Differentiable:
         return samples
 
 
+_NO_SECOND = "symmb has first derivatives of runs only, and second ones were asked for."
+
+
 def jax_function(
     scene: Scene | Simulator,
     parameters: Sequence[str] | None = None,
@@ -148,8 +157,9 @@ def jax_function(
 
     It takes parameters (..., n_p) and gives outputs (..., n_t, n_y). All runs of a call are made together by the
     compiled code of symmb, on the host. Derivatives are exact first ones, along each parameter; they serve `jax.jvp`
-    and `jax.grad`. There are no second ones. Switch on double precision, `jax.config.update("jax_enable_x64", True)`,
-    or outputs are rounded to single precision. It needs JAX, which `pip install 'symmb[jax]'` installs.
+    and `jax.grad`. There are no second ones. A warning tells where a run meets jumps, of which they say nothing. Switch
+    on double precision, `jax.config.update("jax_enable_x64", True)`, or outputs are rounded to single precision. It
+    needs JAX, which `pip install 'symmb[jax]'` installs.
 
     Parameters
     ----------
@@ -163,11 +173,14 @@ def jax_function(
     Raises
     ------
     DeclarationError
-        If a parameter is unknown or named twice, there is none, or JAX is not installed
+        If a parameter is unknown or named twice, or there is none
+    ImportError
+        If JAX is not installed
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the nominal run breaks down, or the simulator gives values only; later also if a run breaks down
+        If the nominal run breaks down, or the simulator gives values only. If a later run breaks down, JAX raises an
+        error of its own, whose text has the reason; second derivatives raise a SimulationError
 
     Examples
     --------
@@ -185,6 +198,8 @@ def jax_function(
     runs = Differentiable("jax_function", scene, parameters, solver, times, outputs)
     runs.at_nominal()
 
+    n_p = len(runs.parameters)
+
     def called(f: Callable[[Array], Any], shapes: Sequence[tuple[int, ...]], u: Any) -> Any:
         results = [jax.ShapeDtypeStruct((*u.shape[:-1], *shape), u.dtype) for shape in shapes]
         own = lambda u: [np.asarray(a, dtype=u.dtype) for a in f(np.asarray(u))]  # noqa: E731
@@ -194,15 +209,28 @@ def jax_function(
     def function(u: Any) -> Any:
         return called(lambda u: [runs.values(u)], [runs.shape], u)[0]
 
+    @jax.custom_jvp
+    def slopes(u: Any) -> Any:
+        return tuple(called(runs.checked_slopes, [runs.shape, (*runs.shape, n_p)], u))
+
+    @slopes.defjvp
+    def second(point: Sequence[Any], tangent: Sequence[Any]) -> Any:
+        raise SimulationError(f"jax_function: {_NO_SECOND}")
+
     @function.defjvp
     def jvp(point: Sequence[Any], tangent: Sequence[Any]) -> tuple[Any, Any]:
-        y, dy = called(runs.slopes, [runs.shape, (*runs.shape, len(runs.parameters))], *point)
+        y, dy = slopes(*point)
         return y, jax.numpy.einsum("...typ,...p->...ty", dy, *tangent)
 
     def checked(u: Any) -> Any:
-        u = jax.numpy.asarray(u, dtype=jax.dtypes.canonicalize_dtype(float))
+        try:
+            u = jax.numpy.asarray(u)
+        except (TypeError, ValueError):
+            raise DeclarationError(f"jax_function: expected an array of numbers, got {shown(u)}.") from None
+        if u.dtype == bool or jax.numpy.issubdtype(u.dtype, jax.numpy.complexfloating):
+            raise DeclarationError(f"jax_function: expected real numbers, got {u.dtype}.")
         runs.require_shape(u.shape)
-        return function(u)
+        return function(u.astype(jax.dtypes.canonicalize_dtype(float)))
 
     return checked
 
@@ -219,7 +247,8 @@ def torch_function(
 
     It takes a tensor of parameters (..., n_p) and gives outputs (..., n_t, n_y) of its type. All runs of a call are
     made together by the compiled code of symmb, on the CPU. Derivatives are exact first ones; there are no second
-    ones. It needs PyTorch, which `pip install 'symmb[torch]'` installs.
+    ones, and none by `torch.func`. A warning tells where a run meets jumps, of which they say nothing. It needs
+    PyTorch, which `pip install 'symmb[torch]'` installs.
 
     Parameters
     ----------
@@ -233,7 +262,9 @@ def torch_function(
     Raises
     ------
     DeclarationError
-        If a parameter is unknown or named twice, there is none, or PyTorch is not installed
+        If a parameter is unknown or named twice, or there is none
+    ImportError
+        If PyTorch is not installed
     AssemblyError
         If the scene cannot be started
     SimulationError
@@ -259,16 +290,22 @@ def torch_function(
     class Runs(torch.autograd.Function):
         @staticmethod
         def forward(ctx: Any, u: Any) -> Any:
-            P = u.detach().cpu().numpy()
+            P = u.detach().cpu().double().numpy()
             if not ctx.needs_input_grad[0]:
                 return torch.as_tensor(runs.values(P)).to(u)
-            y, dy = runs.slopes(P)
+            y, dy = runs.checked_slopes(P)
             ctx.save_for_backward(torch.as_tensor(dy).to(u))
             return torch.as_tensor(y).to(u)
 
         @staticmethod
-        @torch.autograd.function.once_differentiable
         def backward(ctx: Any, of_y: Any) -> Any:
+            if torch.is_grad_enabled():  # by create_graph=True, for second ones
+                raise SimulationError(f"torch_function: {_NO_SECOND}")
             return torch.einsum("...ty,...typ->...p", of_y, *ctx.saved_tensors)
 
-    return Runs.apply
+    def checked(u: Any) -> Any:
+        if not (isinstance(u, torch.Tensor) and u.is_floating_point() and u.layout == torch.strided):
+            raise DeclarationError(f"torch_function: expected a dense tensor of real numbers, got {shown(u)}.")
+        return Runs.apply(u)
+
+    return checked

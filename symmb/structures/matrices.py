@@ -73,30 +73,39 @@ def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int])
 
 def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
     """A symmetric sparse matrix of 3 k or 6 k rows from an array, a sparse matrix or a Matrix Market file."""
-    from scipy.io import mmread
+    from scipy.io import mminfo, mmread
     from scipy.sparse import csc_array, issparse
 
     if isinstance(source, str | PathLike):
         try:
             with told(source, "read"):
+                open(source, "rb").close()
+                _require_size(mminfo(source)[:2], name, k)  # before much is read
                 source = mmread(source)
         except FileError:
             raise
         except (ValueError, OverflowError) as error:
             raise DeclarationError(f"{OWNER}: {name}: {source} is no Matrix Market file: {error}") from error
+    if np.iscomplexobj(source):
+        raise DeclarationError(f"{OWNER}: {name} is complex; give a real matrix, and damping by `zeta` of modes.")
     if issparse(source):
         matrix = csc_array(source, dtype=float)
         numbers(matrix.data, OWNER, name, ("m",))
     else:
         matrix = csc_array(numbers(source, OWNER, name, ("d", "d")))
-    if matrix.shape not in ((3 * k, 3 * k), (6 * k, 6 * k)):
-        raise DeclarationError(
-            f"{OWNER}: {name} has the shape {matrix.shape}, but {k} nodes have 3 or 6 degrees of freedom each: "
-            f"{3 * k} or {6 * k} rows. Nodes without freedom are not listed."
-        )
+    _require_size(matrix.shape, name, k)
     if abs(matrix - matrix.T).max() > ASYMMETRY * abs(matrix).max():
         raise DeclarationError(f"{OWNER}: {name} is not symmetric. If only one triangle is stored, add the other.")
     return csc_array((matrix + matrix.T) / 2)
+
+
+def _require_size(shape: tuple[int, ...], name: str, k: int) -> None:
+    """DeclarationError unless a matrix fits k nodes."""
+    if shape not in ((3 * k, 3 * k), (6 * k, 6 * k)):
+        raise DeclarationError(
+            f"{OWNER}: {name} has the shape {shape}, but {k} nodes have 3 or 6 degrees of freedom each: "
+            f"{3 * k} or {6 * k} rows. Nodes without freedom are not listed."
+        )
 
 
 def checked(positions: Array, K: Sparse, M: Sparse) -> None:

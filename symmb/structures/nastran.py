@@ -91,6 +91,8 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
     """
     grids: dict[int, Array] = {}
     for card in _cards(path):
+        if card.name == "GRDSET" and any(card.text(k) not in ("", "0") for k in (1, 5)):
+            raise card.fault("it puts all nodes into another coordinate system; give the basic one.")
         if card.name != "GRID":
             continue
         node = card.whole(0, "the number of the node")
@@ -170,6 +172,8 @@ def _split(path: Path) -> Iterator[_Card]:
         if not line:
             continue
         name, fields = _fields(line)
+        if name.upper() == "ENDDATA":
+            break
         if name in ("", "+", "*") or name[0] in "+*":
             if card is not None:
                 card.fields.extend(fields)

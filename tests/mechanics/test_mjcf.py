@@ -136,6 +136,46 @@ def test_a_joint_that_another_one_leads(tmp_path):
     assert_allclose(value(robot, lambda s: robot.joints["a_j"].angle, {"b_j.angle": 0.3}), 0.2 + 0.6 + 0.5 * 0.09)
 
 
+def test_armature_leaves_the_other_joints_at_rest_at_the_start(tmp_path):
+    """On a free body, too, which no disc holds: the run is that of MuJoCo."""
+    inside = (
+        '<body name="base"><freejoint/><geom type="sphere" size="0.2" mass="1"/><body name="arm" pos="0.3 0 0">'
+        '<joint name="j" axis="0 0 1" armature="0.1"/><geom type="box" size="0.2 0.05 0.05" pos="0.2 0 0" mass="0.5"/>'
+        '<body name="hand" pos="0.4 0 0"><joint name="k" axis="0 0 1" armature="0.2"/><geom size="0.1" mass="0.5"/>'
+        "</body></body></body>"
+    )
+    path = write(tmp_path, inside, '<option gravity="0 0 0"><flag contact="disable"/></option>')
+    robot = mb.load_mjcf(path)
+    base, joints = robot.bodies["base"], robot.joints
+    outputs = {"base": base.omega[2], "j": joints["j"].angle_rate, "k": joints["k"].angle_rate}
+    for coordinates in ("joint", "body"):
+        system, start = mb.System(*robot.elements), robot.start | {"j.angle_rate": 1.0}
+        run = mb.simulate(mb.Scene(system, start, [0.0, 0.5], outputs, coordinates=coordinates))
+        model = mujoco.MjModel.from_xml_path(str(path))
+        model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, 1e-3
+        data = mujoco.MjData(model)
+        data.qvel[6] = 1.0
+        for k in (0, 1):
+            assert_allclose(run.values[k], data.qvel[5:8], atol=1e-9)
+            mujoco.mj_step(model, data, 500)
+
+
+def test_a_weld_without_torque_leaves_its_body_free_to_turn(tmp_path):
+    weld = f'<body name="b"><freejoint/>{ROD}</body>'
+    robot = mb.load_mjcf(write(tmp_path, weld, '<equality><weld body1="b" torquescale="0"/></equality>'))
+    found = value(robot, lambda s: s.ddt(robot.bodies["b"].omega[1]))
+    assert_allclose(found, 2 * 9.81 * 0.5 / (0.1 + 2 * 0.25), rtol=1e-9)
+
+
+def test_friction_is_a_constraint_of_mujoco(tmp_path):
+    flag = '<option><flag constraint="disable"/></option>'
+    arm = f'<body name="arm"><joint name="j" axis="0 1 0" frictionloss="1" range="-1 1"/>{ROD}</body>'
+    robot, text = told(write(tmp_path, arm, flag))
+    assert not text
+    found = value(robot, lambda s: s.ddt(robot.joints["j"].angle_rate), {"j.angle_rate": 0.5})
+    assert_allclose(found, 2 * 9.81 * 0.5 / (0.1 + 2 * 0.25), rtol=1e-12)
+
+
 def test_a_weld_between_sites(tmp_path):
     inside = (
         f'<body name="a" pos="0 0 1"><joint name="j" axis="0 1 0"/>{ROD}<site name="p" pos="1 0 0" euler="0 90 0"/>'

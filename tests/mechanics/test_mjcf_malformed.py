@@ -21,6 +21,7 @@ MALFORMED = {
     "no XML": ("mass = 3", "XML"),
     "cut off": ("<mujoco><worldbody>", "XML parse error"),
     "another document": ("<html/>", "html"),
+    "a URDF": ('<?xml version="1.0"?>\n<!-- an arm -->\n<robot name="arm"/>', "this is a URDF file. Use load_urdf"),
     "an unknown element": (scene("<boddy/>"), "unrecognized element.*boddy"),
     "an unknown attribute": (scene('<body poss="0 0 0"/>'), "unrecognized attribute"),
     "a text for a number": (scene('<body pos="0 zero 0"/>'), "pos|number"),
@@ -56,7 +57,7 @@ def test_a_fault_is_one_sentence(case, tmp_path):
 OPTIONS = {
     "no path": ({"path": 5}, "expected the path of a file"),
     "no file": ({"path": "none.xml"}, "none.xml: this file cannot be read"),
-    "a folder": ({"path": "."}, "this file cannot be read"),
+    "a folder": ({"path": "."}, "this file cannot be read .it is a folder"),
     "a URDF": ({"path": "arm.urdf"}, "Use load_urdf"),
     "an unknown number": ({"replace": {"arm.mas": 1.0}}, "no number 'arm.mas'. Did you mean 'arm.mass'"),
     "no mapping": ({"replace": "arm.mass"}, "expected .* expressions by names"),

@@ -159,6 +159,42 @@ def test_jumps_whose_time_moves_are_told():
     np.testing.assert_allclose(slopes["v", "F"], -late * np.sin(w * late) / (2 * w), atol=1e-6)
 
 
+def test_jumps_away_from_the_nominal_parameters_are_told_as_well():
+    jax = pytest.importorskip("jax")
+    p = mb.Parameters(a=0.4)
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    force = mb.Force("f", bob.point(0, 0), (ca.if_else(bob.x > p.a, -3.0, 0.0), 0))
+    times = np.linspace(0.0, 0.25, 6)
+    f = mb.jax_function(mb.Scene(mb.System(bob, force, parameters=p), {"bob.vx": 1.5}, times, {"x": bob.x}))
+    last = jax.grad(lambda u: f(u)[-1, 0])
+    assert last(np.array([0.39])) == 0.0  # the run ends before
+    with pytest.warns(mb.SymmbWarning, match="Derivatives for a are not valid from t = 0.13"):
+        last(np.array([0.2]))
+
+
+@pytest.mark.parametrize(("make", "package"), [(mb.jax_function, "jax"), (mb.torch_function, "torch")])
+def test_second_derivatives_are_refused(make, package):
+    package = pytest.importorskip(package)
+    f = make(pendulum_on_a_spring())
+    if make is mb.jax_function:
+        of_pair, at = package.hessian(lambda u: f(u)[-1, 0]), POINTS[0]
+    else:
+        at = package.tensor(POINTS[0])
+        of_pair = lambda u: package.autograd.functional.hessian(lambda u: f(u)[-1, 0], u)  # noqa: E731
+    with pytest.raises(mb.SimulationError, match="symmb has first derivatives of runs only"):
+        of_pair(at)
+
+
+@pytest.mark.parametrize("entry", [True, 1j, "text"])
+def test_entries_that_are_no_real_numbers(entry):
+    f = mb.jax_function(pendulum_on_a_spring()) if pytest.importorskip("jax") else None
+    with pytest.raises(mb.DeclarationError, match="jax_function: expected"):
+        f([entry] * 3)
+    torch = pytest.importorskip("torch")
+    with pytest.raises(mb.DeclarationError, match="torch_function: expected a dense tensor of real numbers"):
+        mb.torch_function(pendulum_on_a_spring())(torch.tensor([1]) if entry is True else [entry])
+
+
 @pytest.mark.parametrize(("make", "package"), [(mb.jax_function, "jax"), (mb.torch_function, "torch")])
 def test_what_gives_no_derivatives(make, package):
     package = pytest.importorskip(package)

@@ -161,6 +161,7 @@ def test_faults_of_matrices_are_one_sentence(case, tmp_path):
 GRIDS = {
     "no node": ("BEGIN BULK\n", "has no card GRID"),
     "twice": ("GRID,1,,0.,0.,0.\nGRID,1,,1.,0.,0.\n", "line 2, GRID: node 1 is given twice"),
+    "a system of all nodes": ("GRDSET,,7,,,,5\nGRID,1,,0.,0.,0.\n", "line 1, GRDSET: it puts all nodes into another"),
     "a system": ("GRID,1,4,0.,0.,0.\n", "line 1, GRID: the position of node 1 is in coordinate system 4"),
     "a system of displacements": ("GRID,1,,0.,0.,0.,2\n", "the displacement of node 1 is in coordinate system 2"),
     "no number": ("GRID,1,,0.,y,0.\n", "line 1, GRID: y of node 1 is 'y', which is no number"),

@@ -1,18 +1,20 @@
 /* Runs the scene over its times and prints its outputs as CSV. Arguments set parameters: ./scene length=1.2 */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "scene.h"
 
-/* Sets the parameter of an argument "name=value". Returns 0 if there is none of this name, or no number. */
+/* Sets the parameter of an argument "name=value". Returns 0 if there is none of this name, or no finite
+   number. */
 static int set_parameter(double *parameters, const char *argument) {
   const char *equals = strchr(argument, '=');
   for (int i = 0; i < SCENE_N_P && equals; ++i)
     if (strlen(scene_names[i]) == (size_t)(equals - argument) && !strncmp(scene_names[i], argument, equals - argument)) {
       char *rest;
       parameters[i] = strtod(equals + 1, &rest);
-      return rest != equals + 1 && !*rest;
+      return rest != equals + 1 && !*rest && isfinite(parameters[i]);
     }
   return 0;
 }
@@ -35,7 +37,7 @@ int main(int count, char **arguments) {
   if (!scene) return fprintf(stderr, "There is not enough memory.\n"), 1;
   for (int i = 1; i < count; ++i)
     if (!set_parameter(scene_parameters(scene), arguments[i])) {
-      fprintf(stderr, "%s sets no parameter. Write name=number.\n", arguments[i]);
+      fprintf(stderr, "%s sets no parameter. Write name=number, with a finite number.\n", arguments[i]);
       scene_free(scene);
       return 2;
     }

@@ -25,6 +25,8 @@ from symmb.symbolic import ddt
 _GAIN, _BIAS = "gain", "bias"
 _AFFINE = ("", ".length", ".velocity")
 """Endings of the names of the three numbers of an affine law."""
+_TORQUE_SCALE = 10
+"""Place of a weld's torquescale in its data. With 0 the weld leaves the bodies free to turn."""
 _COEFFICIENTS = tuple(f"polycoef.{k}" for k in range(5))
 
 
@@ -62,7 +64,7 @@ def actuator_fault(source: MjcfModel, actuator: int) -> str:
 def equality_fault(source: MjcfModel, equality: int) -> str:
     """Why an equality constraint is left out; empty if it is not."""
     m, kind = source.model, source.kind("mjtEq", source.model.eq_type[equality])
-    if not m.eq_active0[equality] or not source.acts("EQUALITY") or not source.acts("CONSTRAINT"):
+    if not m.eq_active0[equality] or not source.acts("EQUALITY"):
         return "it is switched off"
     if kind not in ("CONNECT", "WELD", "JOINT", "TENDON"):
         return f"it is a {kind.lower()}"
@@ -259,7 +261,7 @@ class MjcfElements:
             return self._led(kind, name, *ends)
         frames = [self.building.frames[self.source.bodies[body]] for body in _bodies(self.source, equality)]
         a, b = (f.point(*self.building.vector(f"{name}.body{k}")) for k, f in enumerate(frames, 1))
-        if kind == "CONNECT":
+        if kind == "CONNECT" or not m.eq_data[equality, _TORQUE_SCALE]:
             return Spherical(name, a, b)
         if _at_sites(self.source, equality):
             turn = one_after(values_of(m.site_quat[ends[0]]), conjugate(values_of(m.site_quat[ends[1]])))

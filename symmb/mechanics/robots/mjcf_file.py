@@ -1,5 +1,6 @@
 """Machines from MJCF files, which the package mujoco reads and compiles: their bodies and joints."""
 
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import replace as with_changes
@@ -93,10 +94,12 @@ def load_mjcf(
 def _compiled(path: Path) -> tuple[MjcfModel, str, list[str]]:
     """MuJoCo's model of a file, its name, and what MuJoCo warns of."""
     mujoco = optional_package("mujoco", "load_mjcf", "mjcf")
-    if path.suffix.lower() == ".urdf":
+    is_urdf = path.suffix.lower() == ".urdf"
+    if not path.is_file() and not is_urdf:
+        why = "it is a folder" if path.is_dir() else "there is no such file"
+        raise DeclarationError(f"{path}: this file cannot be read ({why}).")
+    if is_urdf or re.match(rb"(\s|<[?!][^>]*>)*<robot\b", path.read_bytes()):
         raise DeclarationError(f"{path}: this is a URDF file. Use load_urdf.")
-    if not path.is_file():
-        raise DeclarationError(f"{path}: this file cannot be read (there is no such file).")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:

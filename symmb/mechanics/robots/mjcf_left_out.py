@@ -72,7 +72,8 @@ def _of_actuators(source: MjcfModel) -> Iterator[str]:
         ("ranges of activations", "actuator_actlimited"), ("damping", "actuator_damping"),
         ("armature", "actuator_armature"), ("delay", "actuator_delay"),
     ):  # fmt: skip
-        kept = np.array([not fault for fault in faults], dtype=bool)
+        acts = what != "ranges of controls" or source.acts("CLAMPCTRL")
+        kept = np.array([acts and not fault for fault in faults], dtype=bool)
         yield from _listed(f"{what} of actuators", names, _parts(m, array, len(names)).any(axis=1) & kept)
 
 
@@ -81,7 +82,7 @@ def _of_the_rest(source: MjcfModel) -> Iterator[str]:
     faults = [equality_fault(source, k) for k in range(m.neq)]
     for fault in dict.fromkeys(filter(None, faults)):
         yield from _listed(f"equality constraints, as {fault}", source.equalities, [own == fault for own in faults])
-    if source.acts("CONTACT") and source.acts("CONSTRAINT") and (_may_touch(source) or m.npair):
+    if source.acts("CONTACT") and (_may_touch(source) or m.npair):
         yield "contacts"
     if m.opt.density or m.opt.viscosity:
         yield "forces of the fluid"

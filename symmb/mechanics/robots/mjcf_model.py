@@ -9,6 +9,9 @@ from typing import Any
 from symmb._errors import DeclarationError
 from symmb._names import name_fault
 
+_CONSTRAINTS = "CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT"
+"""Parts of the physics that MuJoCo's solver of constraints computes."""
+
 
 def values_of(array: Any) -> tuple[Any, ...]:
     """An array of NumPy as a tuple of Python's numbers."""
@@ -25,7 +28,9 @@ class MjcfModel:
 
     def acts(self, what: str) -> bool:
         """Whether a part of the physics is switched on, by its name in mjtDisableBit."""
-        return not self.model.opt.disableflags & int(getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{what}"))
+        bits = [what, "CONSTRAINT"] if what in _CONSTRAINTS else [what]
+        off = sum(int(getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{bit}")) for bit in bits)
+        return not self.model.opt.disableflags & off
 
     def kind(self, enum: str, value: Any) -> str:
         """A value of an enumeration by its last word: "JOINT" of mjTRN_JOINT."""

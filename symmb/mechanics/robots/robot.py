@@ -206,7 +206,7 @@ def _value_fault(name: str, value: Any) -> str:
         return ""
     if not is_finite_number(value):
         return f"{name!r} is {value!r}, not a finite number."
-    is_negative = value < 0 and name.split(".")[1] in ("mass", "damping", "friction")
+    is_negative = value < 0 and name.split(".")[1] in ("mass", "damping", "friction", "armature")
     return f"{name!r} is {value:g}; it must not be negative." if is_negative else ""
 
 
