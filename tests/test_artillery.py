@@ -73,6 +73,7 @@ def test_angle_does_not_depend_on_the_tolerance(shot, simulator):
     assert np.abs(shot["muzzle_vertical"][shot.t <= 0.014] - angle).max() < 1e-3 * np.abs(angle).max()
 
 
+@pytest.mark.long
 def test_eccentricities_turn_the_muzzle_their_way(simulator):
     """A mass that is higher lowers the muzzle, and the gun is symmetric: e_z turns it to either side alike."""
     Y = simulator.run(np.array([[0, 0], [5e-3, 0], [0, 3e-3], [0, -3e-3]])).Y[:, -1]

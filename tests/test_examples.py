@@ -13,6 +13,7 @@ CONF = (ROOT / "examples" / "guide" / "conf.py").read_text(encoding="utf-8")
 LONG = re.findall(r'"(\w+)"', re.findall(r"^LONG = (.*)$", CONF, re.MULTILINE)[0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LONG)
 def test_example(name):
     """The others run where the site is built: `test_site.py`."""

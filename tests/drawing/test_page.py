@@ -178,11 +178,15 @@ def test_the_region_of_a_point_is_in_the_frame(browser, tmp_path, pose):
     assert not browser.errors
 
 
-def test_pages_are_small(pendulum, tmp_path):
+def test_pages_are_small(pendulum):
     viewer = Path(mb.__file__).parent / "drawing" / "viewer.js"
     assert len(viewer.read_text().splitlines()) <= 600
     assert viewer.stat().st_size <= 100e3
     assert pendulum[1].stat().st_size <= 1e6
+
+
+@pytest.mark.long
+def test_the_page_of_the_gun_is_small(tmp_path):
     gun = tmp_path / "gun.html"
     mb.view(mb.simulate(load_scene("artillery"), times=np.linspace(0, 14e-3, 200)), gun)
     assert gun.stat().st_size <= 6e6

@@ -82,10 +82,15 @@ def test_start_outputs_and_rates_are_those_of_the_python_functions(scene, tmp_pa
     functions.scene_free(run)
 
 
-@pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(
-    ("model", "solver"),
-    [(double_pendulum, "dopri:1e-10"), (bouncing_ball, "events"), (four_bar, "rosenbrock")],
+    ("model", "solver", "compiler"),
+    [
+        pytest.param(*scene, compiler, marks=() if i % len(COMPILERS) == k else pytest.mark.long)
+        for i, scene in enumerate(
+            [(double_pendulum, "dopri:1e-10"), (bouncing_ball, "events"), (four_bar, "rosenbrock")]
+        )
+        for k, compiler in enumerate(COMPILERS)
+    ],
     ids=lambda value: getattr(value, "__name__", value),
 )
 def test_programs_are_clean_under_sanitizers_and_print_the_outputs(model, solver, compiler, tmp_path, capsys):

@@ -29,7 +29,7 @@ def reference() -> np.ndarray:
         (mb.DormandPrince(rtol=1e-11), 1e-9, 1e-10),
         pytest.param(mb.DormandPrince(rtol=1e-10, stabilization=None), 1e-7, 1e-8, marks=pytest.mark.long),
         (mb.DormandPrince(stabilization=mb.AugmentedLagrangian()), 1e-6, 1e-7),
-        (mb.StateSpace(), 1e-6, 1e-7),
+        pytest.param(mb.StateSpace(), 1e-6, 1e-7, marks=pytest.mark.long),
     ],
     ids=repr,
 )
@@ -40,7 +40,9 @@ def test_bricard_moves_as_in_relative_coordinates(solver, error, drift, referenc
     assert "doubtful" not in str(run)
 
 
-@pytest.mark.parametrize("solver", [mb.IDAS(rtol=1e-8), mb.StabilizedIndex2()], ids=repr)
+@pytest.mark.parametrize(
+    "solver", [mb.IDAS(rtol=1e-8), pytest.param(mb.StabilizedIndex2(), marks=pytest.mark.long)], ids=repr
+)
 def test_solvers_with_multipliers_pass_where_single_rows_are_dependent(solver, reference):
     """Without the first hinge's rows, which a choice at the start leaves out, no motion goes on at 1.25 s."""
     run = mb.simulate(bricard.scene(TIMES[:8]), solver)

@@ -29,8 +29,15 @@ def test_runs_that_are_visibly_wrong_are_doubted(solver, length, damping):
     assert len(set(told.values())) == 2
 
 
-@pytest.mark.parametrize("solver", [mb.GeneralizedAlpha, mb.HHT, mb.NSTIFFSI2], ids=lambda solver: solver.__name__)
-@pytest.mark.parametrize(("period", "share"), [(0.02, 0.35), (0.05, 0.2), (0.013, 0.5)])
+@pytest.mark.parametrize(
+    ("solver", "period", "share"),
+    [
+        pytest.param(solver, *jumps, marks=() if i == k else pytest.mark.long)
+        for i, solver in enumerate((mb.GeneralizedAlpha, mb.HHT, mb.NSTIFFSI2))
+        for k, jumps in enumerate([(0.02, 0.35), (0.05, 0.2), (0.013, 0.5)])
+    ],
+    ids=lambda value: getattr(value, "__name__", value),
+)
 @pytest.mark.filterwarnings("ignore:.*The equations switch:symmb.SymmbWarning")
 def test_steps_that_pass_over_many_jumps_are_doubted(solver, period, share):
     """A motor on pulses, against runs whose steps end at them."""
