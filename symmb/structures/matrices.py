@@ -99,7 +99,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
     return csc_array((matrix + matrix.T) / 2)
 
 
-def _require_size(shape: tuple[int, ...], name: str, k: int) -> None:
+def _require_size(shape: Any, name: str, k: int) -> None:
     """DeclarationError unless a matrix fits k nodes."""
     if shape not in ((3 * k, 3 * k), (6 * k, 6 * k)):
         raise DeclarationError(
