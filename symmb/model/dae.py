@@ -267,9 +267,11 @@ class DAE:
         """Rank of the position rows wherever the constraints hold and no position is singular."""
         return self.n_c - (0 if self.vanishing is None else self.vanishing.size2_out(1))
 
-    def arguments(self, x: ca.SX, p: ca.SX, time: ca.SX) -> tuple[ca.SX, ...]:
+    def arguments(self, x: Any, p: Any, time: Any) -> tuple[Any, ...]:
         """The state x = (q, v[, s]) split into the arguments of the Functions."""
-        q, v, s = ca.vertsplit(x, [0, self.n_q, self.n_q + self.n_v, x.numel()])  # a slice of one number may be a row
+        ends = [self.n_q, self.n_q + self.n_v]
+        is_array = isinstance(x, np.ndarray)  # a slice of CasADi's may be a row
+        q, v, s = np.split(x, ends) if is_array else ca.vertsplit(x, [0, *ends, x.numel()])
         return (q, v, *((s,) if self.n_s else ()), p, time)
 
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
