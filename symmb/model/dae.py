@@ -267,7 +267,7 @@ class DAE:
         """Rank of the position rows wherever the constraints hold and no position is singular."""
         return self.n_c - (0 if self.vanishing is None else self.vanishing.size2_out(1))
 
-    def arguments(self, x: Any, p: Any, time: Any) -> tuple[Any, ...]:
+    def arguments(self, x: Any, p: Any, time: Any) -> tuple[ca.SX, ...]:
         """The state x = (q, v[, s]) split into the arguments of the Functions."""
         ends = [self.n_q, self.n_q + self.n_v]
         is_array = isinstance(x, np.ndarray)  # a slice of CasADi's may be a row
