@@ -271,7 +271,8 @@ class DAE:
         """The state x = (q, v[, s]) split into the arguments of the Functions."""
         ends = [self.n_q, self.n_q + self.n_v]
         is_array = isinstance(x, np.ndarray)  # a slice of CasADi's may be a row
-        q, v, s = np.split(x, ends) if is_array else ca.vertsplit(x, [0, *ends, x.numel()])
+        parts: Any = np.split(x, ends) if is_array else ca.vertsplit(x, [0, *ends, x.numel()])
+        q, v, s = parts
         return (q, v, *((s,) if self.n_s else ()), p, time)
 
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
