@@ -129,21 +129,22 @@ class TaylorModel(Method):
 class _Outlook:
     """Says once, early, how long a proof takes, if it takes minutes.
 
-    The first steps are short and become longer, so that the last step tells more than all of them.
+    The first steps are short and become longer, so that the last step tells more than all of them. Before a proof ends
+    early, steps become short again, and all of them tell more.
     """
 
     def __init__(self, method: TaylorModel) -> None:
         self._method, self._last, self._is_open = method, (time.monotonic(), 0.0), True
-        self._from = self._last[0] + _SHORT
+        self._begin = self._last[0]
 
     def note(self, share: float) -> None:
         """Note the share of the horizon that is proved."""
         (before, last), now = self._last, time.monotonic()
         self._last = now, share
-        if not self._is_open or now < self._from or not last < share < 1.0:
+        if not self._is_open or now < self._begin + _SHORT or not last < share < 1.0:
             return
         self._is_open = False
-        minutes = (1.0 - share) * (now - before) / (share - last) / 60.0
+        minutes = (1.0 - share) * min((now - before) / (share - last), (now - self._begin) / share) / 60.0
         if minutes > 1.0:
             warnings.warn(
                 f"{self._method!r}: {100 * share:.2g} % of the time is proved; the rest takes about {minutes:.0f} "
