@@ -6,6 +6,8 @@ import os
 # Workers of pytest-xdist share the processors: threads of linear algebra would take them from each other. NumPy reads
 # this when it is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Most of a test's time would be the compiler's. Benchmarks, and a stage of continuous integration, compile as users do.
+os.environ.setdefault("SYMMB_CFLAGS", "-O0")
 
 from joints import ALL_JOINTS as ALL_JOINTS
 from joints import ALL_POSES as ALL_POSES

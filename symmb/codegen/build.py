@@ -29,6 +29,8 @@ from symmb.codegen.threads import cores
 R = TypeVar("R")
 
 _FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
+_MORE_FLAGS = "SYMMB_CFLAGS"
+"""The environment variable of further flags, as "-O1": the tests compile faster so, and their runs take longer."""
 _NATIVE = "-march=native", "-mcpu=native"  # the second for ARM compilers that do not know the first
 _DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
@@ -128,7 +130,7 @@ def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
                 library_path = folder / "library.so"
                 command = [*compiler.command, *(str(folder / name) for name in sources), "-o", str(library_path)]
                 seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * sum(map(len, files.values())) / 1e6
-                _compile([*command, *_FLAGS, "-fvisibility=hidden", "-lm"], library_path, folder, seconds)
+                _compile([*command, *_flags(), "-fvisibility=hidden", "-lm"], library_path, folder, seconds)
                 return library_path.read_bytes()
         except _BuildError as error:
             _give_up(compiler.command, str(error))
@@ -275,6 +277,10 @@ def _compiler() -> _Compiler:
     raise NoCompilerError(f"No C compiler found. {INSTALL}")
 
 
+def _flags() -> tuple[str, ...]:
+    return *_FLAGS, *shlex.split(os.environ.get(_MORE_FLAGS, ""))
+
+
 def _candidates() -> Iterator[tuple[str, ...]]:
     """Commands of compilers that are there: that of CC first, which may have arguments, and ziglang's last."""
     given = os.environ.get("CC") or ""
@@ -300,7 +306,7 @@ def _probed(command: tuple[str, ...]) -> _Compiler:
     """
     version, refused = _version(command), ""
     for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
-        flags = (*_FLAGS, native, *extra)
+        flags = (*_flags(), native, *extra)
         try:
             _probe(command, version, flags)
         except _TimeoutError:
