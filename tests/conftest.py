@@ -2,6 +2,9 @@
 
 import itertools
 import os
+from pathlib import Path
+
+import pytest
 
 # Workers of pytest-xdist share the processors: threads of linear algebra would take them from each other. NumPy reads
 # this when it is imported.
@@ -82,3 +85,13 @@ def in_turns(first, second, third):
 
 SMOOTH_MODELS = tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
 """Those that any solver runs."""
+
+SLOW = frozenset((Path(__file__).parent / "slow.txt").read_text(encoding="utf-8").splitlines())
+"""Names of tests that take more than half a second of processor time: `costs.py`."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.nodeid in SLOW or item.nodeid.split("[")[0] in SLOW:
+            item.add_marker(pytest.mark.slow)

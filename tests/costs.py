@@ -1,37 +1,64 @@
-"""A plugin of pytest that writes what each test costs: a line of JSON with its name, processor seconds and builds.
+"""What each test costs: a plugin of pytest that measures it, and the list of slow tests made of its measurements.
 
-    PYTHONPATH=tests COSTS=costs python -m pytest -n 2 -p costs
+    PYTHONPATH=tests COSTS=build/costs XDG_CACHE_HOME=$(mktemp -d) python -m pytest -n 2 -m "not long" -p costs
+    python tests/costs.py build/costs.*.jsonl > tests/slow.txt
+
+The plugin writes a line of JSON for each test: its name, processor seconds of its own and of programs that it starts,
+and models that it compiles. Measure with an empty cache, on an idle machine.
 """
 
 import json
 import os
+import sys
+from collections import defaultdict
+from collections.abc import Iterable
 
 import pytest
 
 from symmb.codegen import build
 
-compiled = 0
+SLOW_SECONDS = 0.5
+"""Processor seconds of a slow test. The others take less than three minutes on two cores, with an empty cache."""
+
+builds = 0
 
 
-def _count(built):
-    def counted(*args):
-        global compiled
-        compiled += 1
-        return built(*args)
+def counted(compile_source):
+    """`build._built`, with a count."""
 
-    return counted
+    def built(*args):
+        global builds
+        builds += 1
+        return compile_source(*args)
 
-
-build._built = _count(build._built)
+    return built
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
-    before, builds = os.times(), compiled
+    before, builds_before = os.times(), builds
     result = yield
     after = os.times()
     own, children = (sum(after[k : k + 2]) - sum(before[k : k + 2]) for k in (0, 2))
-    line = {"test": item.nodeid, "own": round(own, 3), "children": round(children, 3), "builds": compiled - builds}
+    line = {"test": item.nodeid, "own": round(own, 3), "children": round(children, 3), "builds": builds - builds_before}
     with open(f"{os.environ['COSTS']}.{os.environ.get('PYTEST_XDIST_WORKER', 'main')}.jsonl", "a") as file:
         file.write(json.dumps(line) + "\n")
     return result
+
+
+def slow_tests(lines: Iterable[str]) -> list[str]:
+    """Names of slow tests. One name stands for all parameters of a test if each of them is slow."""
+    seconds: dict[str, dict[str, float]] = defaultdict(dict)
+    for line in map(json.loads, lines):
+        seconds[line["test"].split("[")[0]][line["test"]] = line["own"] + line["children"]
+    names = []
+    for function, by_parameters in seconds.items():
+        slow = [test for test, cost in by_parameters.items() if cost > SLOW_SECONDS]
+        names += [function] if len(slow) == len(by_parameters) else slow
+    return sorted(names)
+
+
+if __name__ == "__main__":
+    print(*slow_tests(line for name in sys.argv[1:] for line in open(name)), sep="\n")
+elif "COSTS" in os.environ:
+    build._built = counted(build._built)
