@@ -1,5 +1,7 @@
 """What must hold for every shipped scene."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 from conftest import ALL_MODELS
@@ -49,6 +51,11 @@ def test_box_runs_to_its_corners(model):
     result = propagate(few, Scanning(3))
     assert not result.failed
     assert (result.upper - result.lower).max() > 0
+
+
+def test_scenes_are_modules_of_the_package():
+    """In a wheel, in an editable installation and in a checkout."""
+    assert isinstance(import_module("symmb.models.four_bar").scene(), mb.Scene)
 
 
 @pytest.mark.parametrize("model", ALL_MODELS, ids=_name)
