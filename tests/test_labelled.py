@@ -1,6 +1,7 @@
 """Results as labelled arrays and tidy tables: nothing is lost, and every row is a time and an output."""
 
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -28,9 +29,19 @@ def broken(k, c):
     return np.stack([np.cos(k * T), c * T**2], axis=1)
 
 
-RUN = mb.simulate(SCENE)
-BOUNDS = mb.propagate(SCENE, mb.PolynomialChaos())
-COMPARISON = mb.compare(SCENE, [mb.PolynomialChaos(), mb.Vertex()])
+@cache
+def a_run():
+    return mb.simulate(SCENE)
+
+
+@cache
+def some_bounds():
+    return mb.propagate(SCENE, mb.PolynomialChaos())
+
+
+@cache
+def a_comparison():
+    return mb.compare(SCENE, [mb.PolynomialChaos(), mb.Vertex()])
 
 
 def failing():
@@ -47,39 +58,39 @@ def reread(dataset, path):
     return again
 
 
-@pytest.mark.parametrize("result", [RUN, BOUNDS, COMPARISON], ids=lambda result: type(result).__name__)
+@pytest.mark.parametrize("result", [a_run, some_bounds, a_comparison])
 def test_netcdf_loses_nothing(result, tmp_path):
     pytest.importorskip("xarray")
-    reread(result.to_xarray(), tmp_path / "result.nc")
+    reread(result().to_xarray(), tmp_path / "result.nc")
 
 
 def test_a_run_by_its_dimensions(tmp_path):
     pytest.importorskip("xarray")
-    data = reread(RUN.to_xarray(), tmp_path / "run.nc")
+    data = reread(a_run().to_xarray(), tmp_path / "run.nc")
     assert data.value.dims == ("time", "output")
-    np.testing.assert_array_equal(data.value.sel(output="x"), RUN["x"])
-    np.testing.assert_array_equal(data.time, RUN.t)
+    np.testing.assert_array_equal(data.value.sel(output="x"), a_run()["x"])
+    np.testing.assert_array_equal(data.time, a_run().t)
     assert data.time.attrs["units"] == "s"
     assert data.unit.values.tolist() == ["m", ""]
     assert (float(data.stiffness), float(data.parameter_time)) == (40.0, 2.0)
     assert data.attrs["units"] == "x: m"
-    assert data.attrs["solver"] == RUN.solver
+    assert data.attrs["solver"] == a_run().solver
 
 
 def test_bounds_by_their_dimensions(tmp_path):
     pytest.importorskip("xarray")
-    data = reread(BOUNDS.to_xarray(), tmp_path / "bounds.nc")
-    lower, upper = BOUNDS["x"]
+    data = reread(some_bounds().to_xarray(), tmp_path / "bounds.nc")
+    lower, upper = some_bounds()["x"]
     np.testing.assert_array_equal(data.value.sel(output="x", bound="lower"), lower)
     np.testing.assert_array_equal(data.value.sel(output="x", bound="upper"), upper)
-    np.testing.assert_array_equal(data.outer.sel(bound="upper"), BOUNDS.outer[1])
-    np.testing.assert_array_equal(data.inner.sel(bound="lower"), BOUNDS.inner[0])
-    np.testing.assert_array_equal(data.estimate, BOUNDS.estimate)
-    np.testing.assert_array_equal(data.coefficients, BOUNDS.expansion.coefficients)
-    np.testing.assert_array_equal(data.alpha, BOUNDS.expansion.alpha)
+    np.testing.assert_array_equal(data.outer.sel(bound="upper"), some_bounds().outer[1])
+    np.testing.assert_array_equal(data.inner.sel(bound="lower"), some_bounds().inner[0])
+    np.testing.assert_array_equal(data.estimate, some_bounds().estimate)
+    np.testing.assert_array_equal(data.coefficients, some_bounds().expansion.coefficients)
+    np.testing.assert_array_equal(data.alpha, some_bounds().expansion.alpha)
     assert data.box.sel(parameter="stiffness").values.tolist() == [36.0, 44.0]
     assert (data.attrs["method"], data.attrs["kind"]) == ("PolynomialChaos()", "estimate")
-    assert data.attrs["evaluations"] == BOUNDS.evaluations
+    assert data.attrs["evaluations"] == some_bounds().evaluations
 
 
 def test_failed_runs_are_samples_with_their_parameters(tmp_path):
@@ -95,45 +106,45 @@ def test_failed_runs_are_samples_with_their_parameters(tmp_path):
 
 def test_a_comparison_by_method(tmp_path):
     pytest.importorskip("xarray")
-    data = reread(COMPARISON.to_xarray(), tmp_path / "comparison.nc")
-    row = COMPARISON.rows[1]
+    data = reread(a_comparison().to_xarray(), tmp_path / "comparison.nc")
+    row = a_comparison().rows[1]
     chosen = data.sel({"method": row.name, "output": "x"})  # sel(method=...) is something else
     np.testing.assert_array_equal(chosen.value.sel(bound="upper"), row.upper[:, 0])
     np.testing.assert_array_equal(chosen.error, row.score.error[0])
     assert np.isnan(chosen.estimate).all()  # runs at corners estimate nothing
-    np.testing.assert_array_equal(data.reference.sel(bound="lower"), COMPARISON.reference.lower)
+    np.testing.assert_array_equal(data.reference.sel(bound="lower"), a_comparison().reference.lower)
     assert data.kind.values.tolist() == ["estimate", "sampled"]
 
 
 def test_a_row_a_time_and_output():
     pytest.importorskip("pandas")
-    run, bounds, comparison = RUN.to_pandas(), BOUNDS.to_pandas(), COMPARISON.to_pandas()
-    for frame, result in ((run, RUN), (bounds, BOUNDS)):
+    run, bounds, comparison = a_run().to_pandas(), some_bounds().to_pandas(), a_comparison().to_pandas()
+    for frame, result in ((run, a_run()), (bounds, some_bounds())):
         assert len(frame) == len(SCENE.times) * 2
         assert not frame.duplicated(["time", "output"]).any()
         assert list(frame.columns[:2]) == ["time", "output"]
         assert list(frame[frame.output == "x"].time) == list(result.t)
-    np.testing.assert_array_equal(run[run.output == "force"].value, RUN["force"])
-    np.testing.assert_array_equal(bounds[bounds.output == "force"].upper, BOUNDS["force"][1])
+    np.testing.assert_array_equal(run[run.output == "force"].value, a_run()["force"])
+    np.testing.assert_array_equal(bounds[bounds.output == "force"].upper, some_bounds()["force"][1])
     assert len(comparison) == 2 * len(SCENE.times) * 2
     one = comparison[(comparison.method == "Vertex()") & (comparison.output == "x")]
-    np.testing.assert_array_equal(one.lower, COMPARISON.rows[1].lower[:, 0])
+    np.testing.assert_array_equal(one.lower, a_comparison().rows[1].lower[:, 0])
     assert set(one.kind) == {"sampled"}
     assert bounds.attrs["method"] == "PolynomialChaos()"
 
 
 def test_bounds_of_a_file_are_the_same_arrays(tmp_path):
     xarray = pytest.importorskip("xarray")
-    BOUNDS.save(tmp_path / "bounds.npz")
+    some_bounds().save(tmp_path / "bounds.npz")
     again = mb.Bounds.load(tmp_path / "bounds.npz")
-    xarray.testing.assert_identical(again.to_xarray(), BOUNDS.to_xarray())
+    xarray.testing.assert_identical(again.to_xarray(), some_bounds().to_xarray())
 
 
 @pytest.mark.parametrize("package", ["xarray", "pandas"])
 def test_a_package_that_is_missing_is_named(package, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(ImportError, match=f"needs {package}.*pip install {package}"):
-        getattr(RUN, f"to_{package}")()
+        getattr(a_run(), f"to_{package}")()
 
 
 def test_a_parameter_may_have_the_name_of_a_dimension():

@@ -3,6 +3,8 @@
 import random
 import sys
 import warnings
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import casadi as ca
@@ -15,33 +17,38 @@ import symmb as mb
 from symmb._options import numbers_of
 
 sys.path.insert(0, str(Path(__file__).parent / "benchmarks"))
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")
-    import malformed
+
+
+@cache
+def malformed():
+    """The benchmark, whose import makes runs."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return import_module("malformed")
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_malformed_calls_are_told_in_sentences(seed):
-    assert malformed.study(50, 100 + 50 * seed) == []
+    assert malformed().study(50, 100 + 50 * seed) == []
 
 
 def test_a_fault_would_be_found(monkeypatch):
     def fails(value):
         raise ValueError(value)
 
-    monkeypatch.setattr(malformed, "CALLS", [(fails, (1,), {})])
-    assert len(malformed.study(3)) == 2
+    monkeypatch.setattr(malformed(), "CALLS", [(fails, (1,), {})])
+    assert len(malformed().study(3)) == 2
 
 
 @pytest.mark.parametrize(("call", "text"), [(lambda n: n, "accepts"), (lambda n: 2 * np.int8(n), "Overflow")])
 def test_nonsense_and_overflows_would_be_found(monkeypatch, call, text):
-    monkeypatch.setattr(malformed, "CALLS", [(call, (3,), {})])
-    assert any(text in malformed.api_fault(random.Random(seed)) for seed in range(60))
+    monkeypatch.setattr(malformed(), "CALLS", [(call, (3,), {})])
+    assert any(text in malformed().api_fault(random.Random(seed)) for seed in range(60))
 
 
 def test_a_good_number_that_gives_another_result_would_be_found(monkeypatch):
-    monkeypatch.setattr(malformed, "CALLS", [(lambda n: n * n, (100,), {})])
-    assert any("gives" in malformed.api_fault(random.Random(seed)) for seed in range(60))
+    monkeypatch.setattr(malformed(), "CALLS", [(lambda n: n * n, (100,), {})])
+    assert any("gives" in malformed().api_fault(random.Random(seed)) for seed in range(60))
 
 
 @pytest.mark.parametrize("value", [0, "x", None, np.array(1.0), ca.MX.sym("x"), sympy.Symbol("x"), lambda: 0])
@@ -50,20 +57,21 @@ def test_initial_of_no_expression(value):
         mb.initial(value)
 
 
-SCENE = malformed.SCENE
 CALLS = {
-    "inputs": lambda: mb.linearize(SCENE, inputs=np.array([1.0])),
-    "outputs": lambda: mb.linearize(SCENE, outputs=3),
-    "critical": lambda: mb.critical(SCENE, np.array(["k"]), (0, 1)),
-    "range": lambda: mb.critical(SCENE, "k", np.array([1.0, 2.0, 3.0])),
-    "locus": lambda: mb.root_locus(SCENE, ["k"], (0, 1)),
-    "modes": lambda: mb.FiniteElements.beams(malformed.BEAM).modes(interfaces=3),
-    "executor that is a module": lambda: mb.propagate(malformed.DECAY, mb.Vertex(), malformed.BOX, executor=np),
-    "executor with another map": lambda: mb.propagate(malformed.DECAY, mb.Vertex(), malformed.BOX, executor=_Maps()),
-    "names": lambda: mb.Scene(SCENE.system, outputs=np.ones(3)),
-    "start": lambda: mb.Scene(SCENE.system, start=np.ones(3)),
-    "a symbol of nothing": lambda: malformed.in_a_scene(mb.BushContact)(
-        "bush", malformed.A, malformed.B, (ca.SX.sym("a"), 0, 1), 1e-3, mb.HuntCrossley(1e5, 0.5, 0.1)
+    "inputs": lambda: mb.linearize(malformed().SCENE, inputs=np.array([1.0])),
+    "outputs": lambda: mb.linearize(malformed().SCENE, outputs=3),
+    "critical": lambda: mb.critical(malformed().SCENE, np.array(["k"]), (0, 1)),
+    "range": lambda: mb.critical(malformed().SCENE, "k", np.array([1.0, 2.0, 3.0])),
+    "locus": lambda: mb.root_locus(malformed().SCENE, ["k"], (0, 1)),
+    "modes": lambda: mb.FiniteElements.beams(malformed().BEAM).modes(interfaces=3),
+    "executor that is a module": lambda: mb.propagate(malformed().DECAY, mb.Vertex(), malformed().BOX, executor=np),
+    "executor with another map": lambda: mb.propagate(
+        malformed().DECAY, mb.Vertex(), malformed().BOX, executor=_Maps()
+    ),
+    "names": lambda: mb.Scene(malformed().SCENE.system, outputs=np.ones(3)),
+    "start": lambda: mb.Scene(malformed().SCENE.system, start=np.ones(3)),
+    "a symbol of nothing": lambda: malformed().in_a_scene(mb.BushContact)(
+        "bush", malformed().A, malformed().B, (ca.SX.sym("a"), 0, 1), 1e-3, mb.HuntCrossley(1e5, 0.5, 0.1)
     ),
 }
 
@@ -87,9 +95,9 @@ def test_files_that_cannot_be_written_or_read(tmp_path):
     (tmp_path / "folder.npz").mkdir()
     (tmp_path / "file").touch()
     for call in (
-        lambda: malformed.RUN.save(tmp_path / "folder.npz"),
-        lambda: malformed.RUN.save(tmp_path / "none" / "run.npz"),
-        lambda: malformed.DAE.save_c(tmp_path / "file"),
+        lambda: malformed().RUN.save(tmp_path / "folder.npz"),
+        lambda: malformed().RUN.save(tmp_path / "none" / "run.npz"),
+        lambda: malformed().DAE.save_c(tmp_path / "file"),
         lambda: mb.Bounds.load(tmp_path / "none.npz"),
         lambda: mb.FiniteElements.matrices(np.eye(3), tmp_path / "none.mtx", np.eye(9)),
     ):
@@ -160,10 +168,10 @@ def test_samplers_are_no_rules(make, nodes):
 
 
 def test_an_order_does_not_overflow():
-    bounds = mb.propagate(malformed.DECAY, mb.Swarm(np.int8(50), np.int8(10)), malformed.BOX)
-    assert bounds.evaluations == 2 * len(malformed.T) * 500
-    bounds = mb.propagate(malformed.DECAY, mb.PolynomialChaos(order=np.int8(100)), malformed.BOX)
-    np.testing.assert_allclose(bounds.lower[:, 0], np.exp(-1.05 * malformed.T), rtol=1e-12)
+    bounds = mb.propagate(malformed().DECAY, mb.Swarm(np.int8(50), np.int8(10)), malformed().BOX)
+    assert bounds.evaluations == 2 * len(malformed().T) * 500
+    bounds = mb.propagate(malformed().DECAY, mb.PolynomialChaos(order=np.int8(100)), malformed().BOX)
+    np.testing.assert_allclose(bounds.lower[:, 0], np.exp(-1.05 * malformed().T), rtol=1e-12)
 
 
 @pytest.mark.parametrize("value", [True, False, np.True_, "1e-3", 1j, np.ma.masked, np.array([0.1]), None])
@@ -179,30 +187,33 @@ def test_what_is_no_number_is_no_option(kind, name, value):
 
 
 def sampled(period):
-    held = mb.Sampled("held", period, malformed.ROD.theta)
-    system = mb.System(malformed.ROD, held, parameters=SCENE.system.parameters)
-    return mb.simulate(mb.Scene(system, times=malformed.T))
+    held = mb.Sampled("held", period, malformed().ROD.theta)
+    system = mb.System(malformed().ROD, held, parameters=malformed().SCENE.system.parameters)
+    return mb.simulate(mb.Scene(system, times=malformed().T))
 
 
 COSTS = {
-    "swarm": (lambda: mb.propagate(malformed.DECAY, mb.Swarm(10**5, 10**5), malformed.BOX), "1.0e\\+11 runs"),
-    "steps": (lambda: mb.simulate(SCENE, mb.RungeKutta(10**20)), "1.0e\\+20 steps a run"),
-    "collocation": (lambda: mb.simulate(SCENE, mb.Collocation(steps=10**30)), "1.0e\\+30 steps a run"),
-    "beyond doubles": (lambda: mb.simulate(SCENE, mb.RungeKutta(10**400)), "more than 1e300 steps"),
-    "memory": (lambda: mb.simulate(SCENE, mb.RungeKutta(2**31)), "2.1e\\+09 steps a run"),
-    "step": (lambda: mb.simulate(SCENE, mb.HHT(1e-300)), "steps a run"),
-    "longest step": (lambda: mb.simulate(SCENE, mb.NSTIFFSI2(1e-300, rtol=1e-3)), "steps a run"),
-    "ensemble": (lambda: mb.propagate(SCENE, mb.Vertex(), solver=mb.RungeKutta(10**9)), "1.0e\\+09 steps a run"),
+    "swarm": (lambda: mb.propagate(malformed().DECAY, mb.Swarm(10**5, 10**5), malformed().BOX), "1.0e\\+11 runs"),
+    "steps": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(10**20)), "1.0e\\+20 steps a run"),
+    "collocation": (lambda: mb.simulate(malformed().SCENE, mb.Collocation(steps=10**30)), "1.0e\\+30 steps a run"),
+    "beyond doubles": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(10**400)), "more than 1e300 steps"),
+    "memory": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(2**31)), "2.1e\\+09 steps a run"),
+    "step": (lambda: mb.simulate(malformed().SCENE, mb.HHT(1e-300)), "steps a run"),
+    "longest step": (lambda: mb.simulate(malformed().SCENE, mb.NSTIFFSI2(1e-300, rtol=1e-3)), "steps a run"),
+    "ensemble": (
+        lambda: mb.propagate(malformed().SCENE, mb.Vertex(), solver=mb.RungeKutta(10**9)),
+        "1.0e\\+09 steps a run",
+    ),
     "probes": (
-        lambda: mb.propagate(malformed.DECAY, mb.PolynomialChaos(probes=10**12), malformed.BOX),
+        lambda: mb.propagate(malformed().DECAY, mb.PolynomialChaos(probes=10**12), malformed().BOX),
         "1.0e\\+12 runs",
     ),
     "instants": (lambda: sampled(1e-12), "steps a run"),
     "instants without end": (lambda: sampled(1e-300), "steps a run"),
     "table": (lambda: mb.Table(range(10**12), range(10**12)), "1000000000000 points, at most"),
-    "locus": (lambda: mb.root_locus(SCENE, "k", (4.0, 5.0), count=10**9), "at most"),
+    "locus": (lambda: mb.root_locus(malformed().SCENE, "k", (4.0, 5.0), count=10**9), "at most"),
     "mesh": (
-        lambda: mb.Beam([(0, 0, 0), (1, 0, 0)], malformed.BEAM.section, malformed.BEAM.material, 10**9),
+        lambda: mb.Beam([(0, 0, 0), (1, 0, 0)], malformed().BEAM.section, malformed().BEAM.material, 10**9),
         "at most",
     ),
     "corrections": (lambda: mb.AugmentedLagrangian(iterations=10**9), "at most"),
@@ -230,13 +241,13 @@ def test_tables_of_large_and_small_numbers_are_finite(size):
 
 
 def test_a_budget_without_end_costs_no_memory():
-    bounds = [mb.propagate(SCENE, mb.Optimization(budget=budget)) for budget in (300, 10**15)]
+    bounds = [mb.propagate(malformed().SCENE, mb.Optimization(budget=budget)) for budget in (300, 10**15)]
     np.testing.assert_allclose(bounds[0].upper, bounds[1].upper, rtol=1e-9)
 
 
 def test_errors_are_no_longer_than_a_screen():
     with pytest.raises(mb.DeclarationError) as error:
-        SCENE.with_name("a" * 10_000)
+        malformed().SCENE.with_name("a" * 10_000)
     assert len(str(error.value)) < 2000 and str(error.value).startswith("name 'aaa")
 
 
@@ -244,15 +255,15 @@ NUMBERS = {
     "box": lambda v: mb.Box(l=(v, 1)),
     "nominal": lambda v: mb.Box.around({"l": v}, 0.05),
     "area": lambda v: mb.Section(area=v, Iy=1, Iz=1, J=1),
-    "points": lambda v: mb.Beam([(0, 0, 0), (v, 0, 0)], malformed.BEAM.section, malformed.BEAM.material),
+    "points": lambda v: mb.Beam([(0, 0, 0), (v, 0, 0)], malformed().BEAM.section, malformed().BEAM.material),
     "mass": lambda v: mb.System(mb.Body("b", v, 0.1)),
-    "doubtful": lambda v: malformed.BOUNDS.doubtful(v),
-    "gas": lambda v: malformed.in_a_scene(mb.NonlinearSpring)(
-        "gas", malformed.A, malformed.B, mb.GasSpring(1e5, 1e-3, v, 0.1)
+    "doubtful": lambda v: malformed().BOUNDS.doubtful(v),
+    "gas": lambda v: malformed().in_a_scene(mb.NonlinearSpring)(
+        "gas", malformed().A, malformed().B, mb.GasSpring(1e5, 1e-3, v, 0.1)
     ),
-    "time": lambda v: mb.Scene(SCENE.system, times=[v, 1]),
+    "time": lambda v: mb.Scene(malformed().SCENE.system, times=[v, 1]),
     "table": lambda v: mb.Table([0, 1], [0, v]),
-    "sample": lambda v: malformed.DECAY.run([[v]]),
+    "sample": lambda v: malformed().DECAY.run([[v]]),
 }
 
 

@@ -1,13 +1,16 @@
 """What must hold for every shipped scene."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
-from conftest import ALL_MODELS
+from conftest import ALL_MODELS, SMOOTH_MODELS
 
 import symmb as mb
+from models import cubic
 from symmb import Scanning, propagate
 
-MOVING = [model for model in ALL_MODELS if model.scene().system.bodies]
+MOVING = [model for model in ALL_MODELS if model is not cubic]  # which has no bodies
 
 
 def _name(model):
@@ -49,6 +52,15 @@ def test_box_runs_to_its_corners(model):
     result = propagate(few, Scanning(3))
     assert not result.failed
     assert (result.upper - result.lower).max() > 0
+
+
+def test_smooth_models_are_those_without_impacts():
+    assert SMOOTH_MODELS == tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
+
+
+def test_scenes_are_modules_of_the_package():
+    """In a wheel, in an editable installation and in a checkout."""
+    assert isinstance(import_module("symmb.models.four_bar").scene(), mb.Scene)
 
 
 @pytest.mark.parametrize("model", ALL_MODELS, ids=_name)

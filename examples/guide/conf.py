@@ -14,6 +14,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import takewhile
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.request import urlopen
 
 import symmb
@@ -33,7 +34,7 @@ myst_enable_extensions = ["html_image"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
 nb_execution_in_temp = True
-nb_execution_timeout = 120
+nb_execution_timeout = 1800  # [s] of one cell: seconds on a machine at rest, and longer only if it hangs
 nb_execution_raise_on_error = True
 exclude_patterns = ["_build", "gallery/site/**.png"]
 html_extra_path = ["gallery/site"]
@@ -108,7 +109,9 @@ FOR_CONTRIBUTORS = {
 """Members of other subjects that are for contributors, who find them in the code."""
 
 LONG = {"artillery"}
-"""Scripts that take minutes: the site shows their code alone."""
+"""Scripts that take minutes: the build does not run them."""
+PATIENCE = 300.0
+"""Time for one of the others [s]. Each takes less than a minute on a machine that does nothing else."""
 
 
 def names_by_subject() -> dict[str, list[str]]:
@@ -174,8 +177,11 @@ def write_names() -> set[str]:
     return written | {write("api/index", *sections)}
 
 
-def run_example(script: Path) -> None:
-    """Run a script with a folder for its pictures, unless it and symmb are older than what it wrote."""
+def run_example(script: Path) -> bool:
+    """Run a script with a folder for its pictures, unless it and symmb are older than what it wrote.
+
+    Whether the site has what it draws now. If it takes too long, what an earlier build drew stays.
+    """
     folder = DRAWN / script.stem
     printed, sources = (
         folder / "printed.txt",
@@ -183,22 +189,35 @@ def run_example(script: Path) -> None:
     )
     newest = max(path.stat().st_mtime for path in sources if path.suffix != ".pyc")
     if printed.exists() and printed.stat().st_mtime > newest:
-        return
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
+        return True
     paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    command, environment = [sys.executable, str(script), str(folder)], {**os.environ, "PYTHONPATH": paths}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=300)
-    if done.returncode:
-        raise RuntimeError(f"{script.name} failed:\n{done.stderr}")
-    printed.write_text(done.stdout, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": paths}
+    with TemporaryDirectory(ignore_cleanup_errors=True) as new:
+        command = [sys.executable, str(script), new]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=new, timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            return False
+        if done.returncode:
+            raise RuntimeError(f"{script.name} failed:\n{done.stderr}")
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(new, folder)
+    printed.write_text(done.stdout.replace(new, "FOLDER"), encoding="utf-8")
+    return True
 
 
-def shown(name: str, title: str) -> list[str]:
-    """What a script drew and printed."""
-    if name in LONG:
-        return ["It takes minutes. Run it to see its pictures.\n"]
-    files = sorted((DRAWN / name).iterdir())
+def shown(script: Path, title: str, drawn: bool) -> list[str]:
+    """What a script drew and printed, now or in an earlier build; else what the repository has of its pictures."""
+    folder, name = DRAWN / script.stem, script.stem
+    said = [] if drawn else ["It takes long, and the build of this page did not wait for its end.\n"]
+    if not (folder / "printed.txt").exists():
+        code = script.read_text(encoding="utf-8")
+        kept = [file.name for file in sorted((EXAMPLES / "figures").iterdir()) if f'"{file.name}"' in code]
+        said.append("These pictures are of an earlier run.\n" if kept else "Run it to see its pictures.\n")
+        return said + [directive("image", f"/../figures/{file}", f":alt: {title}") for file in kept]
+    if not drawn:
+        said.append("What it drew and printed is of an earlier run.\n")
+    files = sorted(folder.iterdir())
     pictures = [
         directive("image", f"/gallery/site/drawn/{name}/{file.name}", f":alt: {title}")
         for file in files
@@ -210,9 +229,9 @@ def shown(name: str, title: str) -> list[str]:
     pages = [
         directive("raw", "html", "", frame.format(name, file.name, title)) for file in files if file.suffix == ".html"
     ]
-    text = (DRAWN / name / "printed.txt").read_text(encoding="utf-8").replace(str(DRAWN / name), "FOLDER")
+    text = (folder / "printed.txt").read_text(encoding="utf-8")
     printed = ["It prints\n", directive("code-block", "none", "", *text.splitlines())] if text.strip() else []
-    return [*pages, *pictures, *printed]
+    return [*said, *pages, *pictures, *printed]
 
 
 def write_gallery() -> set[str]:
@@ -220,13 +239,13 @@ def write_gallery() -> set[str]:
     written, rows = set(), []
     scripts = sorted(EXAMPLES.glob("*.py"))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(run_example, [script for script in scripts if script.stem not in LONG]))
-    for script in scripts:
+        drawn_now = list(pool.map(lambda script: script.stem not in LONG and run_example(script), scripts))
+    for script, now in zip(scripts, drawn_now, strict=True):
         tree = ast.parse(script.read_text(encoding="utf-8"))
         text, title = ast.get_docstring(tree) or "", re.sub(r"(\d)_(\d)", r"\1.\2", script.stem)
         first, title = " ".join(text.split("\n\n")[0].split()), title.replace("_", " ").capitalize()
         code = directive("literalinclude", f"/../{script.name}", f":lines: {(tree.body[0].end_lineno or 0) + 2}-")
-        page = [heading(title), f"`examples/{script.name}`\n", text, "", *shown(script.stem, title), code]
+        page = [heading(title), f"`examples/{script.name}`\n", text, "", *shown(script, title, now), code]
         written.add(write(f"gallery/{script.stem}", *page))
         rows += [f":doc:`{title} </gallery/{script.stem}>`", f"   {first}"]
     about = "These scripts are in `examples`. Each runs by itself, and checks its results against others."

@@ -8,15 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
+from symmb import models
 from symmb._errors import DeclarationError, SymmbError, text_of
 from symmb._names import did_you_mean
 from symmb.black_boxes import Simulator
 from symmb.cli.urdf_scene import urdf_scene
 from symmb.model import Box, Scene
 
-_PACKAGE = Path(__file__).parents[1]
-_MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
-"""Folders of shipped scenes: in an installed package, and beside it in a checkout."""
+_MODELS = Path(models.__path__[0])
+"""The folder of shipped scenes."""
 
 
 def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:

@@ -1,6 +1,7 @@
 """Pictures in the caller's axes, of chosen outputs, with one colour a method and units."""
 
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,10 +23,29 @@ SCENE = mb.Scene(
     box=mb.Box(stiffness=(36.0, 44.0)),
 )
 RESTING = mb.Scene(SCENE.system, outputs={"x": BALL.x})
-RUN = mb.simulate(SCENE)
-BOUNDS = mb.propagate(SCENE, mb.PolynomialChaos(order=3))
-COMPARISON = mb.compare(SCENE, [mb.Vertex(), mb.PolynomialChaos(), mb.PolynomialChaos.paper(2)])
-RESULTS = pytest.mark.parametrize("result", [RUN, BOUNDS, COMPARISON], ids=lambda result: type(result).__name__)
+
+
+@cache
+def a_run():
+    return mb.simulate(SCENE)
+
+
+@cache
+def some_bounds():
+    return mb.propagate(SCENE, mb.PolynomialChaos(order=3))
+
+
+@cache
+def a_comparison():
+    return mb.compare(SCENE, [mb.Vertex(), mb.PolynomialChaos(), mb.PolynomialChaos.paper(2)])
+
+
+@pytest.fixture
+def result(request):
+    return request.param()
+
+
+RESULTS = pytest.mark.parametrize("result", [a_run, some_bounds, a_comparison], indirect=True)
 
 
 def colours(axes):
@@ -75,19 +95,19 @@ def test_axes_for_each_output(result):
 
 def test_all_outputs_of_a_run_in_one_axes():
     axes = Figure().subplots()
-    RUN.plot(ax=axes)
+    a_run().plot(ax=axes)
     assert len(axes.lines) == 3 and len(colours(axes)) == 3
     assert axes.get_ylabel() == ""  # they differ
-    np.testing.assert_array_equal(axes.lines[1].get_ydata(), RUN["vy"])
+    np.testing.assert_array_equal(axes.lines[1].get_ydata(), a_run()["vy"])
 
 
 def test_the_errors_of_a_comparison_in_one_axes():
     axes = Figure().subplots()
-    COMPARISON.plot(ax=axes)
+    a_comparison().plot(ax=axes)
     assert axes.get_yscale() == "log" and "[s]" in axes.get_xlabel()
 
 
-@pytest.mark.parametrize("result", [BOUNDS, COMPARISON], ids=lambda result: type(result).__name__)
+@pytest.mark.parametrize("result", [some_bounds, a_comparison], indirect=True)
 def test_too_few_axes_are_refused(result):
     with pytest.raises(mb.DeclarationError, match=r"2 outputs .* need as many axes"):
         result.plot(outputs=["x", "vy"], ax=Figure().subplots())
@@ -108,7 +128,7 @@ def test_what_are_no_axes_is_refused(result):
 def test_limits_and_fits_in_given_axes():
     figure = Figure()
     first, second = figure.subplots(1, 2)
-    assert BOUNDS.check({"x": (None, 1.0)}).plot(ax=second) is figure
+    assert some_bounds().check({"x": (None, 1.0)}).plot(ax=second) is figure
     assert not first.lines and second.lines[-1].get_ydata() == [1.0, 1.0]
     assert EVERY_PICTURE["Calibration"]().plot(ax=first) is figure
     assert [text.get_text() for text in first.get_legend().get_texts()] == ["data", "fitted run"]
@@ -120,10 +140,10 @@ def test_the_size_of_limits_and_fits_stands_before_axes(name):
 
 
 def test_a_method_has_one_colour_in_every_picture():
-    alone = colours(BOUNDS.plot(outputs="x").axes[0])
+    alone = colours(some_bounds().plot(outputs="x").axes[0])
     assert alone == {plot.colour_of("PolynomialChaos"), RUN_COLOUR}  # that of the nominal run
-    together = colours(COMPARISON.plot(outputs="x").axes[0])
-    errors = colours(COMPARISON.plot().axes[-1])
+    together = colours(a_comparison().plot(outputs="x").axes[0])
+    errors = colours(a_comparison().plot().axes[-1])
     names = ("PolynomialChaos", "PolynomialChaos.paper", "Vertex")
     assert together == {plot.colour_of(name) for name in names}
     assert together <= errors
@@ -151,7 +171,7 @@ def test_stability_in_given_axes():
 
 
 def test_figures_show_themselves_and_can_be_pickled():
-    figure = RUN.plot()
+    figure = a_run().plot()
     data, size = figure._repr_png_()
     assert data.startswith(b"\x89PNG") and size["width"] == 800
     again = pickle.loads(pickle.dumps(figure))
@@ -166,14 +186,14 @@ def test_malformed_outputs_are_refused(result, outputs):
 
 
 EVERY_PICTURE = {
-    "Trajectory": lambda: RUN,
-    "Bounds": lambda: BOUNDS,
-    "Comparison": lambda: COMPARISON,
-    "Contributions": lambda: BOUNDS.contributions(),
-    "LimitCheck": lambda: BOUNDS.check({"x": (None, 1.0)}),
+    "Trajectory": a_run,
+    "Bounds": some_bounds,
+    "Comparison": a_comparison,
+    "Contributions": lambda: some_bounds().contributions(),
+    "LimitCheck": lambda: some_bounds().check({"x": (None, 1.0)}),
     "Sweep": lambda: mb.sweep(SCENE, {"stiffness": [36.0, 44.0]}),
     "Sensitivities": lambda: mb.sensitivities(SCENE),
-    "Calibration": lambda: mb.calibrate(SCENE, {"x": RUN["x"] + 1e-3 * np.sin(9 * RUN.t)}, ["stiffness"]),
+    "Calibration": lambda: mb.calibrate(SCENE, {"x": a_run()["x"] + 1e-3 * np.sin(9 * a_run().t)}, ["stiffness"]),
     "Stability": lambda: Stability("scene", np.array([0.0, 1.0]), (), (), {}, np.nan, {}, "advice"),
     "RootLocus": lambda: mb.root_locus(RESTING, "stiffness", (36.0, 44.0), count=3),
 }
@@ -209,21 +229,21 @@ def test_a_size_does_not_go_with_given_axes(result):
 
 
 def test_the_nominal_run_is_drawn_beside_its_bounds():
-    figure = BOUNDS.plot(outputs="x")
+    figure = some_bounds().plot(outputs="x")
     line = {line.get_label(): line for line in figure.axes[0].lines}["nominal run"]
-    np.testing.assert_allclose(line.get_ydata(), RUN["x"], atol=1e-9)
+    np.testing.assert_allclose(line.get_ydata(), a_run()["x"], atol=1e-9)
     assert "nominal run" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_deviations_from_the_nominal_run():
-    axes = BOUNDS.plot(outputs="x", deviation=True).axes[0]
+    axes = some_bounds().plot(outputs="x", deviation=True).axes[0]
     assert axes.get_title(loc="left") == "x − nominal [m]"
     lines = [line.get_ydata() for line in axes.lines]
-    np.testing.assert_array_equal(lines[0], BOUNDS.lower[:, 0] - BOUNDS.nominal[:, 0])
-    np.testing.assert_array_equal(lines[1], BOUNDS.upper[:, 0] - BOUNDS.nominal[:, 0])
+    np.testing.assert_array_equal(lines[0], some_bounds().lower[:, 0] - some_bounds().nominal[:, 0])
+    np.testing.assert_array_equal(lines[1], some_bounds().upper[:, 0] - some_bounds().nominal[:, 0])
     assert not lines[-1].any()
-    unknown = mb.Bounds(RUN.t, ("x",), RUN.values[:, :1], RUN.values[:, :1], "sampled", "Vertex()", 4)
+    unknown = mb.Bounds(a_run().t, ("x",), a_run().values[:, :1], a_run().values[:, :1], "sampled", "Vertex()", 4)
     with pytest.raises(mb.DeclarationError, match="deviation needs the nominal run"):
         unknown.plot(deviation=True)
     with pytest.raises(mb.DeclarationError, match="deviation must be True or False"):
-        BOUNDS.plot(deviation="yes")
+        some_bounds().plot(deviation="yes")
