@@ -30,10 +30,6 @@ class Term(ABC):
     size: float
     rates: Array
 
-    def with_size(self, size: float) -> Self:
-        """With another size."""
-        return replace(self, size=size)
-
     @property
     def vector(self) -> Array:
         """The numbers (d + 1,) that a likely kernel is searched in: log(w) and log(a)."""
@@ -42,12 +38,6 @@ class Term(ABC):
     def with_vector(self, vector: Array) -> Self:
         """With other numbers."""
         return replace(self, size=float(np.exp(vector[-1])), rates=np.exp(vector[:-1]))
-
-    @property
-    def limits(self) -> Array:
-        """(d + 1, 2) of the vector."""
-        mean, deviation = self.prior
-        return np.stack([mean - LIMIT * deviation, mean + LIMIT * deviation], axis=1)
 
     @property
     def prior(self) -> Array:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
+from symmb.bounds.adaptive.covariances import DEVIATION, LIMIT, MEAN_RATE, Ridge, Smooth, Sum, Term
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
 """Expected and least variance of noise, over that of responses: they keep covariances regular; more of them smooths."""
@@ -35,7 +35,7 @@ class Kernel:
     def with_term(self, term: Term) -> "Kernel":
         """With one more term, which takes most of what the smooth one is."""
         smooth, *further = self.terms
-        return replace(self, terms=(smooth.with_size(0.1 * smooth.size), *further, term.with_size(smooth.size)))
+        return replace(self, terms=(replace(smooth, size=0.1 * smooth.size), *further, replace(term, size=smooth.size)))
 
     def with_vector(self, vector: Array) -> "Kernel":
         """With other numbers."""
@@ -57,6 +57,12 @@ class Kernel:
     def vector(self) -> Array:
         """The vectors of the terms, and the logarithm of the noise."""
         return np.concatenate([*(term.vector for term in self.terms), [np.log(self.noise)]])
+
+    @property
+    def prior(self) -> Array:
+        """Expected vector and its standard deviations (2, n)."""
+        of_noise = [[np.log(EXPECTED_NOISE)], [DEVIATION]]
+        return np.concatenate([*(term.prior for term in self.terms), of_noise], axis=1)
 
     @property
     def size(self) -> float:
@@ -112,8 +118,7 @@ class GaussianProcess:
         A weak prior keeps numbers that do not matter in place.
         """
         kernel, m = self.kernel, self.Y.shape[1]
-        of_noise = np.array([[np.log(EXPECTED_NOISE)], [DEVIATION]])
-        mean, deviation = np.concatenate([*(term.prior for term in kernel.terms), of_noise], axis=1)
+        mean, deviation = kernel.prior
         try:
             root, weights = self._inverse_root, self._weights
         except np.linalg.LinAlgError:
@@ -130,7 +135,9 @@ class GaussianProcess:
         """That of the most likely kernel near this one."""
         from scipy.optimize import minimize
 
-        limits = np.concatenate([*(term.limits for term in self.kernel.terms), np.log([(_LEAST_NOISE, 1.0)])])
+        mean, deviation = self.kernel.prior
+        limits = np.stack([mean - LIMIT * deviation, mean + LIMIT * deviation], axis=1)
+        limits[-1] = np.log([_LEAST_NOISE, 1.0])
         result = minimize(
             lambda vector: replace(self, kernel=self.kernel.with_vector(vector)).unlikeliness(),
             np.clip(self.kernel.vector, *limits.T),

@@ -16,7 +16,7 @@ from symmb.bounds.adaptive.check_runs import PATIENCE, SAFETY, quasi_random_poin
 from symmb.bounds.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bounds.adaptive.covariances import Ridge, Sum
 from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
-from symmb.bounds.adaptive.runs import CHEAP_RUNS, Runs
+from symmb.bounds.adaptive.runs import CHEAP_RUNS, Runs, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import DOUBTFUL, ROUNDING
 from symmb.nodes import Grid
@@ -83,12 +83,12 @@ class ResponseSurface:
         self._surface = surface = GaussianProcess(self._kernels[0], data.points, data.Y)
         # At an extreme the errors of all kinks of a sum have one sign.
         factor = DEVIATIONS * (d**0.5 if self._kernels[0].is_sum else 1.0)
-        self._places, ends = _extremes(surface, factor * max(1.0, _rms(surface.left_out_deviations()[-LATEST:])))
+        self._places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST:]))))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
         is_plateau = _is_plateau(data, attained)
         ends = np.where(is_plateau[:, None], attained[:, None], ends)
-        observed = np.where(is_plateau, 0.0, OBSERVED_SHARE * _rms(self._latest) * width)
+        observed = np.where(is_plateau, 0.0, OBSERVED_SHARE * rms(self._latest) * width)
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
         is_enough = self._n_spread >= FEWEST_SPREAD and (estimate <= np.maximum(tolerance * width, data.noise)).all()
         if not (is_enough or len(runs) >= self._most or not runs.left or runs.clock.is_late):
@@ -198,11 +198,7 @@ def _left_out(surface: GaussianProcess, noise: Array) -> Array:
     The latest runs may all lie on one side of a jump, where the surface is right.
     """
     errors = np.maximum(np.abs(surface.left_out_errors()) - noise, 0.0)
-    return SAFETY * np.sqrt(np.mean(np.square(errors), axis=0))
-
-
-def _rms(a: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(a))))
+    return SAFETY * rms(errors)
 
 
 def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
@@ -211,9 +207,7 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
     The first ridge is along the slope in the middle, the second along the direction in which the rest varies most.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
-    starts = [*kernels]
-    if not kernels:
-        starts += [plain, plain.with_term(Sum(1.0, plain.terms[0].rates))]
+    starts = [*(kernels or (plain, plain.with_term(Sum(1.0, plain.terms[0].rates))))]
     if slope.any() and (not kernels or any(kernel.n_ridges for kernel in kernels)):
         starts.append(_with_ridge(plain, slope, data))
     fits = [GaussianProcess(kernel, data.points, data.Y).most_likely() for kernel in starts]
@@ -237,8 +231,7 @@ def _unlikeliness(process: GaussianProcess) -> float:
 
 def _slope(data: _Responses) -> Array:
     """Slope (d,) in the middle of the response for which it is largest."""
-    is_near = (np.abs(data.points) > 0).sum(axis=1) == 1
-    is_near &= np.isclose(data.points.sum(axis=1), STEP)
+    is_near = (data.points == STEP).any(axis=1) & (np.count_nonzero(data.points, axis=1) == 1)
     middle = data.Y[(data.points == 0).all(axis=1)]
     if not len(middle):
         return np.zeros(data.points.shape[1])
@@ -278,11 +271,8 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
 def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float, factor: float, x: Array) -> Array:
     """A point (d,) of the values on lines through x (d,) where sign times a response less deviations is smallest."""
     values = np.linspace(-1, 1, SEARCH_LINE)
-    points = np.tile(x, (len(x), SEARCH_LINE, 1))
-    for i, line in enumerate(points):
-        line[:, i] = values
-    flat = points.reshape(-1, len(x))
-    objective = sign * surface.mean(flat)[:, response] - (factor * surface.deviation(flat) if factor else 0.0)
+    points = np.where(np.eye(len(x), dtype=bool)[:, None], values[:, None], x).reshape(-1, len(x))
+    objective = sign * surface.mean(points)[:, response] - (factor * surface.deviation(points) if factor else 0.0)
     return values[objective.reshape(len(x), -1).argmin(axis=1)]
 
 
