@@ -13,7 +13,7 @@ from symmb.bounds.reductions import failure_records, gathered, which_failed
 from symmb.bounds.result import Bounds
 from symmb.bounds.time_windows import DOUBTFUL, ROUNDING
 from symmb.model import Box
-from symmb.nodes import grid
+from symmb.nodes import corners
 from symmb.polynomials.ranges import Piecewise
 
 _RUNS = 13
@@ -142,9 +142,9 @@ class _Checks:
 def _corners(d: int, varied: Indices) -> Array:
     """Points (N, d): some corners of the box, and points inside."""
     n, random = len(varied), np.random.default_rng(0)
-    corners = random.choice([-1.0, 1.0], (_CORNERS, n)) if 2**n > _CORNERS else grid(np.array([-1.0, 1.0]), n)
-    points = np.zeros((len(corners) + _INSIDE, d))
-    points[:, varied] = np.concatenate([corners, random.uniform(-1.0, 1.0, (_INSIDE, n))])
+    ends = random.choice([-1.0, 1.0], (_CORNERS, n)) if 2**n > _CORNERS else corners(n)
+    points = np.zeros((len(ends) + _INSIDE, d))
+    points[:, varied] = np.concatenate([ends, random.uniform(-1.0, 1.0, (_INSIDE, n))])
     return points
 
 

@@ -14,7 +14,7 @@ from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import Bounds
 from symmb.bounds.time_windows import ROUNDING
 from symmb.model import Box, unused_parameters
-from symmb.nodes import grid
+from symmb.nodes import corners
 from symmb.simulation import DAESimulator, SceneSimulator, motion_of
 
 
@@ -104,7 +104,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
         return ()
     end = time.perf_counter() + seconds + _PATIENCE
     d = len(box)
-    unit = grid(_ENDS, d) if d <= _FEW else np.repeat(_ENDS[:, None], d, axis=1)
+    unit = corners(d) if d <= _FEW else np.repeat([[-1.0], [1.0]], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
         if time.perf_counter() > end:
@@ -125,7 +125,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     if motion is None:
         return ()
     d = len(box)
-    unit = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, d)) if 2**d > _CORNERS else grid(_ENDS, d)
+    unit = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, d)) if 2**d > _CORNERS else corners(d)
     P = np.vstack([motion.dae.p_nominal, parameter_samples(simulator, box, unit)])
     usual, *others = motion.formulation.pulses(motion.times)(P).tolist()
     k = int(np.argmin(others))
@@ -154,7 +154,7 @@ _PATIENCE = 1.0
 """Time beyond that of a study which a second look may take [s]."""
 _LONG = 1e-2
 """Share of the horizon above which steps meet a pulse anyway."""
-_CORNERS, _ENDS = 64, np.array([-1.0, 1.0])
-"""Most corners of the box at which laws are searched for pulses, and the ends of a parameter."""
+_CORNERS = 64
+"""Most corners of the box at which laws are searched for pulses."""
 _FEW = 3
 """Parameters up to which runs at all corners are asked about flexible bodies; of more, at the two extreme ones."""

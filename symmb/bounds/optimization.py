@@ -16,7 +16,7 @@ from symmb.bounds.reductions import extremes, failure_records, failures, togethe
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
-from symmb.nodes import grid
+from symmb.nodes import corners
 
 _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
 """A response and its negative are minimised."""
@@ -108,7 +108,7 @@ class Optimization(Method):
                 f"{self!r}: a run with derivatives in {d} parameters counts {cost}, more than half the budget. "
                 f"Give a budget of at least {2 * cost}."
             )
-        new = grid(np.array([-1.0, 1.0]), d) if 2**d < most else np.empty((0, d))
+        new = corners(d) if 2**d < most else np.empty((0, d))
         new = np.concatenate([np.zeros((1, d)), new])
         X, Y, G = np.empty((0, d)), np.empty((0, *shape)), np.empty((0, d, *shape))
         predicted = None

@@ -246,14 +246,10 @@ def tensor(lines: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     return nodes, weights
 
 
-def node_keys(nodes: Array) -> Array:
-    """Nodes rounded, so that equal nodes compare equal; adding 0 turns -0 into 0."""
-    return nodes.round(12) + 0.0
-
-
 def _merged(nodes: Array, weights: Array) -> tuple[Array, Array]:
     """Merges equal nodes, and leaves out those whose weights cancel."""
-    _, first, group = np.unique(node_keys(nodes), axis=0, return_index=True, return_inverse=True)
+    rounded = nodes.round(12) + 0.0  # 0 is not -0
+    _, first, group = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     total: Array = np.bincount(group.ravel(), weights).astype(float)
     nonzero = np.abs(total) > 1e-14
     return nodes[first[nonzero]], total[nonzero]

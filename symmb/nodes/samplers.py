@@ -22,6 +22,11 @@ def grid(line: Array, d: int) -> Array:
     return line[np.indices((len(line),) * d).reshape(d, -1).T]
 
 
+def corners(d: int) -> Array:
+    """(2**d, d) corners of the unit box."""
+    return grid(np.array([-1.0, 1.0]), d)
+
+
 @dataclass(frozen=True)
 class Random:
     """Independent uniform points.

@@ -6,7 +6,7 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bounds.time_windows import WINDOW, average_over_window
-from symmb.nodes import grid
+from symmb.nodes import corners
 
 SAFETY = 2.5
 """Factor on errors that runs show, and on the deviation of noise: those elsewhere may be larger. Less misses more, more
@@ -101,8 +101,8 @@ def screening_points(d: int) -> Array:
 
     Few corners are all of them: a kink may act in one only.
     """
-    corners = grid(np.array([-1.0, 1.0]), d) if 2**d <= MOST_CORNERS else screening_corners(d)
-    return np.concatenate([corners, quasi_random_points(2 + PROBES, d)[2:]])
+    ends = corners(d) if 2**d <= MOST_CORNERS else screening_corners(d)
+    return np.concatenate([ends, quasi_random_points(2 + PROBES, d)[2:]])
 
 
 def count_shapes(Y: Array) -> Indices:

@@ -1,16 +1,15 @@
 """Bounds of responses that rise or fall with each parameter throughout the box: runs at corners attain them."""
 
-from collections.abc import Iterator
-from typing import Protocol
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bounds.adaptive.check_runs import PATIENCE, SAFETY, screening_points
 from symmb.bounds.adaptive.runs import Runs, relative_rms
-from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
+from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import LEAST_WIDTH
-from symmb.nodes import grid
+from symmb.nodes import corners
 from symmb.polynomials.ranges import Piecewise
 
 MONOTONE_SHARE = 0.2
@@ -18,19 +17,8 @@ MONOTONE_SHARE = 0.2
 their signs where no run was. Responses may lose half as much at corners that are not theirs: less takes more runs."""
 
 
-class Base(Protocol):
-    """What corners are tried for: another surrogate, its runs and tolerance, and its polynomials through all runs."""
-
-    runs: Runs
-    tolerance: float
-
-    def refined(self) -> Surrogate: ...
-
-    def continued(self) -> Piecewise | None: ...
-
-
-class MonotoneCorners:
-    """What runs attain at the corners to which all parameters pull the responses, unless effects change their signs.
+def corner_range(runs: Runs, tolerance: float, polynomials: Callable[[], Piecewise | None]) -> EstimatedRange | None:
+    """What runs attain at the corners to which all parameters pull the responses; None if effects change their signs.
 
     The effect of a parameter is the change of a response when it alone changes. It is seen on both sides of the middle
     of the box, and along edges. Where these effects have one sign the response is taken as monotone: its extremes are
@@ -41,32 +29,17 @@ class MonotoneCorners:
     that exceed their ends, and of how far any run exceeds the corner that should be the best one. If it is too large
     because signs change, and corners are few, all of them are run: they are the extremes of responses that bend
     little along each parameter, such as products.
+
+    The polynomials are those through all runs.
     """
-
-    def __init__(self, base: Base) -> None:
-        self._base = base
-
-    def bounded(self) -> EstimatedRange | None:
-        """The range; None if effects change their signs."""
-        base = self._base
-        error = _error(base.runs, base.tolerance)
-        if error is None:
-            return None
-        if not base.runs.noise_is_known:
-            base.runs.measure_noise()
-        low, high = base.runs.extremes
-        return EstimatedRange(
-            low,
-            high,
-            error + MONOTONE_SHARE * base.tolerance * (high - low),
-            base.continued,
-            "runs at corners",
-            is_enough=True,
-        )
-
-    def refined(self) -> Surrogate:
-        """The other surrogate."""
-        return self._base.refined()
+    error = _error(runs, tolerance)
+    if error is None:
+        return None
+    if not runs.noise_is_known:
+        runs.measure_noise()
+    low, high = runs.extremes
+    error += MONOTONE_SHARE * tolerance * (high - low)
+    return EstimatedRange(low, high, error, polynomials, "runs at corners", is_enough=True)
 
 
 def _error(runs: Runs, tolerance: float) -> Array | None:
@@ -124,7 +97,7 @@ def _run_all_corners(runs: Runs, corner: Array, bulge: Array) -> bool:
         return False
     base = np.stack([corner, -corner])
     middles = np.concatenate([np.where(unit, 0.0, base) for unit in np.eye(d)])
-    if runs.checked(np.concatenate([grid(np.array([-1.0, 1.0]), d), middles])) is None:
+    if runs.checked(np.concatenate([corners(d), middles])) is None:
         return False
     for i in range(d):
         triple = (runs.checked(np.where(np.arange(d) == i, factor * base, base)) for factor in (-1.0, 0.0, 1.0))

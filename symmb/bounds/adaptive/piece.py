@@ -199,7 +199,7 @@ class Piece:
         errors = Y - self.values(points)
         return errors if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), errors, 0.0)
 
-    def refined_parts(self, all_directions: bool = False) -> list[Part]:
+    def refined_parts(self) -> list[Part]:
         """The part with the next degree in directions of large error, or its halves if it is rough.
 
         There are no parts if the degree or the piece is at its limit.
@@ -207,7 +207,7 @@ class Piece:
         degrees = self.expansion.alpha.max(axis=0)
         rough = self.rough_direction
         if rough is None:
-            is_large = all_directions | (self._direction_errors >= REFINED_SHARE * self._direction_errors.max())
+            is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
             higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
         if self.half[rough] < TENSOR_RANGE:
@@ -217,9 +217,9 @@ class Piece:
         degrees = np.where(is_along, JUDGED_DEGREE // 2, degrees)
         return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
 
-    def replaced(self, parts: list[Part], runs: Runs) -> list["Piece"]:
+    def replaced(self, parts: list[Part]) -> list["Piece"]:
         """Pieces for the parts. Halves inherit a share of this piece's error, or what it missed if that is more."""
-        pieces = [Piece.of(runs, part, self) for part in parts]
+        pieces = [Piece.of(self.runs, part, self) for part in parts]
         if len(pieces) > 1:
             own, new = self.Y, np.concatenate([piece.Y for piece in pieces])
             excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))

@@ -22,13 +22,12 @@ from symmb.bounds.adaptive.continuation import (
     spread_over_times,
 )
 from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.bounds.adaptive.monotone import MonotoneCorners
+from symmb.bounds.adaptive.monotone import corner_range
 from symmb.bounds.adaptive.response_surface import ResponseSurface
 from symmb.bounds.adaptive.runs import NOISE_RUNS, UNKNOWN_SHARE, Runs, relative_rms, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
 from symmb.bounds.time_windows import DOUBTFUL
-from symmb.nodes import Grid, Index
-from symmb.nodes import grid as corners
+from symmb.nodes import Grid, Index, corners
 from symmb.polynomials.ranges import Piecewise
 
 SURFACE_RESPONSES = 8
@@ -62,6 +61,14 @@ class SparseGrids:
         self._errors = dict[int, float]()
 
     def bounded(self) -> EstimatedRange | None:
+        """The range of the interpolant, or, if it is not accurate enough at first, of corners."""
+        found = self._interpolated()
+        if found is None and self._needs_corners:
+            self._needs_corners = False
+            return corner_range(self.runs, self.tolerance, self._continued)
+        return found
+
+    def _interpolated(self) -> EstimatedRange | None:
         """The range with check runs, where the estimate is small enough for them or the grid cannot grow."""
         runs, tolerance = self.runs, self.tolerance
         self._estimate_error()
@@ -86,9 +93,6 @@ class SparseGrids:
     def refined(self) -> Surrogate:
         """With a larger grid, or what serves better."""
         runs = self.runs
-        if self._needs_corners:
-            self._needs_corners = False
-            return MonotoneCorners(self)
         if runs.shape[0] * runs.shape[1] <= SURFACE_RESPONSES:
             return ResponseSurface(runs, self.grid.nodes, self.tolerance, self.is_patient)
         if self._is_stalled():
@@ -100,7 +104,7 @@ class SparseGrids:
             self._grow(self._step)
         return self
 
-    def continued(self) -> Piecewise | None:
+    def _continued(self) -> Piecewise | None:
         """The expansion continued through all check runs; None if it would not be close to the first without them."""
         runs, continuation = self.runs, Continuation.of(self.grid, self.sizes)
         without = Corrected(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
@@ -164,7 +168,7 @@ class ExtremeSearch:
         self._base, runs, d = base, base.runs, len(base.runs.box)
         number = runs.left if base.is_patient else len(runs) // 2
         spread = quasi_random_points(SPARSE_PROBES + number // 2, d)[SPARSE_PROBES:]
-        points = np.concatenate([spread, np.sign(spread)]) if 2**d > number else corners(np.array([-1.0, 1.0]), d)
+        points = np.concatenate([spread, np.sign(spread)]) if 2**d > number else corners(d)
         runs.check(points[: runs.left])
         self._gains = list[Array]()
 

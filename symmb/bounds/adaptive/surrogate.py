@@ -1,4 +1,4 @@
-"""What stands for the responses over the box: the interface of interpolants, corners and response surfaces."""
+"""What stands for the responses over the box: the interface of interpolants, searches and response surfaces."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol

@@ -165,7 +165,7 @@ class TensorGrids:
             runs.measure_noise()
             self._pieces = [replace(piece, widths=runs.rms_widths()) for piece in self._pieces]  # with new errors
         else:
-            self._pieces = [piece for piece in self._pieces if piece is not old] + old.replaced(self._parts, runs)
+            self._pieces = [piece for piece in self._pieces if piece is not old] + old.replaced(self._parts)
         self._chosen = self._pieces[0]  # pieces are large
         return self
 
