@@ -1,5 +1,6 @@
 """Reductions of trajectories that bounding methods compute block by block."""
 
+import operator
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -26,7 +27,7 @@ def extremes(simulator: Simulator) -> Reduction[tuple[Array, Array]]:
 
 def failures() -> Reduction[FailedRuns]:
     """The failed runs."""
-    return Reduction(tuple, _update_failures, _merge_tuples, trajectories=False)
+    return Reduction(tuple, _update_failures, operator.add, trajectories=False)
 
 
 def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
@@ -38,7 +39,7 @@ def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
 
 def node_values() -> Reduction[tuple[tuple[Indices, Array], ...]]:
     """Numbers (n,) and values (n, n_t n_y) of the runs that did not fail, block by block."""
-    return Reduction(tuple, _update_values, _merge_tuples)
+    return Reduction(tuple, _update_values, operator.add)
 
 
 def gathered(simulator: Simulator, P: Array, executor: Executor | None) -> tuple[Array, FailedRuns]:
@@ -108,10 +109,6 @@ def _update_failures(state: FailedRuns, block: Samples, indices: Indices) -> Fai
 
 def _update_values(state: tuple[Any, ...], block: Samples, indices: Indices) -> tuple[Any, ...]:
     return (*state, (indices[block.ok], block.Y.reshape(len(block.Y), -1)[block.ok]))
-
-
-def _merge_tuples(first: tuple[Any, ...], second: tuple[Any, ...]) -> tuple[Any, ...]:
-    return first + second
 
 
 def _update_projection(functionals: Array, state: Array, block: Samples, indices: Indices) -> Array:

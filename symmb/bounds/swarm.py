@@ -1,5 +1,6 @@
 """Bounds by particle swarms, one for each minimum and maximum, as in references of the literature."""
 
+import operator
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -97,14 +98,10 @@ class Swarm(Method):
 
 def _watched(pairs: int, particles: int) -> Reduction[tuple[Array, ...]]:
     """The objective of each run: a response, its negative in the second half of the swarms; inf where a run failed."""
-    return Reduction(tuple, partial(_watch, pairs, particles), _chain)
+    return Reduction(tuple, partial(_watch, pairs, particles), operator.add)
 
 
 def _watch(pairs: int, particles: int, state: tuple[Array, ...], block: Samples, indices: Indices) -> tuple[Array, ...]:
     swarm = indices // particles
     values = block.Y.reshape(len(indices), -1)[np.arange(len(indices)), swarm % pairs]
     return (*state, np.where(block.ok, np.where(swarm < pairs, values, -values), np.inf))
-
-
-def _chain(first: tuple[Array, ...], second: tuple[Array, ...]) -> tuple[Array, ...]:
-    return first + second
