@@ -84,10 +84,6 @@ def _negative(a: Interval) -> Interval:
     return Interval(-a.upper, -a.lower)
 
 
-def _subtract(a: Interval, b: Interval) -> Interval:
-    return _add(a, _negative(b))
-
-
 def _multiply(a: Interval, b: Interval) -> Interval:
     products = [x * y for x in a for y in b]
     products = [np.where(np.isnan(product), 0.0, product) for product in products]  # 0 times infinity
@@ -104,10 +100,6 @@ def _inverse(a: Interval) -> Interval:
     lower = np.where(straddles | (a.upper == 0), -np.inf, 1.0 / np.where(a.upper == 0, 1.0, a.upper))
     upper = np.where(straddles | (a.lower == 0), np.inf, 1.0 / np.where(a.lower == 0, 1.0, a.lower))
     return _outward(lower, upper)
-
-
-def _divide(a: Interval, b: Interval) -> Interval:
-    return _multiply(a, _inverse(b))
 
 
 def _magnitude(a: Interval) -> Interval:
@@ -211,10 +203,6 @@ def _atan2(y: Interval, x: Interval) -> Interval:
     return Interval(np.where(cut, whole.lower, lower), np.where(cut, whole.upper, upper))
 
 
-def _hypot(a: Interval, b: Interval) -> Interval:
-    return _root(_add(_square(a), _square(b)))
-
-
 def _fmod(a: Interval, b: Interval) -> Interval:
     """a - b trunc(a / b): the interval a if it contains no multiple of b, else all possible values."""
     size, step = _magnitude(a), _magnitude(b)
@@ -256,14 +244,6 @@ def _equal(a: Interval, b: Interval) -> Interval:
     return _truth(same, (a.lower <= b.upper) & (b.lower <= a.upper))
 
 
-def _both(a: Interval, b: Interval) -> Interval:
-    return _minimum(_is_true(a), _is_true(b))
-
-
-def _either(a: Interval, b: Interval) -> Interval:
-    return _maximum(_is_true(a), _is_true(b))
-
-
 def _entry(entry: Entry, group: Interval, at: Interval) -> Interval:
     """The least and the largest entry of the pieces between both ends, without rounding."""
     pieces, column = entry
@@ -297,9 +277,9 @@ _root = _increasing(np.sqrt, domain=(0.0, np.inf), values=(0.0, np.inf), ulps=1)
 EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: _add,
-    ca.OP_SUB: _subtract,
+    ca.OP_SUB: lambda a, b: _add(a, _negative(b)),
     ca.OP_MUL: _multiply,
-    ca.OP_DIV: _divide,
+    ca.OP_DIV: lambda a, b: _multiply(a, _inverse(b)),
     ca.OP_NEG: _negative,
     ca.OP_INV: _inverse,
     ca.OP_SQ: _square,
@@ -325,7 +305,7 @@ EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_ACOSH: _increasing(np.arccosh, domain=(1.0, np.inf), values=(0.0, np.inf)),
     ca.OP_ATANH: _increasing(np.arctanh, domain=(-1.0, 1.0)),
     ca.OP_ERF: _increasing(_erf, values=(-1.0, 1.0)),
-    ca.OP_HYPOT: _hypot,
+    ca.OP_HYPOT: lambda a, b: _root(_add(_square(a), _square(b))),
     ca.OP_FABS: _magnitude,
     ca.OP_SIGN: _increasing(np.sign, ulps=0),
     ca.OP_FLOOR: _increasing(np.floor, ulps=0),
@@ -340,8 +320,8 @@ EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_EQ: _equal,
     ca.OP_NE: lambda a, b: _not(_equal(a, b)),
     ca.OP_NOT: _not,
-    ca.OP_AND: _both,
-    ca.OP_OR: _either,
+    ca.OP_AND: lambda a, b: _minimum(_is_true(a), _is_true(b)),
+    ca.OP_OR: lambda a, b: _maximum(_is_true(a), _is_true(b)),
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
 }
 """Interval extension by operation code. EXP, SIN ... are exact except for rounding: natural interval arithmetic is too
