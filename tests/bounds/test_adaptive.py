@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from unit_functions import unit_function
 
 import symmb as mb
 from models import double_pendulum
@@ -161,13 +162,9 @@ def test_many_parameters_with_few_runs():
 
 
 def test_budgets_are_spent_on_nodes_and_checks():
-    names = [f"p{i}" for i in range(5)]
-    simulator = mb.FunctionSimulator(
-        lambda **p: [[np.sin(1 + 30 * sum(x**2 for x in p.values()))]], dict.fromkeys(names, 0.0), [0.0], ["f"]
-    )
-    box = mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
+    simulator, box = unit_function(lambda x: np.sin(1 + 30 * sum(x**2)), 5)
     for budget in (11, 40, 41, 100):
-        with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: f"):
+        with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: y"):
             bounds = mb.propagate(simulator, mb.PolynomialChaos(budget=budget, seconds=600.0), box)
         assert 0.8 * budget <= bounds.evaluations <= budget
     with pytest.raises(mb.PropagationError, match="the first level takes 11 runs, more than the budget of 10"):
@@ -252,9 +249,8 @@ def test_pieces_are_refined_where_and_when_they_hold_extremes():
     ],
 )
 def test_what_first_nodes_cannot_see_is_found(f, d, lowest, highest):
-    names = [f"p{i}" for i in range(d)]
-    simulator = mb.FunctionSimulator(lambda **p: [[f(list(p.values()))]], dict.fromkeys(names, 0.0), [0.0], ["f"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    simulator, box = unit_function(f, d)
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
     errors = np.abs([bounds.lower[0, 0] - lowest, bounds.upper[0, 0] - highest])
     assert errors.max() <= bounds.estimate[0, 0] <= 0.011 * (highest - lowest)
 
@@ -263,13 +259,10 @@ def test_what_first_nodes_cannot_see_is_found(f, d, lowest, highest):
 
 
 def test_kinks_of_many_parameters_are_given_up_and_bounded_by_what_runs_attained():
-    names, t = [f"p{i}" for i in range(6)], np.linspace(0, 2, 41)
-    simulator = mb.FunctionSimulator(
-        lambda **p: abs(np.sin(3 * t) - 0.4 * (np.array(list(p.values())) @ np.arange(1, 7)))[:, None],
-        dict.fromkeys(names, 0.0), t, ["y"],
-    )  # fmt: skip
+    t = np.linspace(0, 2, 41)
+    simulator, box = unit_function(lambda x: abs(np.sin(3 * t) - 0.4 * (x @ np.arange(1, 7))), 6, t)
     with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: y"):
-        bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
     assert bounds.evaluations < 500 and bounds.doubtful() == {"y": 0.0}
     highest = 8.4 + np.abs(np.sin(3 * t))
     assert (bounds.lower >= 0).all() and (np.abs(bounds.upper[:, 0] - highest) < 0.1 * highest).all()
@@ -277,10 +270,9 @@ def test_kinks_of_many_parameters_are_given_up_and_bounded_by_what_runs_attained
 
 @pytest.mark.parametrize("method", [mb.Scanning(21), mb.Vertex()], ids=repr)
 def test_grids_of_too_many_points_are_an_error(method):
-    names = [f"p{i}" for i in range(40)]
-    simulator = mb.FunctionSimulator(lambda **p: [[0.0]], dict.fromkeys(names, 0.0), [0.0], ["y"])
+    simulator, box = unit_function(lambda x: 0.0, 40)
     with pytest.raises(mb.PropagationError, match=r"takes .* runs, more than the .* allowed\. Use PolynomialChaos"):
-        mb.propagate(simulator, method, mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        mb.propagate(simulator, method, box)
 
 
 def test_ten_parameters_take_fewer_than_500_runs():

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from unit_functions import unit_function
 
 import symmb as mb
 
@@ -12,15 +13,7 @@ T = np.linspace(0.0, 5.0, 101)
 
 
 def function(f, d=2, t=T, **named):
-    names = [f"x{i}" for i in range(d)]
-    simulator = mb.FunctionSimulator(
-        lambda **p: np.reshape(f(*(p[n] for n in names)) * np.ones(len(t)), (-1, 1)),
-        dict.fromkeys(names, 0.0),
-        t,
-        ["y"],
-        **named,
-    )
-    return simulator, mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
+    return unit_function(lambda x: f(*x) * np.ones(len(t)), d, t, **named)
 
 
 def oscillator(periods, spread=0.05, number=501):

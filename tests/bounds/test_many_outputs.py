@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from unit_functions import unit_function
 
 import symmb as mb
 
@@ -21,20 +22,19 @@ LAWS = {
 def test_a_hard_output_among_smooth_ones_is_bounded(law, d, seed):
     """law(z - c) (1 + t) among 19 exponentials. Its range is that over 20,001 numbers z."""
     rng = np.random.default_rng(seed)
-    a, c, names = rng.normal(size=(20, d)), rng.uniform(-0.6, 0.6), "xy"[:d]
+    a, c = rng.normal(size=(20, d)), rng.uniform(-0.6, 0.6)
     a /= np.abs(a).sum(axis=1, keepdims=True)
 
-    def f(**p):
-        s = a @ list(p.values())
+    def f(x):
+        s = a @ x
         Y = np.exp(0.3 * s) * (1 + T)[:, None]
         Y[:, 0] = law(s[0] - c) * (1 + T)
         return Y
 
-    simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), T, [f"y{k}" for k in range(20)])
+    simulator, box = unit_function(f, d, T, [f"y{k}" for k in range(20)])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mb.SymmbWarning)
-        method = mb.PolynomialChaos(seconds=600.0)
-        bounds = mb.propagate(simulator, method, mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
     values = law(np.linspace(-1, 1, 20_001) - c)
     error = np.abs([bounds.lower[-1, 0] / 2 - values.min(), bounds.upper[-1, 0] / 2 - values.max()]).max()
     assert error <= 0.02 * np.ptp(values) or bounds.doubts

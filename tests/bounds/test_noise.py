@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from unit_functions import unit_function
 
 import symmb as mb
 
@@ -186,14 +187,13 @@ def test_a_parameter_of_no_width_has_no_share(method):
 def test_estimates_near_failed_points_cover_what_is_predicted_there(d, times):
     """The response grows towards a corner where runs fail."""
 
-    def f(**p):
-        mean = sum(p.values()) / d
+    def f(x):
+        mean = sum(x) / d
         return np.exp(2 * mean) * (1 + times) if mean < 0.7 else np.full(len(times), np.nan)
 
-    names = [f"p{i}" for i in range(d)]
-    failing = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), times, ["x"])
+    failing, box = unit_function(f, d, times, ["x"])
     with pytest.warns(mb.SymmbWarning, match="above 10 % of the width: x"):
-        bounds = mb.propagate(failing, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        bounds = mb.propagate(failing, mb.PolynomialChaos(), box)
     assert bounds.inner is not None and (bounds.upper == bounds.inner[1]).all()
     assert (bounds.outer[1][:, 0] > np.exp(1.4) * (1 + times)).all()
     assert bounds.doubtful() == {"x": 0.0} and [name for name, *_ in bounds.doubtful_windows()] == ["x"]
@@ -214,13 +214,9 @@ def test_noise_of_one_parameter_is_measured(tolerance):
 
 @pytest.mark.parametrize("d", [1, 3, 6])
 def test_noise_of_an_output_does_not_spoil_another(d):
-    names = [f"p{i}" for i in range(d)]
-
-    def f(**p):
-        x = list(p.values())
-        return [[np.exp(np.mean(x)), 1 + 1e-9 * uniform(*x)]]
-
-    simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ["smooth", "noisy"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    simulator, box = unit_function(
+        lambda x: [np.exp(np.mean(x)), 1 + 1e-9 * uniform(*x)], d, outputs=["smooth", "noisy"]
+    )
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
     assert bounds.evaluations < 200 and not bounds.doubts
     assert_allclose(bounds.upper[0], [np.e, 1], rtol=1e-2)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
+from unit_functions import unit_function
 
 import symmb as mb
 from symmb.bounds.adaptive.covariances import Ridge, Smooth, Sum
@@ -70,13 +71,10 @@ def test_errors_at_runs_that_are_left_out_are_those_of_the_other_runs():
 
 
 def bounds_of(f, d):
-    names = [f"p{i}" for i in range(d)]
-    simulator = mb.FunctionSimulator(
-        lambda **p: np.atleast_2d(f(np.array(list(p.values())))), dict.fromkeys(names, 0.0), [0.0], ["f"]
-    )
     with warnings.catch_warnings():
         warnings.simplefilter("error", mb.SymmbWarning)
-        return mb.propagate(simulator, PATIENT, mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        simulator, box = unit_function(f, d)
+        return mb.propagate(simulator, PATIENT, box)
 
 
 def distance(bounds, lower, upper):
@@ -127,14 +125,10 @@ def test_steps_between_constants_are_bounded_by_what_many_runs_share(d, depth):
 @pytest.mark.slow
 def test_moments_of_a_surface_are_those_of_its_expansion():
     """The second output varies with other parameters, the third not at all."""
-    names = [f"p{i}" for i in range(5)]
-    simulator = mb.FunctionSimulator(
-        lambda **p: [[np.exp(p["p0"] + 0.5 * p["p1"]), np.cosh(1.5 * p["p3"]) + p["p4"] ** 3, 1.0]],
-        dict.fromkeys(names, 0.0), [0.0], ["f", "g", "one"],
-    )  # fmt: skip
-    bounds = mb.propagate(
-        simulator, mb.PolynomialChaos(tolerance=1e-3, seconds=600.0), mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
+    simulator, box = unit_function(
+        lambda x: [np.exp(x[0] + 0.5 * x[1]), np.cosh(1.5 * x[3]) + x[4] ** 3, 1.0], 5, outputs=["f", "g", "one"]
     )
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=1e-3, seconds=600.0), box)
     expected = np.array([np.sinh(1) * 2 * np.sinh(0.5), np.sinh(1.5) / 1.5, 1.0])
     assert_allclose(bounds.moments().mean[0], expected, rtol=2e-2)
     assert_allclose(bounds.upper[0], [np.exp(1.5), np.cosh(1.5) + 1, 1.0], rtol=2e-3)
@@ -145,12 +139,11 @@ def test_moments_of_a_surface_are_those_of_its_expansion():
 @pytest.mark.parametrize(("steps", "rates"), [((0.26, 0.65), (0.6, 0.2, 0.6, 0.6)), ((0.5, 0.3), (1, 0.5, 0.3, 0.2))])
 def test_a_surface_that_jumps_is_doubtful(steps, rates):
     """The latest runs lie at the extremes, on one side of the jump: they alone show no error."""
-    names = [f"p{i}" for i in range(len(rates))]
 
-    def f(**p):
-        u = (np.array(list(p.values())) + 1) / 2
-        return [[0.0 if (u[:2] > steps).any() else np.exp(u @ rates)]]
+    def f(x):
+        u = (x + 1) / 2
+        return 0.0 if (u[:2] > steps).any() else np.exp(u @ rates)
 
-    simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ["f"])
+    simulator, box = unit_function(f, len(rates))
     with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width"):
-        mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        mb.propagate(simulator, mb.PolynomialChaos(), box)

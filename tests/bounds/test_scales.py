@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from unit_functions import unit_function
 
 import symmb as mb
 
@@ -13,13 +14,10 @@ T = np.linspace(0, 1, 5)
 
 
 def bounds_of(f, d=1, noise=None, times=T[:1], method=None):
-    names = [f"p{i}" for i in range(d)]
-    simulator = mb.FunctionSimulator(
-        lambda **p: np.full(len(times), f(*p.values())), dict.fromkeys(names, 0.0), times, ["y"], noise=noise
-    )
+    simulator, box = unit_function(lambda x: np.full(len(times), f(*x)), d, times, noise=noise)
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
-        bounds = mb.propagate(simulator, method or mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        bounds = mb.propagate(simulator, method or mb.PolynomialChaos(), box)
         assert str(bounds) and bounds.doubtful_windows() == () and bounds.doubts == () and bounds.outer
         assert bounds.expansion is None or str(bounds.moments())
     return bounds

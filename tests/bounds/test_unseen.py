@@ -5,6 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
+from unit_functions import unit_function
 
 import symmb as mb
 from models import slider_crank
@@ -13,17 +14,10 @@ from symmb.bounds.adaptive.check_runs import screening_corners
 
 def bounds_of(f, d, n_t, n_y=1, probes=0):
     """Bounds of f(x) (n_t, n_y), d parameters from -1 to 1."""
-    names = [f"p{i}" for i in range(d)]
-    simulator = mb.FunctionSimulator(
-        lambda **p: np.reshape(f(np.array(list(p.values()))), (n_t, n_y)),
-        dict.fromkeys(names, 0.0),
-        np.arange(float(n_t)),
-        [f"y{k}" for k in range(n_y)],
-    )
+    simulator, box = unit_function(f, d, np.arange(float(n_t)), [f"y{k}" for k in range(n_y)])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mb.SymmbWarning)
-        method = mb.PolynomialChaos(probes=probes)
-        return mb.propagate(simulator, method, mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        return mb.propagate(simulator, mb.PolynomialChaos(probes=probes), box)
 
 
 @pytest.mark.parametrize("shape", ["same at all times", "some of the times", "swinging"])

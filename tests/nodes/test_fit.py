@@ -111,6 +111,16 @@ def coefficients(fit):
     return fit.coefficients(fit.functionals @ responses(fit.nodes), np.ones(len(fit.nodes), dtype=bool))
 
 
+def check_against_chaospy(fit, order, degree, rule, sparse=False):
+    """Compare coefficients with those of a quadrature of chaospy, whose weights are returned."""
+    law = distribution(fit.nodes.shape[1])
+    expansion = chaospy.generate_expansion(order, law)
+    nodes, weights = chaospy.generate_quadrature(degree, law, rule=rule, sparse=sparse)
+    _, theirs = chaospy.fit_quadrature(expansion, nodes, weights, responses(nodes.T), retall=1)
+    np.testing.assert_allclose(coefficients(fit), as_ours(fit, expansion, theirs), atol=1e-10)
+    return weights
+
+
 CASES = pytest.mark.parametrize("order", [2, 3, 4, 5])
 PARAMETERS = pytest.mark.parametrize("d", [1, 2, 3])
 
@@ -120,21 +130,14 @@ PARAMETERS = pytest.mark.parametrize("d", [1, 2, 3])
 @pytest.mark.parametrize("sparse", [False, True])
 def test_gauss_nodes_give_chaospy_s_coefficients(d, order, sparse):
     fit = Fit.of(SparseGrid() if sparse else Gauss(), TotalDegree(), d, order)
-    expansion = chaospy.generate_expansion(order, distribution(d))
-    nodes, weights = chaospy.generate_quadrature(order, distribution(d), rule="gaussian", sparse=sparse)
-    _, theirs = chaospy.fit_quadrature(expansion, nodes, weights, responses(nodes.T), retall=1)
-    np.testing.assert_allclose(coefficients(fit), as_ours(fit, expansion, theirs), atol=1e-10)
+    check_against_chaospy(fit, order, order, "gaussian", sparse)
 
 
 @PARAMETERS
 @CASES
 def test_sparse_clenshaw_curtis_gives_chaospy_s_coefficients(d, order):
     fit = Fit.of(SparseGrid(ClenshawCurtis()), TotalDegree(), d, order)
-    expansion = chaospy.generate_expansion(order, distribution(d))
-    nodes, weights = chaospy.generate_quadrature(order, distribution(d), rule="clenshaw_curtis", sparse=True)
-    assert len(weights) == len(fit.nodes)
-    _, theirs = chaospy.fit_quadrature(expansion, nodes, weights, responses(nodes.T), retall=1)
-    np.testing.assert_allclose(coefficients(fit), as_ours(fit, expansion, theirs), atol=1e-10)
+    assert len(check_against_chaospy(fit, order, order, "clenshaw_curtis", sparse=True)) == len(fit.nodes)
 
 
 @PARAMETERS
@@ -142,10 +145,7 @@ def test_sparse_clenshaw_curtis_gives_chaospy_s_coefficients(d, order):
 def test_clenshaw_curtis_of_twice_the_order_projects_as_chaospy(d, order):
     # Exact for products of two basis polynomials, so that least squares is projection.
     fit = Fit(TotalDegree().indices(d, order), *ClenshawCurtis().points(d, 2 * order), projects=False)
-    expansion = chaospy.generate_expansion(order, distribution(d))
-    nodes, weights = chaospy.generate_quadrature(2 * order, distribution(d), rule="clenshaw_curtis")
-    _, theirs = chaospy.fit_quadrature(expansion, nodes, weights, responses(nodes.T), retall=1)
-    np.testing.assert_allclose(coefficients(fit), as_ours(fit, expansion, theirs), atol=1e-10)
+    check_against_chaospy(fit, order, 2 * order, "clenshaw_curtis")
 
 
 @PARAMETERS

@@ -4,6 +4,7 @@ import chaospy
 import numpy as np
 import pytest
 from oscillators import BOX, TIMES, Wave
+from unit_functions import unit_function
 
 from symmb import (
     Box,
@@ -79,11 +80,7 @@ def test_moments_are_chaospy_s(d, order):
     distribution = chaospy.J(*(chaospy.Uniform(-1, 1) for _ in range(d)))
     nodes, weights = chaospy.generate_quadrature(order, distribution, rule="gaussian")
     theirs = chaospy.fit_quadrature(chaospy.generate_expansion(order, distribution), nodes, weights, f(nodes.T))
-    names = tuple(f"x{k}" for k in range(d))
-    simulator = FunctionSimulator(
-        lambda **p: f(np.array([[p[name] for name in names]])), dict.fromkeys(names, 0.0), [0.0], ["a", "b", "c"]
-    )
-    box = Box(**dict.fromkeys(names, (-1.0, 1.0)))
+    simulator, box = unit_function(lambda x: f(x[None]), d, outputs=["a", "b", "c"])
     found = PolynomialChaos.paper(order).bounds(simulator, box).moments()
     np.testing.assert_allclose(found.mean[0], chaospy.E(theirs, distribution), atol=1e-10)
     np.testing.assert_allclose(found.variance[0], chaospy.Var(theirs, distribution), atol=1e-10)
