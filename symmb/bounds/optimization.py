@@ -15,6 +15,7 @@ from symmb.bounds.quadratic_models import Quadratics, quadratics
 from symmb.bounds.reductions import extremes, failure_records, failures, together, which_failed
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
+from symmb.bounds.time_windows import ROUNDING
 from symmb.model import Box
 from symmb.nodes import corners
 
@@ -24,8 +25,6 @@ _BATCH = 8
 """Runs with derivatives between two fits. Fewer would use each run better, but each fit takes time."""
 _NARROW = 1e-2
 """Share of an output's largest width that counts as its width at the times where it is narrower."""
-_ROUNDING = 1e-9
-"""Share of an output's scale that counts as its width where it has none."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +138,6 @@ def _widths(Y: Array, G: Array) -> Array:
     The width of a single run is that of its tangent. It is inf where an output is 0 throughout.
     """
     width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
-    least = np.maximum(_NARROW * width.max(axis=0), _ROUNDING * np.abs(Y).max(axis=(0, 1)))
+    least = np.maximum(_NARROW * width.max(axis=0), ROUNDING * np.abs(Y).max(axis=(0, 1)))
     widths = np.maximum(width, least)
     return np.where(widths > 0, widths, np.inf)
