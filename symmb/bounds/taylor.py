@@ -17,7 +17,7 @@ from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import Grid, grid
-from symmb.polynomials import Expansion, MultiIndices, homogeneous
+from symmb.polynomials import Expansion, MultiIndices, TotalDegree, homogeneous
 from symmb.polynomials.ranges import Piecewise, last_terms
 
 _MOST_EVALUATIONS = 100_000
@@ -143,8 +143,7 @@ def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float
     Their error is expected to be as large as their last terms.
     """
     d, order = len(box), len(parts[0]) - 1
-    beta = np.concatenate([np.array(homogeneous(d, degree), dtype=np.intp) for degree in range(order + 1)])
-    lattice = Grid(d)
+    beta, lattice = TotalDegree().indices(d, order), Grid(d)
     lattice.add(set(map(tuple, beta.tolist())))
     change = lattice.coefficients(np.prod(lattice.nodes[:, None] ** beta, axis=2))
     coefficients = [np.tensordot(change, np.concatenate(part), axes=1) for part in parts]

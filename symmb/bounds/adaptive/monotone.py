@@ -6,7 +6,7 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bounds.adaptive.check_runs import PATIENCE, SAFETY, screening_points
-from symmb.bounds.adaptive.runs import Runs, relative_rms
+from symmb.bounds.adaptive.runs import Runs, relative_rms, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import LEAST_WIDTH
 from symmb.nodes import corners
@@ -50,7 +50,7 @@ def _error(runs: Runs, tolerance: float) -> Array | None:
     lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
     slope = lower_half + upper_half
     width = np.abs(slope).sum(axis=0)
-    least = LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0))
+    least = LEAST_WIDTH * rms(width)
     allowed = MONOTONE_SHARE / 2 * tolerance * np.maximum(width, least)
     bulge = _bulge(lower_half, upper_half)
     against = bulge.copy()
@@ -69,15 +69,16 @@ def _error(runs: Runs, tolerance: float) -> Array | None:
     values = runs.checked(np.concatenate([signs, -signs]))
     if not len(signs) or values is None:
         return None
-    highest, lowest = (_chosen(each, own) for each in np.split(values, 2))
+    at = own.reshape(1, *runs.shape)
+    highest, lowest = (np.take_along_axis(each, at, axis=0)[0] for each in np.split(values, 2))
     corners = runs.points[(np.abs(runs.points) == 1).all(axis=1)]
     for i, (ends, others) in enumerate(_edges(corners, signs[0])):
         at_ends, at_others = runs.checked(ends), runs.checked(others)
         if at_ends is None or at_others is None:
             return None
         for x, y, at_x, at_y in zip(ends[:, i], others[:, i], at_ends, at_others, strict=True):
-            effect = (at_x - at_y) / (x - y)
-            against[i] = np.maximum(against[i], _against(slope[i], effect))
+            effect = (at_x - at_y) / (x - y)  # of which the part against the slope counts
+            against[i] = np.maximum(against[i], np.where(slope[i] < 0, effect, -effect))
     lost = (np.abs(slope).reshape(d, -1) * (np.sign(slope).reshape(d, -1) != signs[own].T)).sum(axis=0)
     error = error_of(against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
     if is_too_large(error):  # as of products, whose effects change their signs
@@ -111,11 +112,6 @@ def _bulge(lower: Array, upper: Array) -> Array:
     slope, bend = np.abs(lower + upper) / 2, np.abs(upper - lower) / 2
     place = np.divide(slope, 2 * bend, out=np.ones_like(bend), where=2 * bend > slope)
     return bend * np.square(1 - place)
-
-
-def _against(slope: Array, effect: Array) -> Array:
-    """How far effects have the other sign than slopes."""
-    return np.where(slope < 0, effect, -effect)
 
 
 def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
@@ -158,9 +154,3 @@ def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
         taken[is_served] = len(corners)
         corners.append(corner)
     return np.array(corners), taken[group]
-
-
-def _chosen(values: Array, which: Indices) -> Array:
-    """From values (K, n_t, n_y) the one of each time and output."""
-    flat = values.reshape(len(values), -1)
-    return np.take_along_axis(flat, which[None], axis=0).reshape(values.shape[1:])

@@ -1,7 +1,7 @@
 """All runs of an adaptive study, and the measures of errors."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -69,13 +69,6 @@ class Runs:
     executor: Executor | None
     progress: Progress | None
     clock: Clock
-    checks: Array = field(init=False)
-    points: Array = field(init=False)
-    extremes: tuple[Array, Array] = field(init=False)
-    tried: Array = field(init=False)
-    ok: Mask = field(init=False)
-    power: Indices = field(init=False)
-    noise: Array = field(init=False)
     probes: int = 0
     before: int = 0
     events: Indices | None = None
