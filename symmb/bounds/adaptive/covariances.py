@@ -12,9 +12,6 @@ DEVIATION = 4.0
 """Expected size of components of ridges and of logarithms of sizes: it keeps what does not matter in place."""
 MEAN_RATE, DEVIATION_RATE = float(np.log(0.3)), 1.5
 """Expected logarithm of other rates, and its standard deviation: more of it takes more runs of many parameters."""
-LIMIT = 3.0
-"""Standard deviations from what is expected in which likely numbers are searched: farther ones overflow, nearer ones
-may be those of no response."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,15 @@ from functools import cached_property
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.covariances import DEVIATION, LIMIT, MEAN_RATE, Ridge, Smooth, Sum, Term
+from symmb.bounds.adaptive.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
 """Expected and least variance of noise, over that of responses: they keep covariances regular; more of them smooths."""
 _LIKELY = 1e-5
 """Share of the logarithm of a likelihood, some hundreds, to which its maximum is found: a third of the steps."""
+_LIMIT = 3.0
+"""Standard deviations from what is expected in which likely numbers are searched: farther ones overflow, nearer ones
+may be those of no response."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +139,8 @@ class GaussianProcess:
         from scipy.optimize import minimize
 
         mean, deviation = self.kernel.prior
-        limits = np.stack([mean - LIMIT * deviation, mean + LIMIT * deviation], axis=1)
-        limits[-1] = np.log([_LEAST_NOISE, 1.0])
+        limits = np.stack([mean - _LIMIT * deviation, mean + _LIMIT * deviation], axis=1)
+        limits[-1] = np.log([_LEAST_NOISE, 1.0])  # of the noise
         result = minimize(
             lambda vector: replace(self, kernel=self.kernel.with_vector(vector)).unlikeliness(),
             np.clip(self.kernel.vector, *limits.T),
