@@ -85,6 +85,8 @@ def test_a_pendulum_agrees_with_scipy(version, tmp_path):
     scene, path = pendulum(), tmp_path / "pendulum.fmu"
     mb.save_fmu(mb.prepare(scene, mb.DormandPrince(1e-10)), path, version=version)
     assert validate_fmu(str(path)) == []
+    units = {unit.name: unit.baseUnit for unit in fmpy.read_model_description(path).unitDefinitions}
+    assert (units["rad/s"].rad, units["rad/s"].s, units["m"].m) == (1, -1, 1)
     parameters = {"length": 1.3, "drive": 0.7, "until": 1.03}
     expected = by_scipy(scene.times, **parameters)
     for kind, error in (("CoSimulation", 1e-9), ("ModelExchange", 1e-6)):

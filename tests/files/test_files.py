@@ -76,6 +76,8 @@ def test_what_is_saved_is_loaded(tmp_path, kind, suffix):
         second = tmp_path / f"second.{suffix}"
         again.save(second)
         assert suffix != "json" or second.read_text() == path.read_text()
+    if suffix == "json" and kind != "Modes":
+        assert {"times", "outputs", "version"} <= json.loads(path.read_text()).keys()
 
 
 def test_a_loaded_run_knows_its_names_and_with_its_scene_any_expression(tmp_path):

@@ -25,6 +25,7 @@ def test_lines_tell_amplitudes_and_phases():
     b = 2 * eigenvalue / (eigenvalue**2 + 9)  # of b over a, from b'' + 9 b = 2 a'
     assert lin.modes[0].text == f"a.x, b.y {abs(b):.2g} at {np.degrees(np.angle(b)):.0f} deg"
     assert lin.modes[1].text == "b.y"
+    np.testing.assert_allclose(lin.damping, [0.1, 0.0], atol=1e-12)  # 0.2 over the modulus 2 of the eigenvalue
     assert "<td" in lin._repr_html_() and "b.y" in lin._repr_html_()
 
 
