@@ -124,12 +124,21 @@ def _spread(own: Sequence[str], values: np.ndarray, dims: list[str], sizes: Sequ
     return np.broadcast_to(ordered.reshape(shape), sizes).ravel()
 
 
-def over_outputs(t: np.ndarray, names: Sequence[str], units: Sequence[str]) -> tuple[dict[str, Named], dict[str, str]]:
-    """Coordinates of values over times and outputs, and the units of the values if all outputs have the same."""
+def over_outputs(
+    t: np.ndarray, names: Sequence[str], units: Sequence[str], *alike: str
+) -> tuple[dict[str, Named], dict[str, str]]:
+    """Coordinates of values over times and outputs, and units: if all outputs have the same, also those of variables
+    alike.
+    """
     coordinates: dict[str, Named] = {"time": (("time",), t), "output": (("output",), texts(names))}
     if any(units):
         coordinates["unit"] = (("output",), texts(units))
-    return coordinates, {"time": "s"} | ({"value": units[0]} if len({*units}) == 1 else {})
+    return coordinates, {"time": "s"} | (dict.fromkeys(alike, units[0]) if len({*units}) == 1 else {})
+
+
+def known(variables: Mapping[str, Named]) -> dict[str, Named]:
+    """Variables without those whose array is None."""
+    return {name: named for name, named in variables.items() if named[1] is not None}
 
 
 def unit_text(names: Sequence[str], units: Sequence[str]) -> str | None:

@@ -1,20 +1,21 @@
 """What each uncertain parameter contributes to the bounds, and to the variance."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symmb import _html as html
-from symmb import files, plot
+from symmb import plot
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
 from symmb._table import aligned, at_time, time_text
 from symmb._types import Array
 from symmb.bounds.responses import Responses
 from symmb.bounds.time_windows import ROUNDING
 from symmb.bounds.worst_case import row_of
+from symmb.files import NAMES, TIMES, Record, Saved, entry
 from symmb.nodes import Sobol
 from symmb.polynomials import moments
 from symmb.polynomials.ranges import Piecewise
@@ -31,8 +32,12 @@ _SAMPLING = 0.03
 _WHY = "Widths do not add up to the whole one: parameters act together, and extremes lie at different values of others."
 
 
+_SERIES = entry(Record.with_nan, "t", "names")
+_EACH = entry(Record.with_nan, "t", "names", "parameters")
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Contributions(Result, files.Saved):
+class Contributions(Result, Saved):
     """What each parameter contributes to the outputs over time.
 
     `print` shows them where outputs are widest, by the width of each parameter alone; `plot` draws them.
@@ -74,21 +79,21 @@ class Contributions(Result, files.Saved):
     array([[[0.2, 0.4]]])
     """
 
-    t: Array
-    names: tuple[str, ...]
+    t: Array = field(metadata=TIMES)
+    names: tuple[str, ...] = field(metadata=NAMES)
     units: tuple[str, ...]
-    parameters: tuple[str, ...]
-    width: Array
-    alone: Array
-    saved: Array
-    first: Array
-    total: Array
-    estimate: Array
-    saved_estimate: Array
-    share_estimate: Array
+    parameters: tuple[str, ...] = field(metadata=NAMES)
+    width: Array = field(metadata=_SERIES)
+    alone: Array = field(metadata=_EACH)
+    saved: Array = field(metadata=_EACH)
+    first: Array = field(metadata=_EACH)
+    total: Array = field(metadata=_EACH)
+    estimate: Array = field(metadata=_SERIES)
+    saved_estimate: Array = field(metadata=_SERIES)
+    share_estimate: Array = field(metadata=_SERIES)
     runs: int
     method: str
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
     def _head(self) -> str:
         source = f"{self.runs} further runs" if self.runs else "no further runs"
@@ -158,31 +163,18 @@ class Contributions(Result, files.Saved):
         )
         return plot.finish(figure, "Contributions.plot", path, None, figsize, title)
 
-    @classmethod
-    def _of_record(cls, record: files.Record) -> "Contributions":
-        t, names, parameters = record.times(), record.names("names"), record.names("parameters")
-        shape = len(t), len(names)
-        read: dict[str, Any] = {"t": t, "names": names, "parameters": parameters, "units": record.texts("units")}
-        read |= {"runs": record.whole("runs"), "method": record.text("method"), "remarks": record.texts("remarks", ())}
-        for own in fields(cls):
-            if own.name not in read:
-                each = (len(parameters),) if own.name in _EACH else ()
-                read[own.name] = record.array(own.name, *shape, *each, finite=False)
-        return cls(**read)
-
     def _labelled(self) -> Labelled:
         coordinates, units = over_outputs(self.t, self.names, self.units)
         coordinates["parameter"] = (("parameter",), texts(self.parameters))
         series = ("time", "output")
-        variables: dict[str, Named] = {name: ((*series, "parameter"), getattr(self, name)) for name in _EACH}
+        variables: dict[str, Named] = {
+            name: ((*series, "parameter"), getattr(self, name)) for name in ("alone", "saved", "first", "total")
+        }
         variables |= {
             name: (series, getattr(self, name)) for name in ("width", "estimate", "saved_estimate", "share_estimate")
         }
         rows = ("time", "output", "parameter")
-        return Labelled(coordinates, variables, {"method": self.method}, {"time": units["time"]}, rows)
-
-
-_EACH = ("alone", "saved", "first", "total")
+        return Labelled(coordinates, variables, {"method": self.method}, units, rows)
 
 
 def contributions_of(responses: Responses) -> Contributions:

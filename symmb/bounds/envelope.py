@@ -10,9 +10,10 @@ from symmb._options import require_name, require_positive
 from symmb._types import Array
 from symmb.bounds.failures import Failure
 from symmb.bounds.responses import Runs
-from symmb.bounds.result_file import Kind
+from symmb.bounds.result_file import INNER, Kind, box_of, kind_of
 from symmb.bounds.time_windows import DOUBTFUL, ROUNDING, is_doubtful, is_doubtful_in_window
 from symmb.bounds.worst_case import AttainingRuns, WorstCase
+from symmb.files import NAMES, NOT_KEPT, TIMES, Record, entry
 from symmb.model import Box
 from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import Piecewise
@@ -25,34 +26,34 @@ _NAMED_WINDOWS = 3
 class Envelope:
     """The attributes of `Bounds`, and how far they can be trusted."""
 
-    t: Array
-    names: tuple[str, ...]
-    lower: Array
-    upper: Array
-    kind: Kind
+    t: Array = field(metadata=TIMES)
+    names: tuple[str, ...] = field(metadata=NAMES)
+    lower: Array = field(metadata=entry(Record.lower, "t", "names"))
+    upper: Array = field(metadata=entry(Record.upper, "t", "names"))
+    kind: Kind = field(metadata=entry(kind_of))
     method: str
     evaluations: int
-    estimate: Array | None = None
-    noise: Array | None = None
-    inner: tuple[Array, Array] | None = None
-    failed: tuple[Failure, ...] = ()
+    estimate: Array | None = field(default=None, metadata=entry(Record.size, "t", "names"))
+    noise: Array | None = field(default=None, metadata=entry(Record.size, "names"))
+    inner: tuple[Array, Array] | None = field(default=None, metadata=INNER)
+    failed: tuple[Failure, ...] = field(default=(), metadata=NOT_KEPT)
     failed_region: str = ""
     seconds: float = field(default=float("nan"))
-    expansion: Expansion | None = None
+    expansion: Expansion | None = field(default=None, metadata=NOT_KEPT)
     caution: str = ""
-    run_doubts: tuple[str, ...] = ()
+    run_doubts: tuple[str, ...] = field(default=(), metadata=NOT_KEPT)
     remarks: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
-    box: Box | None = None
-    surrogate: Piecewise | None = None
-    study: Runs | None = None
+    box: Box | None = field(default=None, metadata=entry(box_of))
+    surrogate: Piecewise | None = field(default=None, metadata=NOT_KEPT)
+    study: Runs | None = field(default=None, metadata=NOT_KEPT)
     range_of: str = ""
     subject: str = ""
     solver: str = ""
-    nominal: Array | None = None
+    nominal: Array | None = field(default=None, metadata=entry(Record.with_nan, "t", "names"))
     nominal_parameters: Mapping[str, float] = field(default_factory=dict)
-    attaining: AttainingRuns | None = None
-    worst_cases: tuple[WorstCase, ...] = ()
+    attaining: AttainingRuns | None = field(default=None, metadata=NOT_KEPT)
+    worst_cases: tuple[WorstCase, ...] = field(default=(), metadata=NOT_KEPT)
     figures: tuple[str, ...] = ()
 
     @property

@@ -152,7 +152,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
             "high": (("output",), np.array([limit.high for limit in self.limits])),
             "result": (("output",), kept),
         }
-        return Labelled(coordinates, variables, {"method": self.method}, {"time": units["time"]})
+        return Labelled(coordinates, variables, {"method": self.method}, units)
 
 
 def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb import _html as html
-from symmb import files, plot
+from symmb import plot
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result
 from symmb._options import require_truth
@@ -20,6 +20,7 @@ from symmb.bounds.answers import Answers
 from symmb.bounds.failures import failure_text
 from symmb.bounds.limits import KeptLimit, LimitCheck, Limits, kept_limit, limit_pairs
 from symmb.bounds.worst_case import WorstCase
+from symmb.files import Record, Saved, Table, attributes, entries
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +31,7 @@ _ZERO = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bounds(Answers, Result, files.Saved):
+class Bounds(Answers, Result, Saved):
     """Lower and upper bounds of every output at every time.
 
     `print` shows their kind, extremes and widths, `plot` draws them, `save` and `load` keep them in a file.
@@ -111,29 +112,28 @@ class Bounds(Answers, Result, files.Saved):
         return self._cases(self.attaining, [(side, i, k)])[0]
 
     @classmethod
-    def _of_record(cls, record: files.Record) -> "Bounds":
-        return cls(**result_file.attributes_of(record))
+    def _of_record(cls, record: Record) -> "Bounds":
+        return cls(**attributes(cls, record), **result_file.parts_of(record))
 
     @classmethod
-    def _of_table(cls, table: files.Record) -> "Bounds":
-        return cls(**result_file.attributes_of(result_file.record_of_table(table)))
+    def _of_table(cls, table: Record) -> "Bounds":
+        return cls._of_record(result_file.record_of_table(table))
 
     def _record(self) -> dict[str, Any]:
-        inner_lower, inner_upper = self.inner or (None, None)
         expansion = self.expansion
-        return {name: getattr(self, name) for name in result_file.PLAIN} | {
-            "inner_lower": inner_lower,
-            "inner_upper": inner_upper,
+        return {
+            **entries(self),
+            **result_file.inner_entries(self.inner),
             "failed": [asdict(run) for run in self.failed],
-            "nominal_parameters": dict(self.nominal_parameters),
             **result_file.doubts_entries(self.run_doubts, self.names),
-            "worst": [case.record() for case in self._all_worst()],
+            "doubts": self.doubts,
+            "worst": [entries(case) for case in self._all_worst()],
             "box": self.box and dict(self.box),
             **{name: expansion and getattr(expansion, name) for name in ("parameters", "alpha", "coefficients")},
             **result_file.surrogate_entries(self.surrogate),
         }
 
-    def _table(self) -> files.Table:
+    def _table(self) -> Table:
         parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}
         columns = {
             f"{name} {part}": values[:, k]

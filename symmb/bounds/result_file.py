@@ -7,22 +7,16 @@ import numpy as np
 
 from symmb._doubt import Doubt, concerned
 from symmb._errors import DeclarationError
-from symmb._labelled import BOUND, Labelled, Named, over_outputs, parameter_names, texts, unit_text
+from symmb._labelled import BOUND, Labelled, Named, known, over_outputs, parameter_names, texts, unit_text
 from symmb._types import Array
 from symmb.bounds.failures import Failure
 from symmb.bounds.worst_case import WorstCase
-from symmb.files import Record
+from symmb.files import Record, entry
 from symmb.model import Box
 from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import Piecewise
 
 Kind = Literal["enclosure", "estimate", "sampled"]
-PLAIN = (
-    *("t", "names", "units", "lower", "upper", "kind", "method", "evaluations", "estimate", "noise", "nominal"),
-    *("failed_region", "figures", "seconds", "caution", "remarks", "doubts", "range_of", "subject", "solver"),
-)
-"""Attributes of Bounds that files hold under the same names."""
-_TEXTS = "failed_region", "caution", "range_of", "subject", "solver"
 MEANING = {
     "enclosure": "proved: no response lies outside",
     "estimate": "of a surrogate: may miss to either side",
@@ -30,38 +24,27 @@ MEANING = {
 }
 
 
-def attributes_of(record: Record) -> dict[str, Any]:
-    """The attributes of Bounds from an archive or a JSON file."""
-    t, names = record.times(), record.names("names")
-    shape = len(t), len(names)
-    lower, upper = record.pair("lower", "upper", *shape)
+INNER = entry(Record.pair, "t", "names", name="inner_lower")
+"""Metadata of bounds that runs attain. Files have an entry for each side: `inner_entries`."""
+
+
+def inner_entries(inner: tuple[Array, Array] | None) -> dict[str, Array | None]:
+    return dict(zip(("inner_lower", "inner_upper"), inner or (None, None), strict=True))
+
+
+def parts_of(record: Record) -> dict[str, Any]:
+    """The attributes of Bounds that are not single entries of an archive or a JSON file."""
+    shape, names = (record.length("t"), record.length("names")), record.names("names")
     expansion = _expansion(record, *shape) if "alpha" in record else None
     return {
-        "t": t,
-        "names": names,
-        "lower": lower,
-        "upper": upper,
-        "kind": kind_of(record),
-        "method": record.text("method"),
-        "evaluations": record.whole("evaluations"),
-        "figures": record.texts("figures", default=()),
-        "estimate": record.size("estimate", *shape) if "estimate" in record else None,
-        "noise": record.size("noise", len(names)) if "noise" in record else None,
-        "inner": record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
         "failed": tuple(
             Failure(run.numbers("parameters"), run.number("time"), run.text("message"))
             for run in record.records("failed", "parameters", "time", "message")
         ),
-        "seconds": record.number("seconds"),
         "expansion": expansion,
         "surrogate": _surrogate(record, expansion, *shape) if "surrogate_error" in record else None,
-        **{name: record.text(name, default="") for name in _TEXTS},
-        **{name: record.texts(name, default=()) for name in ("remarks", "units")},
         "run_doubts": _run_doubts(record, names),
-        "nominal": record.array("nominal", *shape, finite=False) if "nominal" in record else None,
-        "nominal_parameters": record.numbers("nominal_parameters") if "nominal_parameters" in record else {},
         "worst_cases": tuple(map(WorstCase.of_record, record.records("worst"))) if "worst" in record else (),
-        "box": box_of(record.record("box")) if "box" in record else None,
     }
 
 
@@ -77,9 +60,9 @@ def _run_doubts(record: Record, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(Doubt(*each) for each in zip(doubts, outputs, strict=True))
 
 
-def box_of(record: Record) -> Box:
+def box_of(record: Record, name: str) -> Box:
     """The box of a file, which holds its intervals by name."""
-    return Box(**{name: tuple(record.array(name, 2).tolist()) for name in record.plain})
+    return Box(**{name: tuple(ends.tolist()) for name, ends in record.arrays(name, 2).items()})
 
 
 def record_of_table(table: Record) -> Record:
@@ -98,9 +81,9 @@ def record_of_table(table: Record) -> Record:
     return Record({"t": numbers[0], "names": names, **entries, **same})
 
 
-def kind_of(record: Record) -> Kind:
+def kind_of(record: Record, name: str) -> Kind:
     """What the bounds of a file are."""
-    return cast(Kind, record.text("kind", *MEANING))
+    return cast(Kind, record.text(name, *MEANING))
 
 
 def _expansion(record: Record, n_t: int, n_y: int, names: tuple[str, ...] | None = None) -> Expansion:
@@ -153,18 +136,21 @@ def labelled(
     failed, box            of the Bounds
     """
     names, units = record["names"], record["units"]
-    coordinates, unit_of = over_outputs(record["t"], names, units)
+    alike = "value", "outer", "estimate", "inner", "nominal", "noise"
+    coordinates, unit_of = over_outputs(record["t"], names, units, *alike)
     coordinates |= {"bound": (("bound",), texts(BOUND)), **box_coordinates(box)}
     series, pair = ("time", "output"), ("bound", "time", "output")
-    variables: dict[str, Named] = {"value": (pair, np.stack([record["lower"], record["upper"]]))}
-    if record["estimate"] is not None:
-        variables["outer"] = (pair, np.stack(outer))
-        variables["estimate"] = (series, record["estimate"])
-    if record["inner_lower"] is not None:
-        variables["inner"] = (pair, np.stack([record["inner_lower"], record["inner_upper"]]))
-    for name, axes in (("nominal", series), ("noise", ("output",))):
-        if record[name] is not None:
-            variables[name] = (axes, record[name])
+    inner = None if record["inner_lower"] is None else np.stack([record["inner_lower"], record["inner_upper"]])
+    variables = known(
+        {
+            "value": (pair, np.stack([record["lower"], record["upper"]])),
+            "outer": (pair, None if record["estimate"] is None else np.stack(outer)),
+            "estimate": (series, record["estimate"]),
+            "inner": (pair, inner),
+            "nominal": (series, record["nominal"]),
+            "noise": (("output",), record["noise"]),
+        }
+    )
     if record["alpha"] is not None:
         own = "parameter" if box is not None and tuple(record["parameters"]) == box.names else "expansion_parameter"
         coordinates[own] = ((own,), texts(record["parameters"]))
@@ -173,8 +159,6 @@ def labelled(
     if failed:
         variables |= _failed_runs(failed)
         coordinates |= _failed_parameters(failed, [*coordinates, *variables, "term", "sample"])
-    if "value" in unit_of:
-        unit_of |= dict.fromkeys(("outer", "estimate", "inner", "nominal", "noise"), unit_of["value"])
     attributes = {name: record[name] for name in ("method", "kind", "range_of", "evaluations", "seconds", "caution")}
     sentences = {name: "\n".join(record[name]) or None for name in ("doubts", "remarks")}
     attributes |= {"units": unit_text(names, units), **sentences}

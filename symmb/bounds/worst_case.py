@@ -1,7 +1,7 @@
 """The runs that attain bounds: their parameters, values and times."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from symmb._options import is_finite_number, shown
 from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array, Indices
 from symmb.black_boxes import Attained, Simulator
-from symmb.files import Record
+from symmb.files import NOT_KEPT, Record
 from symmb.model import Scene
 from symmb.simulation import SceneSimulator, Trajectory, simulate
 
@@ -125,7 +125,7 @@ class WorstCase:
     width: float
     varied: tuple[str, ...]
     times: int = _SEVERAL
-    simulator: Simulator | None = None
+    simulator: Simulator | None = field(default=None, metadata=NOT_KEPT)
 
     @property
     def _times(self) -> list[float]:
@@ -185,10 +185,6 @@ class WorstCase:
     def _repr_html_(self) -> str:
         rows = [[name, f"{self.parameters[name]:.6g}"] for name in self.varied]
         return html.page(html.text(str(self)), html.table([["parameter", "value"], *rows]))
-
-    def record(self) -> dict[str, Any]:
-        """What files hold."""
-        return {name: value for name, value in vars(self).items() if name != "simulator"}
 
     @classmethod
     def of_record(cls, record: Record) -> "WorstCase":

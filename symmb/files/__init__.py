@@ -5,3 +5,4 @@ from symmb.files.jsonable import to_jsonable
 from symmb.files.record import Record
 from symmb.files.replacement import replacement, require_suffix, told
 from symmb.files.saved import Saved
+from symmb.files.schema import NAMES, NOT_KEPT, TIMES, attributes, entries, entry

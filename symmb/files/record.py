@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._types import Array
+from symmb._types import Array, Mask
 
 
 class Record:
@@ -16,43 +16,40 @@ class Record:
     Every method raises DeclarationError if the entry is missing, of another type or of another shape.
     """
 
-    def __init__(self, entries: Mapping[str, Any], where: str = "") -> None:
+    def __init__(self, entries: Mapping[str, Any], where: str = "", holder: "Record | None" = None) -> None:
         self._entries = entries
         self._where = where
+        self._holder = holder
 
     @classmethod
-    def of(cls, value: Any, where: str) -> "Record":
-        """The record of a mapping of names to values."""
+    def of(cls, value: Any, where: str, holder: "Record | None" = None) -> "Record":
+        """The record of a mapping of names to values, which another one may hold."""
         if not isinstance(value, Mapping):
             raise DeclarationError(f"{where or 'the file'} holds {_kind(value)}, not names with values.")
-        return cls(value, where)
+        return cls(value, where, holder)
 
     def __contains__(self, name: str) -> bool:
         """Whether the entry is there. Files of earlier versions have arrays without rows and columns for None."""
         value = self._entries.get(name)
-        return value is not None and np.shape(value) != (0, 0)
+        return value is not None and getattr(value, "shape", None) != (0, 0)
 
-    def text(self, name: str, *allowed: str, default: str | None = None) -> str:
+    def text(self, name: str, *allowed: str) -> str:
         """A text; one of those allowed, if there are any."""
-        value = self._value(name, default)
+        value = self._value(name)
         if not isinstance(value, str):
             raise self._wrong(name, "a text", _kind(value))
         if allowed and value not in allowed:
             raise self._wrong(name, " or ".join(map(repr, allowed)), repr(value[:80]))
         return value
 
-    def number(self, name: str, default: float | None = None) -> float:
+    def number(self, name: str) -> float:
         """A real number; nan if it is not finite in JSON."""
-        value = self._entries.get(name, default)
+        value = self._entries.get(name)
         if value is None and name in self._entries:
             return math.nan
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self._wrong(name, "a number", _kind(value))
         return float(value)
-
-    def known(self, name: str, default: float | None = None) -> float | None:
-        """A number, or the default if it is missing."""
-        return self.number(name) if name in self else default
 
     def whole(self, name: str, default: int | None = None) -> int:
         """An integer of at least 0."""
@@ -76,8 +73,8 @@ class Record:
             raise self._wrong(name, "a list of different names", repr(value)[:80])
         return value
 
-    def array(self, name: str, *shape: int | None, finite: bool = True) -> Array:
-        """An array of real numbers. None stands for any length of an axis."""
+    def with_nan(self, name: str, *shape: int | None) -> Array:
+        """An array of real numbers, some of which may not be known. None stands for any length of an axis."""
         entry = self._value(name)
         try:
             value = np.array(entry, dtype=float)
@@ -89,13 +86,27 @@ class Record:
         if not fits:
             expected = ", ".join("any" if n is None else str(n) for n in shape)
             raise self._wrong(name, f"an array of the shape ({expected})", f"the shape {value.shape}")
-        if finite and not np.isfinite(value).all():
+        return value
+
+    def array(self, name: str, *shape: int | None) -> Array:
+        """An array of finite numbers."""
+        value = self.with_nan(name, *shape)
+        if not np.isfinite(value).all():
             raise self._wrong(name, "an array of finite numbers", "others")
         return value
 
+    def arrays(self, name: str, *shape: int | None) -> dict[str, Array]:
+        """Arrays of the same shape by name."""
+        record = self.record(name)
+        return {key: record.array(key, *shape) for key in record.plain}
+
+    def mask(self, name: str) -> Mask:
+        """Truth values, one for each run or time."""
+        return self.array(name, None).astype(bool)
+
     def size(self, name: str, *shape: int | None) -> Array:
         """An array of numbers that are not negative. Those that are infinite are nan in JSON."""
-        value = self.array(name, *shape, finite=False)
+        value = self.with_nan(name, *shape)
         if isinstance(self._value(name), list):
             value = np.where(np.isnan(value), np.inf, value)
         if not (value >= 0).all():
@@ -109,19 +120,33 @@ class Record:
             raise self._wrong(name, "times that increase", "others")
         return t
 
-    def pair(self, lower: str, upper: str, *shape: int | None) -> tuple[Array, Array]:
-        """Lower and upper bounds, each of the same shape. A bound that is infinite is nan in JSON."""
-        bounds = []
-        for name, infinite in ((lower, -np.inf), (upper, np.inf)):
-            value = self.array(name, *shape, finite=False)
-            bounds.append(np.where(np.isnan(value), infinite, value) if isinstance(self._value(name), list) else value)
+    def pair(self, name: str, *shape: int | None) -> tuple[Array, Array]:
+        """Lower and upper bounds, by the name of the lower ones. A bound that is infinite is nan in JSON."""
+        bounds, names = [], (name, name.replace("lower", "upper"))
+        for own, infinite in zip(names, (-np.inf, np.inf), strict=True):
+            value = self.with_nan(own, *shape)
+            bounds.append(np.where(np.isnan(value), infinite, value) if isinstance(self._value(own), list) else value)
         if not (bounds[0] <= bounds[1]).all():
-            raise self._wrong(upper, f"at least {lower}", "smaller values")
+            raise self._wrong(names[1], f"at least {name}", "smaller values")
         return bounds[0], bounds[1]
+
+    def lower(self, name: str, *shape: int | None) -> Array:
+        """The lower ones of a pair."""
+        return self.pair(name, *shape)[0]
+
+    def upper(self, name: str, *shape: int | None) -> Array:
+        """The upper ones of a pair."""
+        return self.pair(name.replace("upper", "lower"), *shape)[1]
+
+    def length(self, name: str) -> int:
+        """How many values an entry holds, of this record or of the one that holds it."""
+        if name not in self._entries and self._holder is not None:
+            return self._holder.length(name)
+        return len(self._value(name))
 
     def record(self, name: str) -> "Record":
         """Names with values."""
-        return self.of(self._value(name), self._named(name))
+        return self.of(self._value(name), self._named(name), self)
 
     def records(self, name: str, *fields: str) -> list["Record"]:
         """A list of records; empty if it is missing. With fields, an item may be the list of their values."""
@@ -131,7 +156,7 @@ class Record:
         items = [
             dict(zip(fields, item, strict=True)) if fields and isinstance(item, list) else item for item in value or ()
         ]
-        return [self.of(item, f"{self._named(name)}/{k}") for k, item in enumerate(items)]
+        return [self.of(item, f"{self._named(name)}/{k}", self) for k, item in enumerate(items)]
 
     @property
     def plain(self) -> Mapping[str, Any]:

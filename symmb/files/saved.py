@@ -1,23 +1,23 @@
 """Results that files keep."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
 from symmb.files.formats import Table, in_json, load, save, save_json
 from symmb.files.record import Record
 from symmb.files.replacement import require_suffix
+from symmb.files.schema import attributes, entries
 
 
 class Saved:
-    """A result with a record, from which it is built again, and perhaps a table."""
+    """A dataclass with a record of its fields, from which it is built again, and perhaps a table."""
 
-    def _record(self) -> Mapping[str, Any]:
-        return dict(vars(self))
+    def _record(self) -> dict[str, Any]:
+        return entries(self)
 
     @classmethod
     def _of_record(cls, record: Record) -> Self:
-        raise NotImplementedError
+        return cls(**attributes(cls, record))
 
     def _table(self) -> Table:
         raise NotImplementedError

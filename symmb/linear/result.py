@@ -1,18 +1,18 @@
 """The result of a linearisation: matrices, eigenvalues and modes."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symmb import _html as html
-from symmb import files
 from symmb._errors import DeclarationError
 from symmb._options import is_whole, optional_package
 from symmb._table import aligned
 from symmb._types import Array
+from symmb.files import NAMES, NOT_KEPT, Record, Saved, entry, in_json
 from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
 from symmb.linear.motion import Origin
 from symmb.simulation import Trajectory
@@ -63,7 +63,7 @@ def _displacement_text(name: str, amplitude: complex) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Linearization(files.Saved):
+class Linearization(Saved):
     """Linear equations x' = A x + B u, y = C x + D u of small deviations from a state, and their eigenvalues.
 
     `print` shows the modes, `save` and `load` keep them in a file.
@@ -107,20 +107,20 @@ class Linearization(files.Saved):
     array([0.3183, 0.3183, 0.3183])
     """
 
-    name: str
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    name: str = field(metadata=entry(name="scene"))
+    A: Array = field(metadata=entry(Record.array, "states", "states"))
+    B: Array = field(metadata=entry(Record.array, "states", "inputs"))
+    C: Array = field(metadata=entry(Record.array, "names", "states"))
+    D: Array = field(metadata=entry(Record.array, "names", "inputs"))
+    states: tuple[str, ...] = field(metadata=NAMES)
+    inputs: tuple[str, ...] = field(metadata=NAMES)
+    outputs: tuple[str, ...] = field(metadata=entry(Record.names, name="names"))
     time: float
     parameters: dict[str, float]
     doubts: tuple[str, ...]
-    shapes: Array
-    displacements: tuple[str, ...]
-    origin: Origin | None = None
+    shapes: Array = field(metadata=entry(Record.array, "displacements", "states"))
+    displacements: tuple[str, ...] = field(metadata=NAMES)
+    origin: Origin | None = field(default=None, metadata=NOT_KEPT)
 
     @cached_property
     def _eigen(self) -> Eigenvalues:
@@ -264,32 +264,7 @@ class Linearization(files.Saved):
             for mode in self.modes
         ]
         values = [_pair(value) for value in self.eigenvalues.tolist()]
-        return files.in_json(self._record()) | {"eigenvalues": values, "modes": modes, "stability": self.stability}
-
-    def _record(self) -> Mapping[str, Any]:
-        names = ("A", "B", "C", "D", "states", "inputs", "time", "parameters", "doubts", "shapes", "displacements")
-        return {"scene": self.name, "names": self.outputs} | {name: getattr(self, name) for name in names}
-
-    @classmethod
-    def _of_record(cls, record: files.Record) -> "Linearization":
-        states, inputs, outputs = record.names("states"), record.names("inputs"), record.names("names")
-        displacements = record.names("displacements")
-        n, n_u, n_y = len(states), len(inputs), len(outputs)
-        return cls(
-            name=record.text("scene"),
-            A=record.array("A", n, n),
-            B=record.array("B", n, n_u),
-            C=record.array("C", n_y, n),
-            D=record.array("D", n_y, n_u),
-            states=states,
-            inputs=inputs,
-            outputs=outputs,
-            time=record.number("time"),
-            parameters=record.numbers("parameters"),
-            doubts=record.texts("doubts"),
-            shapes=record.array("shapes", len(displacements), n),
-            displacements=displacements,
-        )
+        return in_json(self._record()) | {"eigenvalues": values, "modes": modes, "stability": self.stability}
 
 
 def _plain(names: Sequence[str]) -> list[str]:

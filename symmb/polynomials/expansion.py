@@ -1,15 +1,15 @@
 """Legendre expansions of the responses, and their mean, variance and Sobol indices."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from symmb import _html as html
-from symmb import files
 from symmb._errors import DeclarationError
 from symmb._options import require_names, require_numbers, shown
 from symmb._table import aligned
 from symmb._types import Array, Mask
+from symmb.files import NAMES, TIMES, Record, Saved, entry
 from symmb.polynomials.legendre import MultiIndices, basis_values, mean_squares
 
 ROUNDING = 1e-12
@@ -78,7 +78,7 @@ class Expansion:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Moments(files.Saved):
+class Moments(Saved):
     """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
     intervals.
 
@@ -103,24 +103,21 @@ class Moments(files.Saved):
     (array([[1.333333]]), array([[1.422222]]))
     """
 
-    t: Array
-    names: tuple[str, ...]
-    parameters: tuple[str, ...]
-    mean: Array
-    variance: Array
-    first: Array
-    total: Array
+    t: Array = field(metadata=TIMES)
+    names: tuple[str, ...] = field(metadata=NAMES)
+    parameters: tuple[str, ...] = field(metadata=NAMES)
+    mean: Array = field(metadata=entry(Record.array, "t", "names"))
+    variance: Array = field(metadata=entry(Record.array, "t", "names"))
+    first: Array = field(metadata=entry(Record.with_nan, "parameters", "t", "names"))
+    total: Array = field(metadata=entry(Record.with_nan, "parameters", "t", "names"))
 
     @classmethod
-    def _of_record(cls, record: files.Record) -> "Moments":
-        t, names, parameters = record.times(), record.names("names"), record.names("parameters")
-        shape = len(t), len(names)
-        first, total = (record.array(name, len(parameters), *shape, finite=False) for name in ("first", "total"))
-        mean, variance = (record.array(name, *shape) for name in ("mean", "variance"))
-        shares = np.nan_to_num([first, total], posinf=np.inf)
-        if (variance < 0).any() or (np.abs(shares - 0.5) > 0.5 + ROUNDING).any():
+    def _of_record(cls, record: Record) -> "Moments":
+        moments = super()._of_record(record)
+        shares = np.nan_to_num([moments.first, moments.total], posinf=np.inf)
+        if (moments.variance < 0).any() or (np.abs(shares - 0.5) > 0.5 + ROUNDING).any():
             raise DeclarationError("variance must be at least 0, and first and total must be shares between 0 and 1.")
-        return cls(t, names, parameters, mean, variance, first, total)
+        return moments
 
     def __repr__(self) -> str:
         return f"Moments({len(self.names)} outputs x {len(self.t)} times, {len(self.parameters)} parameters)"

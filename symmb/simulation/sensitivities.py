@@ -1,12 +1,12 @@
 """Derivatives of outputs over time with respect to parameters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symmb import files, plot
+from symmb import plot
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
 from symmb._names import counted
@@ -14,6 +14,7 @@ from symmb._options import require_name, shown
 from symmb._table import over_times
 from symmb._types import Array, Expr
 from symmb.black_boxes import Simulator
+from symmb.files import NAMES, TIMES, Record, Saved, entry
 from symmb.integrate import Solver
 from symmb.model import Scene
 from symmb.simulation.derivatives import Differentiable
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivities(plot.OverTime, Result, files.Saved):
+class Sensitivities(plot.OverTime, Result, Saved):
     """dy/dp of outputs y over time at the nominal values of parameters p.
 
     `slopes["x", "k"]` gives one of them (n_t,). `print` shows the largest ones. `plot` draws the change of outputs
@@ -57,12 +58,12 @@ class Sensitivities(plot.OverTime, Result, files.Saved):
     """
 
     name: str
-    t: Array
-    names: tuple[str, ...]
+    t: Array = field(metadata=TIMES)
+    names: tuple[str, ...] = field(metadata=NAMES)
     units: tuple[str, ...]
     parameters: dict[str, float]
-    run: Array
-    values: Array
+    run: Array = field(metadata=entry(Record.array, "t", "names"))
+    values: Array = field(metadata=entry(Record.array, "t", "names", "parameters"))
 
     _left = (0, 1)
 
@@ -105,17 +106,8 @@ class Sensitivities(plot.OverTime, Result, files.Saved):
             ax=ax,
         )
 
-    @classmethod
-    def _of_record(cls, record: files.Record) -> "Sensitivities":
-        t, names, parameters = record.times(), record.names("names"), record.numbers("parameters")
-        shape = len(t), len(names)
-        values = record.array("values", *shape, len(parameters))
-        return cls(
-            record.text("name"), t, names, record.texts("units"), parameters, record.array("run", *shape), values
-        )
-
     def _labelled(self) -> Labelled:
-        coordinates, units = over_outputs(self.t, self.names, self.units)
+        coordinates, units = over_outputs(self.t, self.names, self.units, "value")
         coordinates |= {"parameter": (("parameter",), texts([*self.parameters]))}
         nominal = np.array(list(self.parameters.values()))
         variables = {

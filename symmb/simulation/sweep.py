@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symmb import files, plot
+from symmb import plot
 from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
@@ -18,6 +18,7 @@ from symmb._progress import shown_runs
 from symmb._table import over_times
 from symmb._types import Array, Executor, Expr, Indices, Mask
 from symmb.black_boxes import Progress, Reduction, Samples, Simulator
+from symmb.files import NAMES, TIMES, Record, Saved, entry
 from symmb.integrate import Solver
 from symmb.model import Scene
 from symmb.simulation.subject import simulator_for
@@ -33,7 +34,7 @@ Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(plot.OverTime, Result, files.Saved):
+class Sweep(plot.OverTime, Result, Saved):
     """Runs with several values of parameters.
 
     `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs,
@@ -74,13 +75,13 @@ class Sweep(plot.OverTime, Result, files.Saved):
     """
 
     name: str
-    t: Array
-    names: tuple[str, ...]
+    t: Array = field(metadata=TIMES)
+    names: tuple[str, ...] = field(metadata=NAMES)
     units: tuple[str, ...]
-    parameters: dict[str, Array]
-    grid: dict[str, Array]
-    values: Array
-    ok: Mask
+    parameters: dict[str, Array] = field(metadata=entry(Record.arrays, "ok"))
+    grid: dict[str, Array] = field(metadata=entry(Record.arrays, None))
+    values: Array = field(metadata=entry(Record.with_nan, "ok", "t", "names"))
+    ok: Mask = field(metadata=entry(Record.mask))
     messages: tuple[str, ...]
     figures: tuple[str, ...] = ()
 
@@ -149,28 +150,10 @@ class Sweep(plot.OverTime, Result, files.Saved):
         )
 
     def _record(self) -> dict[str, Any]:
-        return {**vars(self), "doubts": self.doubts}
-
-    @classmethod
-    def _of_record(cls, record: files.Record) -> "Sweep":
-        t, names = record.times(), record.names("names")
-        parameters, grid = record.record("parameters"), record.record("grid")
-        ok = record.array("ok", None).astype(bool)
-        return cls(
-            record.text("name"),
-            t,
-            names,
-            record.texts("units"),
-            {name: parameters.array(name, len(ok)) for name in parameters.plain},
-            {name: grid.array(name, None) for name in grid.plain},
-            record.array("values", len(ok), len(t), len(names), finite=False),
-            ok,
-            record.texts("messages"),
-            record.texts("figures", default=()),
-        )
+        return super()._record() | {"doubts": self.doubts}
 
     def _labelled(self) -> Labelled:
-        coordinates, units = over_outputs(self.t, self.names, self.units)
+        coordinates, units = over_outputs(self.t, self.names, self.units, "value")
         variables: dict[str, Named] = {
             "value": (("sample", "time", "output"), self.values),
             "ok": (("sample",), self.ok),

@@ -7,33 +7,15 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._labelled import Labelled, Named, over_outputs, parameter_names, unit_text
+from symmb._labelled import Labelled, known, over_outputs, parameter_names, unit_text
 from symmb._types import Array
 from symmb.events import Event
 from symmb.files import Record
 from symmb.verification import Drift, Energy
 
 PLAIN = (
-    "t",
-    "units",
-    "values",
-    "parameters",
-    "q",
-    "v",
-    "s",
-    "lam",
-    "row_names",
-    "position_drift",
-    "velocity_drift",
-    "energy_drift",
-    "solver",
-    "reason",
-    "statistics",
-    "setup_seconds",
-    "run_seconds",
-    "error",
-    "doubts",
-    "figures",
+    *("t", "units", "values", "parameters", "q", "v", "s", "lam", "row_names", "position_drift", "velocity_drift"),
+    *("energy_drift", "solver", "reason", "statistics", "setup_seconds", "run_seconds", "error", "doubts", "figures"),
 )
 """Attributes of a Trajectory that its file holds under the same names."""
 Contents = tuple[dict[str, Any], dict[str, Any]]
@@ -47,7 +29,7 @@ def of_record(record: Record) -> Contents:
     parts = [record.array(key, len(t), len(own)) for key, own in zip("qvs", states, strict=True)]
     drift = Drift(**_series(record.record("drift"), Drift._fields, len(t)))
     energy = Energy(**_series(record.record("energy"), Energy._fields, len(t)))
-    known = {
+    attributes = {
         "parameters": record.numbers("parameters"),
         "solver": record.text("solver"),
         "reason": record.text("reason"),
@@ -59,14 +41,14 @@ def of_record(record: Record) -> Contents:
         "run_seconds": record.number("run_seconds"),
         "events": tuple(_event(event) for event in record.records("events")),
         "figures": record.numbers("figures") if "figures" in record else {},
-        "error": record.array("error", len(t), len(names), finite=False) if "error" in record else None,
+        "error": record.with_nan("error", len(t), len(names)) if "error" in record else None,
     }
     derived = {
         "name": record.text("scene"),
         "names": names,
         "units": record.texts("units"),
-        "values": record.array("values", len(t), len(names), finite=False),
-        "lam": record.array("lam", len(t), len(rows), finite=False),
+        "values": record.with_nan("values", len(t), len(names)),
+        "lam": record.with_nan("lam", len(t), len(rows)),
         "state_names": states,
         "row_names": rows,
         "drift": drift,
@@ -75,7 +57,7 @@ def of_record(record: Record) -> Contents:
         "doubts": record.texts("doubts") if "doubts" in record else (),
         "_text": record.text("text"),
     }
-    return known, derived
+    return attributes, derived
 
 
 def of_table(table: Record) -> Contents:
@@ -83,7 +65,7 @@ def of_table(table: Record) -> Contents:
     headings, columns = table.texts("headings"), table.record("columns")
     if headings[0] != "t":
         raise DeclarationError("its first column must be t.")
-    t, *values = (columns.array(str(k), None, finite=False) for k in range(len(headings)))
+    t, *values = (columns.with_nan(str(k), None) for k in range(len(headings)))
     unknown = np.full(len(t), np.nan)
     entries = {
         "scene": "",
@@ -107,11 +89,9 @@ def of_table(table: Record) -> Contents:
 def labelled(record: Mapping[str, Any]) -> Labelled:
     """A run as labelled arrays, from the entries of its file. Its parameters are coordinates without dimension."""
     names, units = list(record["names"]), record["units"]
-    coordinates, unit_of = over_outputs(record["t"], names, units)
-    variables: dict[str, Named] = {"value": (("time", "output"), record["values"])}
-    if record["error"] is not None:
-        variables["error"] = (("time", "output"), record["error"])
-        unit_of |= {"error": unit_of["value"]} if "value" in unit_of else {}
+    coordinates, unit_of = over_outputs(record["t"], names, units, "value", "error")
+    series = ("time", "output")
+    variables = known({"value": (series, record["values"]), "error": (series, record["error"])})
     own_names = parameter_names([*record["parameters"]], [*coordinates, "unit", *variables, "error"])
     coordinates |= {name: ((), value) for name, value in zip(own_names, record["parameters"].values(), strict=True)}
     attributes = {name: record[name] or None for name in ("scene", "solver", "reason")}
@@ -120,7 +100,7 @@ def labelled(record: Mapping[str, Any]) -> Labelled:
 
 
 def _series(record: Record, names: tuple[str, ...], n_t: int) -> dict[str, Array]:
-    return {name: record.array(name, n_t, finite=False) for name in names}
+    return {name: record.with_nan(name, n_t) for name in names}
 
 
 def _event(record: Record) -> Event:

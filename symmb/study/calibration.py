@@ -1,18 +1,19 @@
 """Parameters of a scene from measured outputs: least squares with exact derivatives."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from symmb import files, plot
+from symmb import plot
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Result, texts
 from symmb._names import counted
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array
+from symmb.files import Record, Saved, entry
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import DAESimulator, chosen_parameters, simulator_with
@@ -33,7 +34,7 @@ _STEPS = 200
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(plot.OverTimeBesideGiven, Result, files.Saved):
+class Calibration(plot.OverTimeBesideGiven, Result, Saved):
     """Estimates of parameters from data, and how far they can be trusted.
 
     `print` shows them, `plot` draws the data and the fitted run, `save` and `load` keep them.
@@ -76,7 +77,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, files.Saved):
     parameters: dict[str, float]
     covariance: Array
     noise: dict[str, float]
-    times: dict[str, Array]
+    times: dict[str, Array] = field(metadata=entry(name="data_times"))
     data: dict[str, Array]
     residuals: dict[str, Array]
     degrees: int
@@ -184,15 +185,12 @@ class Calibration(plot.OverTimeBesideGiven, Result, files.Saved):
         about = {"scene": self.name, "undetermined": "\n".join(self.undetermined) or None}
         return Labelled(coordinates, variables, about, {"time": "s"}, ("parameter",))
 
-    def _record(self) -> dict[str, Any]:
-        return {"data_times" if name == "times" else name: value for name, value in vars(self).items()}
-
     @classmethod
-    def _of_record(cls, record: files.Record) -> "Calibration":
+    def _of_record(cls, record: Record) -> "Calibration":
         parameters, noise = record.numbers("parameters"), record.numbers("noise")
         times, data, residuals = (record.record(key) for key in ("data_times", "data", "residuals"))
         series = {name: times.array(name, None) for name in noise}
-        covariance = record.array("covariance", len(parameters), len(parameters), finite=False)
+        covariance = record.with_nan("covariance", len(parameters), len(parameters))
         diagonal = np.diag(covariance)  # JSON has no inf
         np.fill_diagonal(covariance, np.where(np.isnan(diagonal), np.inf, diagonal))
         return cls(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from symmb._labelled import BOUND, Labelled, Named, over_outputs, texts, unit_text
+from symmb._labelled import BOUND, Labelled, Named, known, over_outputs, texts, unit_text
 from symmb._types import Array
 from symmb.bounds import box_coordinates
 from symmb.model import Box
@@ -21,32 +21,31 @@ def labelled(record: Mapping[str, Any], rows: Sequence[Row], reference: Referenc
     record                 all entries of a file
     rows, reference, box   of the Comparison
     """
-    t, names, units = record["t"], record["names"], record["units"]
-    n_t, n_y = len(t), len(names)
-    coordinates, unit_of = over_outputs(t, names, units)
+    names, units = record["names"], record["units"]
+    shape = len(record["t"]), len(names)
+    coordinates, unit_of = over_outputs(record["t"], names, units, "value", "reference", "estimate", "inner")
     coordinates |= {
         "bound": (("bound",), texts(BOUND)),
         **box_coordinates(box),
         "method": (("method",), texts([row.name for row in rows])),
         "kind": (("method",), texts([row.kind for row in rows])),
     }
-    pair = ("method", "bound", "time", "output")
-    value = np.reshape([[row.lower, row.upper] for row in rows], (len(rows), 2, n_t, n_y))
-    variables: dict[str, Named] = {
-        "value": (pair, value),
-        "reference": (pair[1:], np.stack([reference.lower, reference.upper])),
-        "uncertainty": (("output",), reference.uncertainty),
+    series, pair = ("time", "output"), ("bound", "time", "output")
+    costs = (("evaluations", int), ("failed", int), ("run_seconds", float))
+    scores = {
+        name: np.reshape([getattr(row.score, name) for row in rows], (len(rows), shape[1])).astype(float)
+        for name in ("error", "over", "under", "coverage")
     }
-    for name, kind in (("evaluations", int), ("failed", int), ("run_seconds", float)):
-        variables[name] = ("method",), np.array([getattr(row, name) for row in rows], dtype=kind)
-    variables |= _optional(rows, (n_t, n_y))
-    for name in ("error", "over", "under", "coverage"):
-        values = [getattr(row.score, name) for row in rows]
-        variables[name] = ("method", "output"), np.reshape(values, (len(rows), n_y)).astype(float)
-    if record["solver_error"] is not None:
-        variables["solver_error"] = ("output",), record["solver_error"]
-    if "value" in unit_of:
-        unit_of |= dict.fromkeys(("reference", "estimate", "inner"), unit_of["value"])
+    variables: dict[str, Named] = {
+        "value": (("method", *pair), np.reshape([[row.lower, row.upper] for row in rows], (len(rows), 2, *shape))),
+        "reference": (pair, np.stack([reference.lower, reference.upper])),
+        "uncertainty": (("output",), reference.uncertainty),
+        **{name: (("method",), np.array([getattr(row, name) for row in rows], dtype=kind)) for name, kind in costs},
+        "estimate": (("method", *series), _filled([row.estimate for row in rows], shape)),
+        "inner": (("method", *pair), _filled([row.inner and np.stack(row.inner) for row in rows], (2, *shape))),
+        **{name: (("method", "output"), own) for name, own in scores.items()},
+        "solver_error": (("output",), record["solver_error"]),
+    }
     attributes = {
         "scene": record["scene"],
         **{name: record[name] or None for name in ("solver", "reason")},
@@ -54,21 +53,11 @@ def labelled(record: Mapping[str, Any], rows: Sequence[Row], reference: Referenc
         "units": unit_text(names, units),
         "doubts": "\n".join(record["doubts"]) or None,
     }
-    return Labelled(coordinates, variables, attributes, unit_of | {"run_seconds": "s"})
+    return Labelled(coordinates, known(variables), attributes, unit_of | {"run_seconds": "s"})
 
 
-def _optional(rows: Sequence[Row], shape: tuple[int, int]) -> dict[str, Named]:
-    """Estimates and inner bounds, if any method has them."""
-    estimates = [row.estimate for row in rows]
-    inner = [row.inner and np.stack(row.inner) for row in rows]
-    arrays: dict[str, Named] = {}
-    if any(estimate is not None for estimate in estimates):
-        arrays["estimate"] = ("method", "time", "output"), _filled(estimates, shape)
-    if any(pair is not None for pair in inner):
-        arrays["inner"] = ("method", "bound", "time", "output"), _filled(inner, (2, *shape))
-    return arrays
-
-
-def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array:
-    """Arrays in one; those that are missing are nan."""
+def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array | None:
+    """Arrays in one, in which those that are missing are nan; None if all are."""
+    if all(array is None for array in arrays):
+        return None
     return np.stack([np.full(shape, np.nan) if array is None else array for array in arrays])

@@ -1,15 +1,16 @@
 """The result of a comparison: print it, plot it, save it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symmb import _html as html
-from symmb import files, plot
+from symmb import plot
 from symmb._labelled import Labelled, Result
 from symmb._types import Array
 from symmb.bounds import box_of
+from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.model import Box
 from symmb.study import report
 from symmb.study.comparison_arrays import labelled
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(plot.OverTime, Result, files.Saved):
+class Comparison(plot.OverTime, Result, Saved):
     """Bounds of one scene by several methods, measured against one reference.
 
     `print` gives a table, `save` the file that `load` reads. `plot` draws bounds over time, for the named outputs or
@@ -69,15 +70,15 @@ class Comparison(plot.OverTime, Result, files.Saved):
     """
 
     scene: str
-    times: Array
-    outputs: tuple[str, ...]
-    box: Box
+    times: Array = field(metadata=entry(Record.times, name="t"))
+    outputs: tuple[str, ...] = field(metadata=entry(Record.names, name="names"))
+    box: Box = field(metadata=entry(box_of))
     solver: str
-    reference: Reference
-    rows: tuple[Row, ...]
-    not_run: tuple[NotRun, ...] = ()
+    reference: Reference = field(metadata=NOT_KEPT)
+    rows: tuple[Row, ...] = field(metadata=NOT_KEPT)
+    not_run: tuple[NotRun, ...] = field(default=(), metadata=NOT_KEPT)
     setup_seconds: float | None = None
-    solver_error: Array | None = None
+    solver_error: Array | None = field(default=None, metadata=entry(Record.size, "names"))
     threads: int | None = None
     repeats: int | None = None
     units: tuple[str, ...] = ()
@@ -117,40 +118,22 @@ class Comparison(plot.OverTime, Result, files.Saved):
         return labelled(self._record(), self.rows, self.reference, self.box)
 
     def _record(self) -> dict[str, Any]:
-        plain = ("scene", "solver", "setup_seconds", "solver_error", "threads", "repeats", "units", "reason", "doubts")
-        return {name: getattr(self, name) for name in plain} | {
-            "t": self.times,
-            "names": self.outputs,
+        return entries(self) | {
             "box": dict(self.box),
-            "reference": vars(self.reference),
+            "reference": entries(self.reference),
             "methods": [row.record() for row in self.rows],
-            "not_run": [vars(method) for method in self.not_run],
+            "not_run": [entries(method) for method in self.not_run],
         }
 
     @classmethod
-    def _of_record(cls, record: files.Record) -> "Comparison":
-        """Entries from `setup_seconds` on are missing in files of earlier versions."""
-        t, names = record.times(), record.names("names")
-        shape = len(t), len(names)
-        reference = Reference.of_record(record.record("reference"), *shape)
+    def _of_record(cls, record: Record) -> "Comparison":
+        own = attributes(cls, record)
+        reference = Reference(**attributes(Reference, record.record("reference")))
         rows = tuple(Row.of_record(row, reference.yardstick) for row in record.records("methods"))
-        return cls(
-            scene=record.text("scene"),
-            times=t,
-            outputs=names,
-            box=box_of(record.record("box")),
-            solver=record.text("solver"),
-            reference=reference,
-            rows=rows,
-            not_run=tuple(NotRun(row.text("name"), row.text("reason")) for row in record.records("not_run")),
-            setup_seconds=record.known("setup_seconds", rows[0].setup_seconds if rows else None),
-            solver_error=record.size("solver_error", shape[1]) if "solver_error" in record else None,
-            threads=record.whole("threads") if "threads" in record else None,
-            repeats=record.whole("repeats") if "repeats" in record else None,
-            units=record.texts("units", ()),
-            reason=record.text("reason", default=""),
-            doubts=record.texts("doubts", default=()),
-        )
+        if own["setup_seconds"] is None and rows:  # as in files of earlier versions
+            own["setup_seconds"] = rows[0].setup_seconds
+        not_run = tuple(NotRun(**attributes(NotRun, method)) for method in record.records("not_run"))
+        return cls(**own, reference=reference, rows=rows, not_run=not_run)
 
     def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
         reference = self.reference

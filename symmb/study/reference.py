@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from symmb._errors import PropagationError, SimulationError
 from symmb._types import Array, Executor
 from symmb.black_boxes import Simulator
 from symmb.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, gathered
-from symmb.files import Record
+from symmb.files import Record, entry
 from symmb.model import Box
 from symmb.nodes import Sobol
 from symmb.study.metrics import Yardstick
@@ -54,32 +54,15 @@ class Reference:
     """
 
     method: str
-    lower: Array
-    upper: Array
-    uncertainty: Array
+    lower: Array = field(metadata=entry(Record.lower, "t", "names"))
+    upper: Array = field(metadata=entry(Record.upper, "t", "names"))
+    uncertainty: Array = field(metadata=entry(Record.with_nan, "names"))
     evaluations: int | None = None
     failed: int | None = None
     seconds: float | None = None
-    proved: Array | None = None
+    proved: Array | None = field(default=None, metadata=entry(Record.with_nan, "names"))
     proved_by: tuple[str, ...] = ()
-    noise: Array | None = None
-
-    @classmethod
-    def of_record(cls, record: Record, n_t: int, n_y: int) -> "Reference":
-        """The reference of a file. Files of earlier versions have no costs."""
-        lower, upper = record.pair("lower", "upper", n_t, n_y)
-        return cls(
-            method=record.text("method"),
-            lower=lower,
-            upper=upper,
-            uncertainty=record.array("uncertainty", n_y, finite=False),
-            evaluations=record.whole("evaluations") if "evaluations" in record else None,
-            failed=record.whole("failed") if "failed" in record else None,
-            seconds=record.known("seconds"),
-            proved=record.array("proved", n_y, finite=False) if "proved" in record else None,
-            proved_by=record.texts("proved_by", default=()),
-            noise=record.size("noise", n_y) if "noise" in record else None,
-        )
+    noise: Array | None = field(default=None, metadata=entry(Record.size, "names"))
 
     @property
     def yardstick(self) -> Yardstick:

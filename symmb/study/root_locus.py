@@ -1,20 +1,20 @@
 """Root loci and Campbell diagrams: eigenvalues over one parameter, with bands over the box of the others."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symmb import _html as html
-from symmb import files, plot
+from symmb import plot
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds import Method, PolynomialChaos, box_of, parameter_samples, propagate
+from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.model import Box, Scene
 from symmb.simulation import scene_of
@@ -30,7 +30,7 @@ _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "least damping [-]", "at")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RootLocus(plot.ThreeDiagrams, files.Saved):
+class RootLocus(plot.ThreeDiagrams, Saved):
     """Eigenvalues over one parameter. `print` tells its oscillations, `save` and `load` keep all.
 
     `plot` draws the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
@@ -68,13 +68,13 @@ class RootLocus(plot.ThreeDiagrams, files.Saved):
     array([1.    , 2.2361, 3.    ])
     """
 
-    name: str
+    name: str = field(metadata=entry(name="scene"))
     parameter: str
-    values: Array
-    eigenvalues: Array
-    modes: Array
-    bands: dict[str, tuple[Array, Array]]
-    box: Box | None
+    values: Array = field(metadata=entry(Record.array, None))
+    eigenvalues: Array = field(metadata=NOT_KEPT)
+    modes: Array = field(metadata=NOT_KEPT)
+    bands: dict[str, tuple[Array, Array]] = field(metadata=NOT_KEPT)
+    box: Box | None = field(metadata=entry(box_of))
     method: str
     evaluations: int
     remarks: tuple[str, ...]
@@ -125,44 +125,29 @@ class RootLocus(plot.ThreeDiagrams, files.Saved):
             self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, ax=ax
         )
 
-    def _record(self) -> Mapping[str, Any]:
+    def _record(self) -> dict[str, Any]:
         parts = {"eigenvalues": self.eigenvalues, "modes": self.modes}
-        plain = ("parameter", "values", "method", "evaluations", "remarks", "doubts")
         return {
-            "scene": self.name,
-            **{name: getattr(self, name) for name in plain},
+            **entries(self),
             **{name: {"re": part.real, "im": part.imag} for name, part in parts.items()},
             "bands": {name: {"lower": lower, "upper": upper} for name, (lower, upper) in self.bands.items()},
             "box": self.box and dict(self.box),
         }
 
     @classmethod
-    def _of_record(cls, record: files.Record) -> "RootLocus":
-        values = record.array("values", None)
-        n = len(values)
-        parts = {}
+    def _of_record(cls, record: Record) -> "RootLocus":
+        own, parts, bands = attributes(cls, record), {}, record.record("bands")
         for name in ("eigenvalues", "modes"):
-            real, imaginary = (record.record(name).array(part, n, None, finite=False) for part in ("re", "im"))
+            real, imaginary = (record.record(name).with_nan(part, len(own["values"]), None) for part in ("re", "im"))
             parts[name] = real + 1j * imaginary
-        shape = parts["modes"].shape
         bands = record.record("bands")
         return cls(
-            name=record.text("scene"),
-            parameter=record.text("parameter"),
-            values=values,
-            eigenvalues=parts["eigenvalues"],
-            modes=parts["modes"],
-            bands={name: _ends(bands.record(name), *shape) for name in bands.plain},
-            box=box_of(record.record("box")) if "box" in record else None,
-            method=record.text("method"),
-            evaluations=record.whole("evaluations"),
-            remarks=record.texts("remarks"),
-            doubts=record.texts("doubts"),
+            **own, **parts, bands={name: _ends(bands.record(name), *parts["modes"].shape) for name in bands.plain}
         )
 
 
-def _ends(record: files.Record, n: int, k: int) -> tuple[Array, Array]:
-    return record.array("lower", n, k, finite=False), record.array("upper", n, k, finite=False)
+def _ends(record: Record, n: int, k: int) -> tuple[Array, Array]:
+    return record.with_nan("lower", n, k), record.with_nan("upper", n, k)
 
 
 def root_locus(

@@ -1,15 +1,17 @@
 """A row of a comparison: a method, its cost, its bounds and their score."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from symmb._types import Array
-from symmb.bounds import kind_of
-from symmb.files import Record
+from symmb.bounds import INNER, inner_entries, kind_of
+from symmb.files import NOT_KEPT, Record, attributes, entries, entry
 from symmb.study.metrics import Score, Yardstick
 
 LONG = 10.0
 """Time above which a method runs once [s]: its run time is known well enough."""
+_OPTIONAL = ("estimate", "inner_lower", "inner_upper", "failure", "failed_region", "caution", "doubts")
+"""Entries that the file of a row has only where the method has them."""
 
 
 @dataclass(frozen=True)
@@ -34,58 +36,32 @@ class Row:
     """
 
     name: str
-    kind: str
+    kind: str = field(metadata=entry(kind_of))
     evaluations: int
     failed: int
     setup_seconds: float | None
     run_seconds: float
-    lower: Array
-    upper: Array
-    estimate: Array | None
-    inner: tuple[Array, Array] | None
-    score: Score
+    lower: Array = field(metadata=entry(Record.lower, "t", "names"))
+    upper: Array = field(metadata=entry(Record.upper, "t", "names"))
+    estimate: Array | None = field(metadata=entry(Record.size, "t", "names"))
+    inner: tuple[Array, Array] | None = field(metadata=INNER)
+    score: Score = field(metadata=NOT_KEPT)
     failure: str = ""
     failed_region: str = ""
     caution: str = ""
     doubts: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
-        """The row for a file."""
-        inner_lower, inner_upper = self.inner or (None, None)
-        optional = {
-            "estimate": self.estimate,
-            "inner_lower": inner_lower,
-            "inner_upper": inner_upper,
-            **{name: getattr(self, name) or None for name in ("failure", "failed_region", "caution", "doubts")},
-        }
-        plain = ("name", "kind", "evaluations", "failed", "setup_seconds", "run_seconds", "lower", "upper")
-        return {
-            **{name: getattr(self, name) for name in plain},
-            **{name: getattr(self.score, name) for name in ("error", "over", "under", "coverage")},
-            **{name: value for name, value in optional.items() if value is not None},
-        }
+        """The row for a file, which has no entries for what a method lacks."""
+        scores = {name: getattr(self.score, name) for name in ("error", "over", "under", "coverage")}
+        own = entries(self) | inner_entries(self.inner) | scores
+        return {name: x for name, x in own.items() if name not in _OPTIONAL or (x is not None and len(x))}
 
     @staticmethod
     def of_record(record: Record, yardstick: Yardstick) -> "Row":
         """The row of a file. Its score is computed again from the bounds."""
-        shape = yardstick.lower.shape
-        lower, upper = record.pair("lower", "upper", *shape)
-        estimate = record.size("estimate", *shape) if "estimate" in record else None
-        return Row(
-            name=record.text("name"),
-            kind=kind_of(record),
-            evaluations=record.whole("evaluations"),
-            failed=record.whole("failed"),
-            setup_seconds=record.known("setup_seconds"),
-            run_seconds=record.number("run_seconds"),
-            lower=lower,
-            upper=upper,
-            estimate=estimate,
-            inner=record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
-            score=yardstick.score(lower, upper, estimate),
-            **{name: record.text(name, default="") for name in ("failure", "failed_region", "caution")},
-            doubts=record.texts("doubts", default=()),
-        )
+        own = attributes(Row, record)
+        return Row(**own, score=yardstick.score(own["lower"], own["upper"], own["estimate"]))
 
 
 @dataclass(frozen=True)

@@ -3,20 +3,21 @@
 import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symmb import _html as html
-from symmb import files, plot
+from symmb import plot
 from symmb._errors import SimulationError
 from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array
+from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.integrate import Stiffness, stiffness
 from symmb.model import Box, Scene
 from symmb.simulation import prepare_equations, scene_of, simulator_with
@@ -49,7 +50,7 @@ _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Stability(plot.ThreeDiagrams, files.Saved):
+class Stability(plot.ThreeDiagrams, Saved):
     """Results of the solvers on a scene. `print` shows them, `save` and `load` keep them in a file.
 
     `plot` draws error against run time, the drift of positions over time, and errors of the harder variants.
@@ -79,12 +80,12 @@ class Stability(plot.ThreeDiagrams, files.Saved):
     """
 
     scene: str
-    times: Array
-    trials: tuple[Trial, ...]
-    stress: tuple[Trial, ...]
-    errors: dict[str, float]
+    times: Array = field(metadata=entry(Record.times, name="t"))
+    trials: tuple[Trial, ...] = field(metadata=NOT_KEPT)
+    stress: tuple[Trial, ...] = field(metadata=NOT_KEPT)
+    errors: dict[str, float] = field(metadata=NOT_KEPT)
     uncertainty: float
-    corners: dict[float, tuple[int, int]]
+    corners: dict[float, tuple[int, int]] = field(metadata=NOT_KEPT)
     advice: str
 
     def __str__(self) -> str:
@@ -123,34 +124,24 @@ class Stability(plot.ThreeDiagrams, files.Saved):
         return [trial.family, f"{trial.setting:.1e}", *cells, trial.reason or "finished"]
 
     def _record(self) -> dict[str, Any]:
-        errors = [self.errors.get(trial.key) for trial in (*self.trials, *self.stress)]
-        return {
-            "scene": self.scene,
-            "t": self.times,
-            "uncertainty": self.uncertainty,
-            "trials": [
-                {**trial.record(), "error": error}
-                for trial, error in zip((*self.trials, *self.stress), errors, strict=True)
-            ],
+        trials = (*self.trials, *self.stress)
+        return entries(self) | {
+            "trials": [{**trial.record(), "error": self.errors.get(trial.key)} for trial in trials],
             "corners": {f"{width:g}": list(counts) for width, counts in self.corners.items()},
-            "advice": self.advice,
         }
 
     @classmethod
-    def _of_record(cls, record: files.Record) -> "Stability":
-        t, parts, corners = record.times(), record.records("trials"), record.record("corners")
-        trials = [Trial.of_record(part) for part in parts]
+    def _of_record(cls, record: Record) -> "Stability":
+        parts, corners = record.records("trials"), record.arrays("corners", 2)
+        trials = [Trial(**attributes(Trial, part)) for part in parts]
+        known = [(trial.key, part) for trial, part in zip(trials, parts, strict=True) if "error" in part]
+        own, stress = _parted(trials)
         return cls(
-            scene=record.text("scene"),
-            times=t,
-            trials=tuple(_parted(trials)[0]),
-            stress=tuple(_parted(trials)[1]),
-            errors={
-                trial.key: part.number("error") for trial, part in zip(trials, parts, strict=True) if "error" in part
-            },
-            uncertainty=record.number("uncertainty"),
-            corners={float(width): tuple(corners.array(width, 2).astype(int).tolist()) for width in corners.plain},
-            advice=record.text("advice"),
+            **attributes(cls, record),
+            trials=tuple(own),
+            stress=tuple(stress),
+            errors={key: part.number("error") for key, part in known},
+            corners={float(width): tuple(counts.astype(int).tolist()) for width, counts in corners.items()},
         )
 
     def _figure(self, ax: Any) -> "Figure":

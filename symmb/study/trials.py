@@ -15,7 +15,7 @@ import numpy as np
 from symmb._cleanup import end_groups, lead_group, note_group
 from symmb._errors import SymmbError
 from symmb._types import Array
-from symmb.files import Record
+from symmb.files import NOT_KEPT, Record, entries, entry
 from symmb.integrate import Solver
 from symmb.model import Scene
 from symmb.simulation import Trajectory, simulate
@@ -39,6 +39,7 @@ _TICK = 0.2
 """Time between two looks at the running trials [s]: short beside a trial, long beside a look."""
 _SETUP = 15.0
 """Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
+_DRIFT = entry(Record.size, None)
 
 
 @dataclass(frozen=True)
@@ -60,49 +61,25 @@ class Trial:
     states : (n_t, n_x) array
     """
 
-    scene: str
+    scene: str = field(metadata=entry(name="stress"))
     solver: str
     family: str
     setting: float
     reason: str = ""
-    seconds: float = float("nan")
-    position: Array = field(default_factory=lambda: np.empty(0), repr=False)
-    velocity: Array = field(default_factory=lambda: np.empty(0), repr=False)
-    energy: float = float("nan")
-    times: Array = field(default_factory=lambda: np.empty(0), repr=False)
-    values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
-    states: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    seconds: float = field(default=float("nan"), metadata=entry(name="run_seconds"))
+    position: Array = field(default_factory=lambda: np.empty(0), repr=False, metadata=_DRIFT)
+    velocity: Array = field(default_factory=lambda: np.empty(0), repr=False, metadata=_DRIFT)
+    energy: float = field(default=float("nan"), metadata=entry(name="energy_drift"))
+    times: Array = field(default_factory=lambda: np.empty(0), repr=False, metadata=NOT_KEPT)
+    values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False, metadata=NOT_KEPT)
+    states: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False, metadata=NOT_KEPT)
 
     def record(self) -> dict[str, Any]:
         """The trial for a file, without times, outputs and states."""
-        return {
-            "stress": self.scene,
-            "solver": self.solver,
-            "family": self.family,
-            "setting": self.setting,
-            "reason": self.reason,
-            "position_drift": np.nan if self.reason else self.position.max(initial=0.0),
-            "velocity_drift": np.nan if self.reason else self.velocity.max(initial=0.0),
-            "energy_drift": self.energy,
-            "run_seconds": self.seconds,
-            "position": self.position,
-            "velocity": self.velocity,
-        }
-
-    @classmethod
-    def of_record(cls, record: Record) -> "Trial":
-        """The trial of a file."""
-        return cls(
-            scene=record.text("stress"),
-            solver=record.text("solver"),
-            family=record.text("family"),
-            setting=record.number("setting"),
-            reason=record.text("reason"),
-            seconds=record.number("run_seconds"),
-            position=record.size("position", None),
-            velocity=record.size("velocity", None),
-            energy=record.number("energy_drift"),
+        position, velocity = (
+            np.nan if self.reason else drift.max(initial=0.0) for drift in (self.position, self.velocity)
         )
+        return entries(self) | {"position_drift": position, "velocity_drift": velocity}
 
     @property
     def key(self) -> str:

@@ -7,7 +7,6 @@ import pytest
 from scipy.signal import lsim
 
 import symmb as mb
-from models import bicycle
 
 
 def oscillators() -> mb.Scene:
@@ -27,18 +26,6 @@ def test_lines_tell_amplitudes_and_phases():
     assert lin.modes[1].text == "b.y"
     np.testing.assert_allclose(lin.damping, [0.1, 0.0], atol=1e-12)  # 0.2 over the modulus 2 of the eigenvalue
     assert "<td" in lin._repr_html_() and "b.y" in lin._repr_html_()
-
-
-@pytest.mark.parametrize("suffix", [".npz", ".json"])
-def test_files_give_the_same_result(suffix, tmp_path):
-    path = tmp_path / f"lin{suffix}"
-    for lin in (mb.linearize(oscillators(), inputs=["k"]), mb.linearize(bicycle.scene(), outputs=[])):
-        lin.save(path)
-        again = mb.Linearization.load(path)
-        assert str(again) == str(lin) and again.parameters == lin.parameters
-        for name in "ABCD":
-            np.testing.assert_array_equal(getattr(again, name), getattr(lin, name))
-        assert [mode.shape for mode in again.modes] == [mode.shape for mode in lin.modes]
 
 
 def test_state_spaces_of_scipy_and_of_control():
