@@ -55,10 +55,8 @@ class Element(ABC):
 
     def faults(self) -> Iterator[str]:
         """Faults of the declaration: a sentence with a remedy for each."""
-        places = [
-            fault for f, value in _given(self) if f.type in _PLACES for fault in _PLACES[f.type](self.title, value)
-        ]
-        yield from places or pose_faults(self.title, _attached(self), self.poses)
+        astray = [fault for kind, place in _places(self) for fault in _PLACES[kind](self.title, place)]
+        yield from astray or pose_faults(self.title, _attached(self), self.poses)
         yield from _field_faults(self.title, self)
 
 
@@ -69,9 +67,13 @@ def _given(owner: object) -> Iterator[tuple[Field[Any], Any]]:
             yield f, value
 
 
+def _places(element: Element) -> list[tuple[Any, Any]]:
+    """The points and bodies that an element is attached to, behind the types of their fields."""
+    return [(f.type, value) for f, value in _given(element) if f.type in _PLACES]
+
+
 def _attached(element: Element) -> tuple[AbstractBody, ...]:
-    places = [(f.type, value) for f, value in _given(element) if f.type in _PLACES]
-    return tuple(place.body if kind is Point else place for kind, place in places)
+    return tuple(place.body if kind is Point else place for kind, place in _places(element))
 
 
 def _field_faults(title: str, owner: object) -> Iterator[str]:

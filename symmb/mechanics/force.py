@@ -352,7 +352,8 @@ def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
     """Diagonal matrices (3, 3) of the four laws of an elastic mount: each is one number for all axes, or three."""
     matrices = []
     for what in ("stiffness", "damping", "rotational_stiffness", "rotational_damping"):
-        values, title = components(law := getattr(element, what)) or [law] * 3, f"{element.title}: {what}"
+        law, title = getattr(element, what), f"{element.title}: {what}"
+        values = components(law) or [law] * 3
         if len(values) != 3:
             raise DeclarationError(f"{title} has {len(values)} components; expected one or three.")
         matrices.append(ca.sparsify(ca.diag(ca.vertcat(*[bind(value, title) for value in values]))))
