@@ -10,7 +10,6 @@ from symmb._options import is_real, number_text
 from symmb._types import Expr
 from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body
-from symmb.mechanics.contact import law_faults
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, Element, bound
 from symmb.mechanics.force import Action, ForceElement, Load, is_constant, moment_on, push
@@ -45,6 +44,7 @@ class JointForce(ForceElement):
             yield f"{self.title}: {joint.title} has no coordinate {coordinate!r}. Give {known}."
         else:
             yield from joint.faults()
+        yield from super().faults()
 
     @property
     def handle(self) -> str:
@@ -145,8 +145,6 @@ class Stop(JointForce):
             yield f"{self.title}: lower {numbers[0]!r} is not below upper {numbers[1]!r}."
         if (self.law is None) == (self.restitution is None):
             yield f"{self.title}: give either a law of contact or restitution=..., a number from 0 to 1."
-        elif self.law is not None:
-            yield from law_faults(self.title, self.law)
         elif is_real(self.restitution) and not 0 <= self.restitution <= 1:
             yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
 

@@ -14,7 +14,7 @@ from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import AbstractBody, Point, velocity_at
 from symmb.mechanics.constraint import Constraint
-from symmb.mechanics.element import Bind, direction_faults, point_faults, pose_faults
+from symmb.mechanics.element import Bind, direction_faults
 from symmb.mechanics.pose import Planar, Pose, Spatial
 from symmb.mechanics.rotation import Rotation
 from symmb.symbolic import (
@@ -46,7 +46,7 @@ class Joint(Constraint):
     which it moves, None of a joint that has none or several. `also` reminds of what users overlook.
     """
 
-    poses: ClassVar[tuple[tuple[type[Pose], ...], tuple[type[Pose], ...]]] = (ORIENTED, ORIENTED)
+    poses: ClassVar = (ORIENTED, ORIENTED)
     handles: ClassVar[tuple[str, ...]] = ()
     coordinate: ClassVar[str | None] = None
     also: ClassVar[str] = ""
@@ -55,15 +55,6 @@ class Joint(Constraint):
     name: str
     point_a: Point
     point_b: Point
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.point_a.body, self.point_b.body)
-
-    def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults
-        if not faults:
-            yield from pose_faults(self.title, self.bodies(), self.poses)
 
     @property
     def d(self) -> ca.SX:
@@ -104,12 +95,14 @@ class AxisJoint(Joint):
     `turns` and `slides` tell whether it allows rotation and translation, and `aligns` whether its bodies have an
     orientation to each other at which it is at zero. This is where the frames coincide with `axis_b` on `axis`. In
     place of `axis_b`, `zero` gives this orientation as the rotation of body b relative to body a. A body on such a
-    joint starts at zero, unless start or guess say otherwise.
+    joint starts at zero, unless start or guess say otherwise. `parallel` lists the columns of the joint's frames that
+    its rows make parallel.
     """
 
     turns: ClassVar[bool] = False
     slides: ClassVar[bool] = False
     aligns: ClassVar[bool] = False
+    parallel: ClassVar[tuple[int, ...]] = (2,)
 
     axis: Axis = _Z
     axis_b: Axis | None = None
@@ -199,8 +192,7 @@ class AxisJoint(Joint):
         return ca.vertcat(ca.dot(A[:, 0], self.d), ca.dot(A[:, 1], self.d))
 
     def assembly_cosines(self) -> ca.SX:
-        A, B = self.frames
-        return ca.dot(A[:, 2], B[:, 2])
+        return ca.vertcat(ca.SX(0, 1), *[ca.dot(*(F[:, k] for F in self.frames)) for k in self.parallel])
 
     @cached_property
     def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:

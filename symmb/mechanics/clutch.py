@@ -1,17 +1,17 @@
 """Clutches and brakes that slip with Coulomb's torque and stick."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
 
-from symmb._options import is_real, number_text
+from symmb._options import is_real
 from symmb._types import Expr
 from symmb.mechanics.angle import turning_direction
 from symmb.mechanics.body import Body
 from symmb.mechanics.constraint import Constraint
-from symmb.mechanics.element import Bind
+from symmb.mechanics.element import NOT_NEGATIVE, Bind, within
 from symmb.mechanics.force import Action, PairTorque
 from symmb.mechanics.joint_event import JointEvent, event_state
 from symmb.symbolic import Symbol, unit, vector
@@ -54,15 +54,9 @@ class Clutch(PairTorque, Constraint):
     array([0., 0., 1.])
     """
 
-    capacity: Expr
-    static_ratio: Expr = 1.0
+    capacity: Expr = field(metadata=NOT_NEGATIVE)
+    static_ratio: Expr = field(default=1.0, metadata=within(least=1.0))
     axis: tuple[Expr, ...] = (0, 0, 1)
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        for what, least in (("capacity", 0), ("static_ratio", 1)):
-            if is_real(value := getattr(self, what)) and not value >= least:
-                yield f"{self.title}: {what} is {number_text(value)}; it must be at least {least}."
 
     @cached_property
     def slip(self) -> ca.SX:

@@ -7,7 +7,6 @@ import casadi as ca
 
 from symmb._options import require_truth
 from symmb._types import Expr
-from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Bind, Element
 
 
@@ -62,12 +61,6 @@ class Motion(Constraint):
     expression: Expr
     law: Expr
 
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return ()
-
-    def faults(self) -> Iterator[str]:
-        yield from ()
-
     def position_rows(self, bind: Bind) -> ca.SX:
         return bind(self.expression, f"{self.title}: expression") - bind(self.law, f"{self.title}: law")
 
@@ -89,10 +82,8 @@ class VelocityConstraint(Constraint):
     name: str
     expressions: tuple[Expr, ...]
 
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return ()
-
     def faults(self) -> Iterator[str]:
+        yield from super().faults()
         if not isinstance(self.expressions, tuple | list):
             yield f"{self.title}: expressions must be a tuple, got {type(self.expressions).__name__}."
 

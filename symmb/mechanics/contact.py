@@ -1,15 +1,14 @@
 """Contacts: surfaces that push each other apart while they touch."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
-from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point, velocity_at
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults
+from symmb.mechanics.element import DIRECTION, Bind, bound
 from symmb.mechanics.force import (
     MEETING,
     Action,
@@ -21,7 +20,7 @@ from symmb.mechanics.force import (
     is_constant,
     push,
 )
-from symmb.mechanics.friction import FrictionLaw, friction_faults
+from symmb.mechanics.friction import FrictionLaw
 from symmb.mechanics.pose import Planar
 from symmb.symbolic import Z, ddt, triad, unit, vector
 
@@ -81,27 +80,11 @@ def distance_and_direction(d: ca.SX, least: ca.SX | float = 0.0) -> tuple[ca.SX,
     return distance, d / distance
 
 
-def law_faults(title: str, law: object) -> Iterator[str]:
-    """Fault of an object that is not a law of contact."""
-    if not isinstance(law, ContactLaw):
-        yield (
-            f"{title}: expected a law of contact, got {shown(law)}. "
-            "Use HuntCrossley(...), LankaraniNikravesh(...), Flores(...), KelvinVoigt(...) or Tabulated(...)."
-        )
-
-
 class SurfaceContact(ForceElement):
     """A contact with a law along the normal, and perhaps friction across it."""
 
     law: ContactLaw
     friction: FrictionLaw | None
-
-    def faults(self) -> Iterator[str]:
-        yield from law_faults(self.title, self.law)
-        if self.friction is not None:
-            yield from friction_faults(self.title, self.friction)
-        if not isinstance(inside := getattr(self, "inside", False), bool):
-            yield f"{self.title}: inside must be True or False, got {shown(inside)}."
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,19 +121,10 @@ class Contact(SurfaceContact):
     name: str
     point: Point
     plane_point: Point
-    normal: tuple[Expr, ...]
+    normal: tuple[Expr, ...] = field(metadata=DIRECTION)
     law: ContactLaw
     radius: Expr = 0.0
     friction: FrictionLaw | None = None
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.point.body, self.plane_point.body)
-
-    def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point, self.plane_point))
-        yield from faults or pair_faults(self.title, self.bodies())
-        yield from direction_faults(self.title, "normal", self.normal)
-        yield from super().faults()
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.plane_point.body
@@ -189,14 +163,9 @@ class BushContact(PairForce):
     array([ 0.     , -0.00135])
     """
 
-    axis: tuple[Expr, ...]
+    axis: tuple[Expr, ...] = field(metadata=DIRECTION)
     clearance: Expr
     law: ContactLaw
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        yield from direction_faults(self.title, "axis", self.axis)
-        yield from law_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.point_a.body
@@ -241,14 +210,9 @@ class ToothContact(PairForce):
     array([ 1.  ,  0.54, -1.  ])
     """
 
-    direction: tuple[Expr, ...]
+    direction: tuple[Expr, ...] = field(metadata=DIRECTION)
     backlash: Expr
     law: ContactLaw
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        yield from direction_faults(self.title, "direction", self.direction)
-        yield from law_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.point_a.body
@@ -298,10 +262,6 @@ class TorsionContact(PairTorque):
     law: ContactLaw
     angle: Expr = 0.0
     axis: tuple[Expr, ...] = (0, 0, 1)
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        yield from law_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         backlash = bind(self.backlash, f"{self.title}: backlash")

@@ -4,14 +4,15 @@ Roots and powers are evaluated at a positive argument where the surfaces do not 
 there. All derivatives are then finite, and 0 without contact.
 """
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import casadi as ca
 
 from symmb._options import require_instance
 from symmb._types import Expr
-from symmb.mechanics.element import require_number
+from symmb.mechanics.element import NOT_NEGATIVE, POSITIVE, Law, within
 from symmb.mechanics.table import Table
 from symmb.symbolic import is_zero, scalar
 
@@ -19,8 +20,13 @@ _TOUCH = 1e-12
 """Penetration above which a contact has a force [m, rad]. Below it third derivatives exceed double precision."""
 
 
-class ContactLaw(ABC):
+class ContactLaw(Law):
     """The force that pushes two surfaces apart."""
+
+    expected: ClassVar[str] = (
+        "a law of contact, got {}. "
+        "Use HuntCrossley(...), LankaraniNikravesh(...), Flores(...), KelvinVoigt(...) or Tabulated(...)."
+    )
 
     @abstractmethod
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
@@ -52,16 +58,10 @@ def _power(base: ca.SX, exponent: Expr) -> ca.SX:
 class _Hertzian(ContactLaw):
     """F = k d^n (1 + chi d') with the penetration d. The laws differ in chi."""
 
-    stiffness: Expr
-    restitution: Expr
-    speed: Expr
-    exponent: Expr = 1.5
-
-    def __post_init__(self) -> None:
-        require_number(self, "stiffness", self.stiffness, above=0.0)
-        require_number(self, "restitution", self.restitution, above=0.0, most=1.0)
-        require_number(self, "speed", self.speed, above=0.0)
-        require_number(self, "exponent", self.exponent, least=1.0)
+    stiffness: Expr = field(metadata=POSITIVE)
+    restitution: Expr = field(metadata=within(above=0.0, most=1.0))
+    speed: Expr = field(metadata=POSITIVE)
+    exponent: Expr = field(default=1.5, metadata=within(least=1.0))
 
     @property
     @abstractmethod
@@ -207,12 +207,8 @@ class KelvinVoigt(ContactLaw):
     array([-1.   ,  0.744])
     """
 
-    stiffness: Expr
-    damping: Expr = 0.0
-
-    def __post_init__(self) -> None:
-        require_number(self, "stiffness", self.stiffness, above=0.0)
-        require_number(self, "damping", self.damping, least=0.0)
+    stiffness: Expr = field(metadata=POSITIVE)
+    damping: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
         penetration, rate = _expressions(self, penetration, rate)
@@ -248,11 +244,11 @@ class Tabulated(ContactLaw):
     """
 
     table: Table
-    damping: Expr = 0.0
+    damping: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
 
     def __post_init__(self) -> None:
         require_instance("Tabulated: table", self.table, Table, "a Table of forces over penetrations")
-        require_number(self, "damping", self.damping, least=0.0)
+        super().__post_init__()
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
         penetration, rate = _expressions(self, penetration, rate)

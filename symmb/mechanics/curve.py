@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import cast
+from typing import ClassVar, cast
 
 import casadi as ca
 import numpy as np
@@ -40,6 +40,8 @@ class Curve:
     >>> square.end
     4.0
     """
+
+    expected: ClassVar[str] = "a curve, got {}. Use Curve(...)."
 
     shape: Callable[[ca.SX], Sequence[Expr]] | Sequence[Sequence[float]] | Array
     start: float = 0.0

@@ -10,14 +10,13 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.axis_joint import Joint
 from symmb.mechanics.body import Body, Point
 from symmb.mechanics.contact import distance_and_direction, touch
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.curve import Curve, Measured
-from symmb.mechanics.element import Bind, size_faults
+from symmb.mechanics.element import NOT_NEGATIVE, TRUTH, Bind
 from symmb.mechanics.feet import ALL_SAMPLES, Bounds, Foot, Motion, Side, follow_curve, follow_point, left, require_room
 from symmb.mechanics.force import Action
 from symmb.mechanics.friction import FrictionLaw
@@ -35,13 +34,6 @@ def _side(measured: Measured, inside: bool) -> float:
     """1 if points lie to the left of the curve, -1 to the right: outside of a closed curve, unless they are inside."""
     outside = -float(np.sign(measured.area)) if measured.curve.closed else 1.0
     return -outside if inside else outside
-
-
-def _curve_faults(element: "CurveContact | PointOnCurve", *curves: object) -> Iterator[str]:
-    for curve in curves:
-        if not isinstance(curve, Curve):
-            yield f"{element.title}: expected a curve, got {shown(curve)}. Use Curve(...)."
-    yield from size_faults(element, "radius")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,15 +84,14 @@ class CurveContact(ShapeContact):
     point_a: Point
     curve: Curve
     point_b: Point
-    radius: Expr
+    radius: Expr = field(metadata=NOT_NEGATIVE)
     law: ContactLaw
     friction: FrictionLaw | None = None
-    inside: bool = False
+    inside: bool = field(default=False, metadata=TRUTH)
     curve_b: Curve | None = None
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from _curve_faults(self, *self._curves)
         if self.curve_b is not None and any(isinstance(body.pose, Spatial) for body in self.bodies()):
             yield f"{self.title}: two curves touch in one plane, which spatial bodies leave. Use pose=Planar()."
         if all(isinstance(curve, Curve) and curve.corners for curve in (self.curve, self.curve_b)):
@@ -211,15 +202,12 @@ class PointOnCurve(Joint):
     without: ClassVar[str] = "Use coordinates and points of its bodies."
 
     curve: Curve
-    radius: Expr = field(default=0.0, kw_only=True)
-    inside: bool = field(default=False, kw_only=True)
+    radius: Expr = field(default=0.0, kw_only=True, metadata=NOT_NEGATIVE)
+    inside: bool = field(default=False, kw_only=True, metadata=TRUTH)
     unilateral: bool = field(default=False, kw_only=True)
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from _curve_faults(self, self.curve)
-        if not isinstance(self.inside, bool):
-            yield f"{self.title}: inside must be True or False, got {shown(self.inside)}."
         if isinstance(self.curve, Curve) and self.curve.corners:
             yield f"{self.title}: its curve has corners, where no motion can turn at once. Use CurveContact."
 

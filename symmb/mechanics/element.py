@@ -1,10 +1,11 @@
-"""The base of constraints and forces."""
+"""The base of constraints and forces, and of their laws: what their fields accept is checked here."""
 
 import math
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
-from typing import Any, Protocol, TypeVar, cast, get_args, get_origin
+from dataclasses import Field, fields, replace
+from functools import partial
+from typing import Any, ClassVar, Protocol, TypeVar, get_args, get_origin
 
 import casadi as ca
 
@@ -12,7 +13,7 @@ from symmb._errors import DeclarationError, text_of
 from symmb._options import is_real, number_text, python_number, shown
 from symmb._types import Array, Expr
 from symmb.mechanics.body import AbstractBody, Ground, Point
-from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
+from symmb.mechanics.pose import Fixed, Planar, Pose
 from symmb.mechanics.table import Table
 from symmb.symbolic import has_irregular_constant, is_zero, vector
 
@@ -28,7 +29,14 @@ class Bind(Protocol):
 
 
 class Element(ABC):
-    """A constraint or a force, with its name, its bodies and the faults of its declaration."""
+    """A constraint or a force, with its name, its bodies and the faults of its declaration.
+
+    The fields of an element say what they accept: points, bodies, laws and curves by their types, directions, numbers
+    and truth values by metadata, such as `DIRECTION` and `POSITIVE`. `poses` are those that its bodies may have, one
+    after the other; without them any will do.
+    """
+
+    poses: ClassVar[tuple[tuple[type[Pose], ...], ...]] = ()
 
     name: str
 
@@ -37,17 +45,46 @@ class Element(ABC):
         """Class and name for messages."""
         return f"{type(self).__name__} {self.name!r}"
 
-    @abstractmethod
     def bodies(self) -> tuple[AbstractBody, ...]:
         """The bodies and grounds the element is attached to."""
+        return _attached(self)
 
     def parts(self) -> "tuple[Element, ...]":
         """Other elements that it acts on, which must be in the system as well."""
         return ()
 
-    @abstractmethod
     def faults(self) -> Iterator[str]:
         """Faults of the declaration: a sentence with a remedy for each."""
+        astray = [fault for kind, place in _places(self) for fault in _PLACES[kind](self.title, place)]
+        yield from astray or pose_faults(self.title, _attached(self), self.poses)
+        yield from _field_faults(self.title, self)
+
+
+def _given(owner: object) -> Iterator[tuple[Field[Any], Any]]:
+    """The fields of an element or a law with their values, but for options that are left out by None."""
+    for f in fields(owner):  # pyright: ignore[reportArgumentType]
+        if f.init and not ((value := getattr(owner, f.name)) is None and f.default is None):
+            yield f, value
+
+
+def _places(element: Element) -> list[tuple[Any, Any]]:
+    """The points and bodies that an element is attached to, behind the types of their fields."""
+    return [(f.type, value) for f, value in _given(element) if f.type in _PLACES]
+
+
+def _attached(element: Element) -> tuple[AbstractBody, ...]:
+    return tuple(place.body if kind is Point else place for kind, place in _places(element))
+
+
+def _field_faults(title: str, owner: object) -> Iterator[str]:
+    """Faults of the fields of an element or a law by their metadata, and of what is of another class than a field."""
+    for f, value in _given(owner):
+        kinds: tuple[Any, ...] = get_args(f.type) or (f.type,)
+        for kind in kinds:
+            if hasattr(kind, "expected") and not isinstance(value, kind):
+                yield f"{title}: expected {kind.expected.format(shown(value))}"
+        if "faults" in f.metadata:
+            yield from f.metadata["faults"](title, f.name, value)
 
 
 def point_faults(title: str, *points: object) -> Iterator[str]:
@@ -64,13 +101,6 @@ def point_faults(title: str, *points: object) -> Iterator[str]:
             )
 
 
-def size_faults(element: Element, *names: str) -> Iterator[str]:
-    """Faults of sizes of an element that are negative."""
-    for name in names:
-        if is_real(value := getattr(element, name)) and not value >= 0:
-            yield f"{element.title}: {name} is {number_text(value)}; it must be at least 0."
-
-
 def body_faults(title: str, *bodies: object) -> Iterator[str]:
     """Faults of the bodies an element is attached to."""
     for body in bodies:
@@ -78,15 +108,27 @@ def body_faults(title: str, *bodies: object) -> Iterator[str]:
             yield f"{title}: expected a body, got {type(body).__name__}."
 
 
+_PLACES: dict[Any, Callable[..., Iterator[str]]] = {Point: point_faults, AbstractBody: body_faults}
+"""Types of fields that an element is attached to, with their faults."""
+
+
 def pose_faults(
     title: str, bodies: tuple[AbstractBody, ...], allowed: tuple[tuple[type[Pose], ...], ...]
 ) -> Iterator[str]:
-    """Faults of a joint whose bodies have poses that it does not support."""
-    for body, poses in zip(bodies, allowed, strict=True):
+    """Faults of an element whose bodies have poses that it does not support, or cannot move relative to each other."""
+    for body, poses in zip(bodies, allowed, strict=False):
         if not isinstance(body.pose, (*poses, Fixed)):
             names = " or ".join(f"pose={p.__name__}()" for p in poses)
             yield f"{title}: makes no sense on {body.pose!r} body {body.name!r}. Use {names}, or another joint."
     yield from pair_faults(title, bodies)
+
+
+def pair_faults(title: str, bodies: tuple[AbstractBody, ...]) -> Iterator[str]:
+    """Fault of an element whose two points cannot move relative to each other."""
+    if len(bodies) > 1 and all(isinstance(body, Ground) for body in bodies):
+        yield f"{title}: both points are on the ground, nothing is left to act on."
+    elif len(bodies) > 1 and bodies[0] is bodies[1]:
+        yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to act on."
 
 
 def direction_faults(title: str, what: str, axis: Any) -> Iterator[str]:
@@ -98,27 +140,43 @@ def direction_faults(title: str, what: str, axis: Any) -> Iterator[str]:
         yield f"{title}: {what} {shown(axis)} contains NaN or infinity. Give a vector of finite numbers."
 
 
-def turning_faults(title: str, body_a: object, body_b: object, axis: Any) -> Iterator[str]:
-    """Faults of an element that turns two bodies about an axis fixed in both."""
-    faults = list(body_faults(title, body_a, body_b))
-    yield from faults
-    if faults:
-        return
-    bodies = cast(tuple[AbstractBody, ...], (body_a, body_b))
-    yield from pose_faults(title, bodies, ((Planar, Spatial), (Planar, Spatial)))
-    faults = list(direction_faults(title, "axis", axis))
-    yield from faults
-    a = vector(axis)
-    if not faults and any(isinstance(b.pose, Planar) for b in bodies) and not (is_zero(a[0]) and is_zero(a[1])):
-        yield f"{title}: axis {axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
+def truth_faults(title: str, what: str, value: object) -> Iterator[str]:
+    """Fault of what is neither True nor False."""
+    if not isinstance(value, bool):
+        yield f"{title}: {what} must be True or False, got {shown(value)}."
 
 
-def pair_faults(title: str, bodies: tuple[AbstractBody, ...]) -> Iterator[str]:
-    """Fault of an element whose two points cannot move relative to each other."""
-    if len(bodies) > 1 and all(isinstance(body, Ground) for body in bodies):
-        yield f"{title}: both points are on the ground, nothing is left to act on."
-    elif len(bodies) > 1 and bodies[0] is bodies[1]:
-        yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to act on."
+def number_faults(
+    title: str, what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
+) -> Iterator[str]:
+    """Fault of a number that is out of its range. Expressions are not checked."""
+    if is_real(value) and not (value > above and least <= value <= most):
+        words = [f"above {above:g}"] if above > -math.inf else []
+        words += [f"at least {least:g}"] if least > -math.inf else []
+        words += [f"at most {most:g}"] if most < math.inf else []
+        yield f"{title}: {what} is {number_text(value)}; it must be {' and '.join(words)}."
+
+
+def within(**limits: float) -> dict[str, Any]:
+    """Metadata of a field whose numbers are `above` one limit, or from `least` to `most`."""
+    return {"faults": partial(number_faults, **limits)}
+
+
+POSITIVE, NOT_NEGATIVE = within(above=0.0), within(least=0.0)
+DIRECTION, TRUTH = {"faults": direction_faults}, {"faults": truth_faults}
+
+
+class Law(ABC):
+    """A law of an element. Its fields say what they accept, and `expected` tells what stands in its place."""
+
+    expected: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for f, value in _given(self):
+            if is_real(value):
+                object.__setattr__(self, f.name, python_number(value))
+        for fault in _field_faults(type(self).__name__, self):
+            raise DeclarationError(fault)
 
 
 def law_value(law: Callable[..., Expr], title: str, *arguments: Any) -> Expr:
@@ -131,36 +189,19 @@ def law_value(law: Callable[..., Expr], title: str, *arguments: Any) -> Expr:
         raise DeclarationError(f"{title}: the law raises {text_of(error)}.") from error
 
 
-Law = TypeVar("Law")
+T = TypeVar("T")
 
 
-def bound(law: Law, bind: Callable[[Any, str], ca.SX], title: str) -> Law:
+def bound(law: T, bind: Callable[[Any, str], ca.SX], title: str) -> T:
     """A law, a dataclass, whose numbers and expressions are bound.
 
     Tables, functions where these are legal, and options that are None stay.
     """
     laws = {
         f.name: value
-        for f in fields(law)  # pyright: ignore[reportArgumentType]
-        if f.init
-        and not isinstance(value := getattr(law, f.name), Table)
-        and (value is not None or f.default is not None)
-        if not (callable(value) and any(get_origin(kind) is Callable for kind in get_args(f.type)))
+        for f, value in _given(law)
+        if not isinstance(value, Table)
+        and not (callable(value) and any(get_origin(kind) is Callable for kind in get_args(f.type)))
     }
     values = {name: bind(value, f"{title}: {name}") for name, value in laws.items()}
     return replace(law, **values)  # pyright: ignore[reportArgumentType]
-
-
-def require_number(
-    law: object, what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
-) -> None:
-    """A number of a law becomes Python's; raise if it is out of its range. Expressions are not checked."""
-    if not is_real(value):
-        return
-    object.__setattr__(law, what, python_number(value))
-    if not (value > above and least <= value <= most):
-        words = [f"above {above:g}"] if above > -math.inf else []
-        words += [f"at least {least:g}"] if least > -math.inf else []
-        words += [f"at most {most:g}"] if most < math.inf else []
-        text = f"{what} is {number_text(value)}; it must be {' and '.join(words)}."
-        raise DeclarationError(f"{type(law).__name__}: {text}")

@@ -4,6 +4,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import casadi as ca
 
@@ -12,7 +13,7 @@ from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle, turning_direction
 from symmb.mechanics.body import AbstractBody, Body, Point
-from symmb.mechanics.element import Bind, Element, body_faults, pair_faults, point_faults, pose_faults, turning_faults
+from symmb.mechanics.element import Bind, Element, direction_faults
 from symmb.mechanics.pose import Planar, Spatial
 from symmb.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, lookup, symbols_in, unit, vector
 
@@ -100,13 +101,6 @@ class PairForce(ForceElement):
     point_a: Point
     point_b: Point
 
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.point_a.body, self.point_b.body)
-
-    def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults or pair_faults(self.title, self.bodies())
-
 
 @dataclass(frozen=True, eq=False)
 class Gravity(ForceElement):
@@ -124,12 +118,6 @@ class Gravity(ForceElement):
     gy: Expr
     gz: Expr = 0.0
     name: str = "gravity"
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return ()
-
-    def faults(self) -> Iterator[str]:
-        yield from ()
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         g = ca.vertcat(
@@ -240,16 +228,21 @@ class PairTorque(ForceElement):
     """Opposite torques on two bodies that depend on their relative angle about an axis fixed in both."""
 
     turns = True
+    poses: ClassVar = ((Planar, Spatial), (Planar, Spatial))
 
     name: str
     body_a: AbstractBody
     body_b: AbstractBody
 
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.body_a, self.body_b)
-
     def faults(self) -> Iterator[str]:
-        yield from turning_faults(self.title, self.body_a, self.body_b, self.axis)
+        yield from super().faults()
+        if not all(isinstance(body, AbstractBody) for body in self.bodies()):
+            return
+        astray, a = list(direction_faults(self.title, "axis", self.axis)), vector(self.axis)
+        yield from astray
+        in_plane = any(isinstance(body.pose, Planar) for body in self.bodies())
+        if in_plane and not astray and not (is_zero(a[0]) and is_zero(a[1])):
+            yield f"{self.title}: axis {self.axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
 
     @property
     @abstractmethod
@@ -352,22 +345,19 @@ class Bushing(PairForce):
     rotational_damping: Expr = 0.0
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        translation = [
-            diagonal(getattr(self, what), f"{self.title}: {what}", bind) for what in ("stiffness", "damping")
-        ]
-        rotation = [
-            diagonal(getattr(self, what), f"{self.title}: {what}", bind)
-            for what in ("rotational_stiffness", "rotational_damping")
-        ]
-        yield from mount(self.point_a, self.point_b, *translation, *rotation)
+        yield from mount(self.point_a, self.point_b, *mount_matrices(self, bind))
 
 
-def diagonal(value: Expr | Sequence[Expr], what: str, bind: Bind) -> ca.SX:
-    """Diagonal matrix (3, 3) of one number for all axes, or of three."""
-    values = components(value) or [value] * 3
-    if len(values) != 3:
-        raise DeclarationError(f"{what} has {len(values)} components; expected one or three.")
-    return ca.sparsify(ca.diag(ca.vertcat(*[bind(v, what) for v in values])))
+def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
+    """Diagonal matrices (3, 3) of the four laws of an elastic mount: each is one number for all axes, or three."""
+    matrices = []
+    for what in ("stiffness", "damping", "rotational_stiffness", "rotational_damping"):
+        law, title = getattr(element, what), f"{element.title}: {what}"
+        values = components(law) or [law] * 3
+        if len(values) != 3:
+            raise DeclarationError(f"{title} has {len(values)} components; expected one or three.")
+        matrices.append(ca.sparsify(ca.diag(ca.vertcat(*[bind(value, title) for value in values]))))
+    return matrices
 
 
 def mount(point_a: Point, point_b: Point, K: ca.SX, C: ca.SX, K_turn: ca.SX, C_turn: ca.SX) -> Iterator[Action]:
@@ -406,11 +396,8 @@ class Force(ForceElement):
     point: Point
     force: tuple[Expr, ...]
 
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.point.body,)
-
     def faults(self) -> Iterator[str]:
-        yield from point_faults(self.title, self.point)
+        yield from super().faults()
         if components(self.force) is None:
             yield f"{self.title}: expected a force (fx, fy[, fz]), got {shown(self.force)}."
 
@@ -432,18 +419,11 @@ class Torque(ForceElement):
     array([1.    , 0.6703])
     """
 
+    poses: ClassVar = ((Planar, Spatial),)
+
     name: str
     body: AbstractBody
     torque: Expr
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.body,)
-
-    def faults(self) -> Iterator[str]:
-        faults = list(body_faults(self.title, self.body))
-        yield from faults
-        if not faults:
-            yield from pose_faults(self.title, self.bodies(), ((Planar, Spatial),))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         values = components(self.torque) or (0, 0, self.torque)

@@ -1,21 +1,25 @@
 """Friction laws, and the friction force between two bodies that slide on each other."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import casadi as ca
 
-from symmb._options import is_real, shown
+from symmb._errors import DeclarationError
+from symmb._options import is_real
 from symmb._types import Expr
 from symmb.mechanics.body import Body
-from symmb.mechanics.element import Bind, bound, direction_faults, require_number
+from symmb.mechanics.element import DIRECTION, NOT_NEGATIVE, POSITIVE, Bind, Law, bound, number_faults
 from symmb.mechanics.force import Action, PairForce, push
 from symmb.symbolic import Kind, Symbol, ddt, declare, unit, vector
 
 
-class FrictionLaw(ABC):
+class FrictionLaw(Law):
     """A law of friction."""
+
+    expected: ClassVar[str] = "a friction law, got {}. Use Coulomb(...) or Bristle(...)."
 
     @abstractmethod
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
@@ -56,12 +60,13 @@ class Coulomb(FrictionLaw):
     meaningful parameters, J. Comput. Nonlinear Dyn. 11.
     """
 
-    kinetic: Expr
-    speed: Expr
+    kinetic: Expr = field(metadata=POSITIVE)
+    speed: Expr = field(metadata=POSITIVE)
     static: Expr | None = None
 
     def __post_init__(self) -> None:
-        _require_coefficients(self)
+        super().__post_init__()
+        _require_static(self)
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
@@ -116,16 +121,15 @@ class Bristle(FrictionLaw):
     Control 47.
     """
 
-    kinetic: Expr
-    stiffness: Expr
-    damping: Expr = 0.0
+    kinetic: Expr = field(metadata=POSITIVE)
+    stiffness: Expr = field(metadata=POSITIVE)
+    damping: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
     static: Expr | None = None
-    speed: Expr = 1e-3
+    speed: Expr = field(default=1e-3, metadata=POSITIVE)
 
     def __post_init__(self) -> None:
-        _require_coefficients(self)
-        require_number(self, "stiffness", self.stiffness, above=0.0)
-        require_number(self, "damping", self.damping, least=0.0)
+        super().__post_init__()
+        _require_static(self)
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         n = slip.numel()
@@ -153,11 +157,10 @@ _ELASTIC = 0.7**2
 Dupont, Hayward, Armstrong and Altpeter (2002), IEEE Transactions on Automatic Control 47, 787-792."""
 
 
-def _require_coefficients(law: Coulomb | Bristle) -> None:
-    require_number(law, "kinetic", law.kinetic, above=0.0)
-    require_number(law, "speed", law.speed, above=0.0)
+def _require_static(law: Coulomb | Bristle) -> None:
     if is_real(law.kinetic):
-        require_number(law, "static", law.static, least=law.kinetic)
+        for fault in number_faults(type(law).__name__, "static", law.static, least=law.kinetic):
+            raise DeclarationError(fault)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,14 +191,9 @@ class Friction(PairForce):
     array([3., 1.])
     """
 
-    axis: tuple[Expr, ...]
+    axis: tuple[Expr, ...] = field(metadata=DIRECTION)
     normal_force: Expr
     law: FrictionLaw
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        yield from direction_faults(self.title, "axis", self.axis)
-        yield from friction_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.point_a.body
@@ -205,9 +203,3 @@ class Friction(PairForce):
         law = bound(self.law, bind, self.title)
         force, states = law.resistance(self.name, slip, normal_force)
         yield Action(push(self.point_b, a, force * (a.frame.R @ axis)), states=states)
-
-
-def friction_faults(title: str, law: object) -> Iterator[str]:
-    """Fault of an object that is not a friction law."""
-    if not isinstance(law, FrictionLaw):
-        yield f"{title}: expected a friction law, got {shown(law)}. Use Coulomb(...) or Bristle(...)."

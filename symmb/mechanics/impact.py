@@ -8,7 +8,6 @@ import casadi as ca
 
 from symmb._options import is_real, number_text
 from symmb._types import Expr
-from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Element
 from symmb.symbolic import Kind, Symbol, declare
 
@@ -56,10 +55,8 @@ class Impact(Element):
     gap: Expr
     restitution: Expr
 
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return ()
-
     def faults(self) -> Iterator[str]:
+        yield from super().faults()
         if is_real(self.restitution) and not 0 <= self.restitution <= 1:
             yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
 

@@ -1,13 +1,11 @@
 """Values that other programs give while a scene runs."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._options import shown
-from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Element
 from symmb.symbolic import Kind, Symbol, declare
 
@@ -46,9 +44,3 @@ class Input(Element):
     def value(self) -> ca.SX:
         """The value in expressions."""
         return self.symbol.sx
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return ()
-
-    def faults(self) -> Iterator[str]:
-        yield from ()

@@ -106,14 +106,11 @@ class Prismatic(SlidingJoint):
     """
 
     coordinate = "displacement"
+    parallel = (0, 2)
     without = "Its frames are locked parallel, so that nothing turns. Use displacement and displacement_rate."
 
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(self._across(), self._locked())
-
-    def assembly_cosines(self) -> ca.SX:
-        A, B = self.frames
-        return ca.vertcat(ca.dot(A[:, 0], B[:, 0]), ca.dot(A[:, 2], B[:, 2]))
 
 
 class Weld(AxisJoint):
@@ -131,14 +128,11 @@ class Weld(AxisJoint):
     """
 
     aligns = True
+    parallel = (0, 2)
     without = "It holds its bodies together, so that nothing turns and nothing slides."
 
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(self.d, self._locked())
-
-    def assembly_cosines(self) -> ca.SX:
-        A, B = self.frames
-        return ca.vertcat(ca.dot(A[:, 0], B[:, 0]), ca.dot(A[:, 2], B[:, 2]))
 
 
 class Universal(AxisJoint):
@@ -155,6 +149,7 @@ class Universal(AxisJoint):
     """
 
     poses = (_SPATIAL, _SPATIAL)
+    parallel = ()
     without = (
         "It turns about two axes and does not slide. Use two Revolute joints with a body between them, which may have "
         "no mass: each has an angle of its own."
@@ -168,9 +163,6 @@ class Universal(AxisJoint):
     def position_rows(self, bind: Bind) -> ca.SX:
         a, b = self.axes
         return ca.vertcat(self.d, ca.dot(self.point_a.body.frame.R @ a, self.point_b.body.frame.R @ b))
-
-    def assembly_cosines(self) -> ca.SX:
-        return ca.SX(0, 1)
 
 
 class PlanarJoint(AxisJoint):
@@ -210,6 +202,7 @@ class PointOnLine(AxisJoint):
     """
 
     poses = (ORIENTED, _ANY)
+    parallel = ()
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
@@ -222,9 +215,6 @@ class PointOnLine(AxisJoint):
 
     def position_rows(self, bind: Bind) -> ca.SX:
         return self._across()
-
-    def assembly_cosines(self) -> ca.SX:
-        return ca.SX(0, 1)
 
 
 class Spherical(Joint):
@@ -305,6 +295,7 @@ class Gear(AxisJoint):
     """
 
     turns: ClassVar[bool] = True
+    parallel: ClassVar[tuple[int, ...]] = ()
     without: ClassVar[str] = "It couples two angles. Use those of the Revolute joints that carry its wheels."
 
     ratio: Expr = field(kw_only=True)
@@ -320,9 +311,6 @@ class Gear(AxisJoint):
     def position_rows(self, bind: Bind) -> ca.SX:
         (angle_a, _), (angle_b, _) = self._angles
         return angle_b - bind(self.ratio, f"{self.title}: ratio") * angle_a
-
-    def assembly_cosines(self) -> ca.SX:
-        return ca.SX(0, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,6 +359,7 @@ class CamFollower(Constraint):
         return (self.cam, self.follower)
 
     def faults(self) -> Iterator[str]:
+        yield from super().faults()
         for joint in self.parts():
             if not isinstance(joint, Joint):
                 yield f"{self.title}: expected a joint, got {shown(joint)}. Give what Revolute(...) returns."

@@ -11,7 +11,7 @@ import casadi as ca
 from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.axis_joint import AxisJoint, Joint
-from symmb.mechanics.body import AbstractBody, Point
+from symmb.mechanics.body import Point
 from symmb.mechanics.element import Bind, Element
 from symmb.mechanics.joint import Distance, PointOnLine, Screw, Spherical
 from symmb.symbolic import Kind, Symbol, declare
@@ -39,9 +39,6 @@ class JointEvent(Element):
     @property
     def title(self) -> str:
         return f"{type(self).__name__} {getattr(self.joint, 'name', '')!r}"
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return ()
 
     def parts(self) -> tuple[Element, ...]:
         return (self.joint,)

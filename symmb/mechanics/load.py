@@ -1,17 +1,17 @@
 """Loads of machines: nonlinear springs, hydraulic dampers, gas springs, soil."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
 from symmb._options import shown
 from symmb._types import Expr
-from symmb.mechanics.body import AbstractBody, Body, Point
-from symmb.mechanics.contact import law_faults, press
+from symmb.mechanics.body import Body, Point
+from symmb.mechanics.contact import press
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, bound, direction_faults, law_value, pair_faults, point_faults
-from symmb.mechanics.force import MEETING, Action, ForceElement, PairForce, diagonal, force_at, mount, push
+from symmb.mechanics.element import DIRECTION, Bind, bound, law_value
+from symmb.mechanics.force import MEETING, Action, ForceElement, PairForce, force_at, mount, mount_matrices, push
 from symmb.symbolic import ddt, scalar, unit, vector
 
 
@@ -183,21 +183,12 @@ class Soil(ForceElement):
     name: str
     ground_point: Point
     point: Point
-    normal: tuple[Expr, ...]
+    normal: tuple[Expr, ...] = field(metadata=DIRECTION)
     law: ContactLaw
     stiffness: Expr = 0.0
     damping: Expr = 0.0
     rotational_stiffness: Expr = 0.0
     rotational_damping: Expr = 0.0
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.ground_point.body, self.point.body)
-
-    def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.ground_point, self.point))
-        yield from faults or pair_faults(self.title, self.bodies())
-        yield from direction_faults(self.title, "normal", self.normal)
-        yield from law_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.ground_point.body
@@ -207,9 +198,6 @@ class Soil(ForceElement):
         fixed = (self.point.s, self.ground_point.s, normal)
         yield press(law, penetration, lambda force: push(self.point, a, force * (a.frame.R @ normal)), *fixed)
         across = ca.SX.eye(3) - normal @ normal.T
-        values = [
-            diagonal(getattr(self, what), f"{self.title}: {what}", bind)
-            for what in ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
-        ]
-        K, C = (ca.sparsify(across @ value @ across) for value in values[:2])
-        yield from mount(self.ground_point, self.point, K, C, *values[2:])
+        K, C, *turning = mount_matrices(self, bind)
+        K, C = (ca.sparsify(across @ matrix @ across) for matrix in (K, C))
+        yield from mount(self.ground_point, self.point, K, C, *turning)

@@ -1,16 +1,15 @@
 """Electric motors in joints."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
 
-from symmb._options import is_real, number_text
 from symmb._types import Expr
 from symmb.mechanics.actuator import JointForce
 from symmb.mechanics.body import Body
-from symmb.mechanics.element import Bind
+from symmb.mechanics.element import NOT_NEGATIVE, POSITIVE, Bind
 from symmb.mechanics.force import Action
 from symmb.symbolic import Kind, Symbol, declare, is_zero, scalar
 
@@ -59,20 +58,12 @@ class Motor(JointForce):
     """
 
     voltage: Expr
-    resistance: Expr
+    resistance: Expr = field(metadata=POSITIVE)
     torque_constant: Expr
-    inductance: Expr = 0.0
+    inductance: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
     gear: Expr = 1.0
-    friction: Expr = 0.0
+    friction: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
     emf_constant: Expr | None = None
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        if is_real(self.resistance) and not self.resistance > 0:
-            yield f"{self.title}: resistance is {number_text(self.resistance)}; it must be above 0."
-        for what in ("inductance", "friction"):
-            if is_real(value := getattr(self, what)) and not value >= 0:
-                yield f"{self.title}: {what} is {number_text(value)}; it must be at least 0."
 
     @property
     def current(self) -> ca.SX:

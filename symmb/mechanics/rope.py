@@ -1,18 +1,18 @@
 """Ropes over fixed points and round pulleys."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb._options import is_real, number_text, shown
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import press
 from symmb.mechanics.contact_law import KelvinVoigt
-from symmb.mechanics.element import Bind, bound, pair_faults, point_faults, size_faults
+from symmb.mechanics.element import NOT_NEGATIVE, POSITIVE, Bind, bound, pair_faults, point_faults
 from symmb.mechanics.force import MEETING, Action, ForceElement, Load, force_at
 from symmb.mechanics.pose import Spatial
 from symmb.symbolic import Z
@@ -53,9 +53,9 @@ class Rope(ForceElement):
 
     name: str
     points: Sequence[Wrap]
-    stiffness: Expr
-    length: Expr
-    damping: Expr = 0.0
+    stiffness: Expr = field(metadata=POSITIVE)
+    length: Expr = field(metadata=NOT_NEGATIVE)
+    damping: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
 
     def bodies(self) -> tuple[AbstractBody, ...]:
         return tuple(point.body for point, _ in self._wraps)
@@ -78,9 +78,7 @@ class Rope(ForceElement):
         if len({id(body) for body in self.bodies()}) == 1:
             yield f"{self.title}: all its points are on body {self.bodies()[0].name!r}, nothing is left to act on."
         yield from self._pulley_faults([radius is not None for _, radius in wraps])
-        yield from size_faults(self, "length", "damping")
-        if is_real(self.stiffness) and not self.stiffness > 0:
-            yield f"{self.title}: stiffness is {number_text(self.stiffness)}; it must be above 0."
+        yield from super().faults()
 
     def _pulley_faults(self, are_pulleys: Sequence[bool]) -> Iterator[str]:
         if any(are_pulleys) and any(isinstance(body.pose, Spatial) for body in self.bodies()):

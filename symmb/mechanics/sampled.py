@@ -54,6 +54,7 @@ class Sampled(OwnState):
             object.__setattr__(self, "law", law_value(self.law, f"{self.title}: law", self.value))
 
     def faults(self) -> Iterator[str]:
+        yield from super().faults()
         if not is_real(self.period):
             yield f"{self.title}: period {self.period!r} is no number. Instants cannot move with parameters."
         elif not 0 < self.period < math.inf:

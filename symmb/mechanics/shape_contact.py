@@ -1,7 +1,7 @@
 """Contacts of circles, slots, spheres and boxes, whose feet are known in closed form."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from itertools import product
 
@@ -9,10 +9,10 @@ import casadi as ca
 
 from symmb._options import is_real, shown
 from symmb._types import Expr
-from symmb.mechanics.body import AbstractBody, Body, Point
+from symmb.mechanics.body import Body, Point
 from symmb.mechanics.contact import SurfaceContact, distance_and_direction, touch
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, direction_faults, pair_faults, point_faults, size_faults
+from symmb.mechanics.element import DIRECTION, NOT_NEGATIVE, TRUTH, Bind
 from symmb.mechanics.force import Action
 from symmb.mechanics.friction import FrictionLaw
 from symmb.mechanics.pose import Planar
@@ -24,14 +24,6 @@ class ShapeContact(SurfaceContact):
 
     point_a: Point
     point_b: Point
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.point_a.body, self.point_b.body)
-
-    def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults or pair_faults(self.title, self.bodies())
-        yield from super().faults()
 
     @property
     def offset(self) -> ca.SX:
@@ -61,7 +53,6 @@ class RoundContact(ShapeContact):
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from size_faults(self, "radius_a", "radius_b")
         if self.inside is True and is_real(self.radius_a) and is_real(self.radius_b):
             if not self.radius_b < self.radius_a:
                 yield f"{self.title}: radius_b is not below radius_a, so that it does not fit inside."
@@ -99,11 +90,11 @@ class CircleContact(RoundContact):
     name: str
     point_a: Point
     point_b: Point
-    radius_a: Expr
-    radius_b: Expr
+    radius_a: Expr = field(metadata=NOT_NEGATIVE)
+    radius_b: Expr = field(metadata=NOT_NEGATIVE)
     law: ContactLaw
     friction: FrictionLaw | None = None
-    inside: bool = False
+    inside: bool = field(default=False, metadata=TRUTH)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d = self.offset
@@ -168,18 +159,13 @@ class SlotContact(RoundContact):
     name: str
     point_a: Point
     point_b: Point
-    axis: tuple[Expr, ...]
-    length: Expr
-    radius_a: Expr
-    radius_b: Expr
+    axis: tuple[Expr, ...] = field(metadata=DIRECTION)
+    length: Expr = field(metadata=NOT_NEGATIVE)
+    radius_a: Expr = field(metadata=NOT_NEGATIVE)
+    radius_b: Expr = field(metadata=NOT_NEGATIVE)
     law: ContactLaw
     friction: FrictionLaw | None = None
-    inside: bool = True
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        yield from direction_faults(self.title, "axis", self.axis)
-        yield from size_faults(self, "length")
+    inside: bool = field(default=True, metadata=TRUTH)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d, axis, length = self.offset, unit(vector(self.axis)), self.number(bind, "length")
@@ -223,13 +209,12 @@ class BoxContact(ShapeContact):
     sides: tuple[Expr, ...]
     point_b: Point
     law: ContactLaw
-    radius: Expr = 0.0
-    normal: tuple[Expr, ...] | None = None
+    radius: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
+    normal: tuple[Expr, ...] | None = field(default=None, metadata=DIRECTION)
     friction: FrictionLaw | None = None
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        yield from size_faults(self, "radius")
         sides = components(self.sides) or []
         if len(sides) not in (2, 3):
             yield f"{self.title}: sides {shown(self.sides)} are no lengths. Give (x, y) or (x, y, z)."
@@ -237,8 +222,6 @@ class BoxContact(ShapeContact):
             yield f"{self.title}: sides {shown(self.sides)} must be above 0."
         elif len(sides) == 3 and any(isinstance(body.pose, Planar) for body in self.bodies()):
             yield f"{self.title}: a box on a planar body is a rectangle. Give sides (x, y) or use pose=Spatial()."
-        if self.normal is not None:
-            yield from direction_faults(self.title, "normal", self.normal)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         half = [bind(side, f"{self.title}: sides") / 2 for side in components(self.sides) or ()]

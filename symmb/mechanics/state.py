@@ -1,6 +1,6 @@
 """First-order states of the user's own: filters, integrals, hydraulics, heat."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -8,7 +8,6 @@ import casadi as ca
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb._types import Expr
-from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Element, law_value
 from symmb.symbolic import Kind, Symbol, declare, scalar
 
@@ -28,12 +27,6 @@ class OwnState(Element):
     def value(self) -> ca.SX:
         """The value in expressions."""
         return self.symbols[0].sx
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return ()
-
-    def faults(self) -> Iterator[str]:
-        yield from ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -225,18 +225,9 @@ def plane_faults(title: str, action: Action) -> list[str]:
             continue
         outside = [i for i in range(6) if is_zero(S[i, :]) and not is_zero(wrench[i])]
         if outside:
-            what = (
-                "force along x",
-                "force along y",
-                "force along z",
-                "torque about x",
-                "torque about y",
-                "torque about z",
-            )
-            faults.append(
-                f"{title}: {what[outside[0]]}{_shown(wrench[outside[0]])} leaves the plane of planar body "
-                f"{load.body.name!r}. {remedy}"
-            )
+            i = outside[0]
+            what = f"{'force along' if i < 3 else 'torque about'} {'xyzxyz'[i]}{_shown(wrench[i])}"
+            faults.append(f"{title}: {what} leaves the plane of planar body {load.body.name!r}. {remedy}")
     return faults
 
 

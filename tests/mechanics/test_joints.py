@@ -168,11 +168,3 @@ def test_faults_of_a_joint_name_it(joint, poses, text):
     a, b = make_body(poses, "a"), make_body(poses, "b")
     with pytest.raises(mb.DeclarationError, match=f"'elbow'.*{text}|{text}"):
         mb.System(a, b, joint(a.point(0, 0), b.point(0, 0)))
-
-
-def test_a_point_out_of_the_plane_of_a_planar_body_is_refused():
-    a, b = make_body("Planar", "a"), make_body("Spatial", "b")
-    with pytest.raises(
-        mb.DeclarationError, match=r"Spherical 'ball': the point on planar body 'a' lies out of its plane"
-    ):
-        mb.System(a, b, mb.Spherical("ball", a.point(0, 0, 0.1), b.point(0, 0)))

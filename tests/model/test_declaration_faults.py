@@ -281,7 +281,7 @@ def test_all_faults_of_the_laws_are_told_at_once():
         (lambda: mb.Parameters(nominal=1.0, keys=2.0), "parameter 'nominal': the name is taken.*\n.*'keys'"),
         (lambda: mb.Body("b", 1.0, pose="Planar"), r"Body 'b': pose 'Planar' is not a pose\. Use Planar\(\)"),
         (lambda: mb.Body("b", 1.0, pose=mb.Planar), r"Body 'b': pose .*Planar.* is not a pose"),
-        (lambda: ROD1.point(1, 2, 3), "lies out of its plane"),
+        (lambda: ROD1.point(1, 2, 3), r"Revolute 'hinge': the point on planar body 'rod1' lies out of its plane"),
         (lambda: ROD1.point("tip", 0), "point of 'rod1': .*neither numbers nor CasADi SX"),
         (lambda: mb.Body("b", 1.0, com=(0, 0, 0, 0)).point(0, 0), "com of 'b' has 4 components; expected two or three"),
         (lambda: TOP.theta, r"Body 'top' is Spatial\(\) and has no single angle theta\. Use joint\.angle"),
