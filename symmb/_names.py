@@ -1,10 +1,19 @@
 """Names: which ones are allowed, and what a user may have meant by an unknown one."""
 
+import re
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 LONGEST = 100
 """Most characters of a name: longer ones do not fit into tables and pictures."""
+
+
+def public_names() -> dict[str, list[str]]:
+    """The public names by subject, as `__init__.pyi` lists them."""
+    with open(f"{__file__.removesuffix('_names.py')}__init__.pyi", encoding="utf-8") as file:
+        _, *parts = re.split(r"^# (.*)$", file.read(), flags=re.MULTILINE)
+    lists = [re.findall(r" as (\w+)$", text, flags=re.MULTILINE) for text in parts[1::2]]
+    return dict(zip(parts[::2], lists, strict=True))
 
 
 def shown(value: object) -> str:

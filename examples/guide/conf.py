@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 from urllib.request import urlopen
 
 import symmb
+from symmb._names import public_names
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent
@@ -92,7 +93,7 @@ GROUPS = {
     "Results": "results contributions",
     "Errors": "starting",
 }
-"""Pages of the guide for each subject. The names of each stand in the docstring of symmb."""
+"""Pages of the guide for each subject of `symmb/__init__.pyi`."""
 
 OPTIONS_ALONE = {"Solvers"}
 """Subjects whose classes have members for contributors alone."""
@@ -112,12 +113,6 @@ LONG = {"artillery"}
 """Scripts that take minutes: the build does not run them."""
 PATIENCE = 300.0
 """Time for one of the others [s]. Each takes less than a minute on a machine that does nothing else."""
-
-
-def names_by_subject() -> dict[str, list[str]]:
-    """The public names by subject, as the docstring of symmb lists them."""
-    found = re.findall(r"^(\S.*)\n((?: {4}\S.*\n)+)", symmb.__doc__ or "", re.MULTILINE)
-    return {title: [name.strip() for name in text.split(",")] for title, text in found}
 
 
 def page_of(name: str) -> str:
@@ -150,7 +145,7 @@ def explained(title: str) -> str:
 
 def write_names() -> set[str]:
     """A page for each public name, and one that lists all."""
-    groups = names_by_subject()
+    groups = public_names()
     written = set()
     for title, name in ((title, name) for title, names in groups.items() for name in names):
         value = getattr(symmb, name)
