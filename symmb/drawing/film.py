@@ -13,10 +13,6 @@ from symmb.drawing.exhibit import Exhibit
 from symmb.drawing.page import speed
 from symmb.drawing.still import canvas, paint
 
-FILMS = (".gif", ".mp4")
-"""Formats of films."""
-_RATE = {".gif": 20, ".mp4": 30}
-"""Pictures a second."""
 _DPI = 90
 _LOOKED_AT = 40
 """Pictures by which the frame of a film is chosen."""
@@ -29,13 +25,13 @@ def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
     ------
     DeclarationError       if what writes the format is not installed, or fails
     """
-    rate = _RATE[suffix]
+    write, rate = FILMS[suffix]
     t = exhibit.drawing.t
     duration = float(np.ptp(t))
     count = max(int(duration / speed(duration) * rate), 1)
     at = np.linspace(t[0], t[-1], count)
     pictures = [int(k) for k in np.abs(t[:, None] - at).argmin(axis=0)]
-    (_gif if suffix == ".gif" else _mp4)(exhibit, pictures, file, rate)
+    write(exhibit, pictures, file, rate)
 
 
 def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
@@ -81,3 +77,7 @@ def _mp4(exhibit: Exhibit, numbers: list[int], file: BinaryIO, rate: int) -> Non
     if done.returncode:
         raise DeclarationError(f"ffmpeg writes no film: {done.stderr.decode(errors='replace').strip()}")
     file.write(done.stdout)
+
+
+FILMS = {".gif": (_gif, 20), ".mp4": (_mp4, 30)}
+"""Writers of the formats of films, and pictures a second."""

@@ -1,8 +1,10 @@
 """`view`: a scene, a run or bounds, drawn into a file whose suffix chooses the format."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb.bounds import Bounds
-from symmb.drawing.exhibit import of_bounds, of_run
+from symmb.drawing.exhibit import Exhibit, of_bounds, of_run
 from symmb.drawing.film import FILMS, film
 from symmb.drawing.page import page
 from symmb.drawing.still import STILLS, still
@@ -19,7 +21,12 @@ from symmb.mechanics import Point
 from symmb.model import Scene
 from symmb.simulation import DAESimulator, Trajectory, prepare_equations, simulate
 
-FORMATS = (".html", *STILLS, *FILMS)
+_WRITERS: dict[str, Callable[[Exhibit, BinaryIO, str], object]] = {
+    ".html": lambda exhibit, file, _: file.write(page(exhibit).encode()),
+    **dict.fromkeys(STILLS, still),
+    **dict.fromkeys(FILMS, film),
+}
+FORMATS = tuple(_WRITERS)
 
 
 @dataclass(frozen=True)
@@ -93,12 +100,7 @@ def view(
     if path is None:
         return Page(exhibit.drawing.name, page(exhibit))
     with replacement(path) as file:
-        if suffix == ".html":
-            file.write(page(exhibit).encode())
-        elif suffix in FILMS:
-            film(exhibit, file, suffix)
-        else:
-            still(exhibit, file, suffix)
+        _WRITERS[suffix](exhibit, file, suffix)
     return None
 
 

@@ -9,10 +9,10 @@ import csv
 import io
 import json
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -32,37 +32,28 @@ Table = Mapping[str, Any]
 T = TypeVar("T")
 
 
-def save(path: str | PathLike[str], record: Mapping[str, Any], table: Callable[[], Table] | None = None) -> None:
-    """Write a record as `.npz` or `.json`, or its table, if there is one, as `.csv`.
+def save(path: str | PathLike[str], sources: Mapping[str, Callable[[], Mapping[str, Any]]]) -> None:
+    """Write a result in the format that the suffix of its file names.
+
+    Parameters
+    ----------
+    sources : mapping       functions that give the "record", the "entries" of JSON and, if there is one, the "table"
 
     Raises
     ------
     DeclarationError    if the name has another suffix
     FileError           if the file cannot be written; the previous one is kept
     """
-    suffix = require_suffix(path, ".npz", ".json", *([".csv"] if table else []))
-    if suffix == ".json":
-        save_json(path, in_json(record))
-    elif suffix == ".npz":
-        arrays: dict[str, Any] = {}
-        about = json.dumps(_without_arrays({"version": _VERSION, **record}, "", arrays))
-        with replacement(path) as file:
-            np.savez(file, about=np.array(about), **arrays)
-    elif table:
-        columns = table()
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        writer.writerow(columns)
-        writer.writerows(zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True))
-        with replacement(path) as file:
-            file.write(text.getvalue().encode())
+    form = _format_of(path, sources)
+    contents = sources[form.source]()
+    with replacement(path) as file:
+        form.write(file, contents)
 
 
 def save_json(path: str | PathLike[str], entries: Mapping[str, Any]) -> None:
     """Write what `in_json` returns."""
-    text = json.dumps(entries, allow_nan=False)
     with replacement(path) as file:
-        file.write(f"{text}\n".encode())
+        _write_json(file, entries)
 
 
 def in_json(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -80,13 +71,13 @@ def load(
     DeclarationError    if the file has another suffix, is damaged or has other contents
     FileError           if it cannot be read
     """
-    suffix = require_suffix(path, ".npz", ".json", *([".csv"] if from_table else []))
+    form = _format_of(path, ("record", "entries", *(["table"] if from_table else [])))
     with told(path, "read"):
         data = Path(path).read_bytes()
     try:
-        if suffix == ".csv" and from_table:
-            return from_table(_table(data))
-        record = _of_json(data) if suffix == ".json" else _of_archive(data)
+        record = form.read(data)
+        if form.source == "table" and from_table:
+            return from_table(record)
         version = record.whole("version", _VERSION)
         if version != _VERSION:
             raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
@@ -98,6 +89,10 @@ def load(
             else f"its contents cannot be read ({_first_line(error)})."
         )
         raise DeclarationError(f"{path} does not hold {what}: {why}") from error
+
+
+def _format_of(path: str | PathLike[str], sources: Container[str]) -> "Format":
+    return FORMATS[require_suffix(path, *[suffix for suffix, form in FORMATS.items() if form.source in sources])]
 
 
 def _first_line(error: Exception) -> str:
@@ -115,6 +110,12 @@ def _without_arrays(value: Any, place: str, arrays: dict[str, Any]) -> Any:
         arrays[place[1:]] = value
         return None
     return to_jsonable(value)
+
+
+def _write_archive(file: BinaryIO, record: Mapping[str, Any]) -> None:
+    arrays: dict[str, Any] = {}
+    about = json.dumps(_without_arrays({"version": _VERSION, **record}, "", arrays))
+    np.savez(file, about=np.array(about), **arrays)
 
 
 def _of_archive(data: bytes) -> Record:
@@ -146,12 +147,24 @@ _MOST_RATIO = 200
 are constant a thousand."""
 
 
+def _write_json(file: BinaryIO, entries: Mapping[str, Any]) -> None:
+    file.write(f"{json.dumps(entries, allow_nan=False)}\n".encode())
+
+
 def _of_json(data: bytes) -> Record:
     entries = Record.of(json.loads(data), "")
     return Record({_IN_ARCHIVES.get(name, name): value for name, value in entries.plain.items()})
 
 
-def _table(data: bytes) -> Record:
+def _write_table(file: BinaryIO, columns: Table) -> None:
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(columns)
+    writer.writerows(zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True))
+    file.write(text.getvalue().encode())
+
+
+def _of_table(data: bytes) -> Record:
     headings, *rows = csv.reader(io.StringIO(data.decode("utf-8"), newline=""))
     columns = [_column(column) for column in zip(*rows, strict=True)]
     return Record({"headings": headings, "columns": {str(k): column for k, column in enumerate(columns)}})
@@ -162,3 +175,26 @@ def _column(cells: tuple[str, ...]) -> list[float] | list[str]:
         return [float(cell) for cell in cells]
     except ValueError:
         return list(cells)
+
+
+class Format(NamedTuple):
+    """How files of a suffix are written and read.
+
+    Attributes
+    ----------
+    source : str        what they hold of a result: its "record", its "entries" of JSON or its "table"
+    write : callable    of an open file and of these
+    read : callable     of the bytes of a file, the inverse of `write`
+    """
+
+    source: str
+    write: Callable[[BinaryIO, Mapping[str, Any]], None]
+    read: Callable[[bytes], Record]
+
+
+FORMATS = {
+    ".npz": Format("record", _write_archive, _of_archive),
+    ".json": Format("entries", _write_json, _of_json),
+    ".csv": Format("table", _write_table, _of_table),
+}
+"""All formats of results."""

@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Any, Self
 
-from symmb.files.formats import Table, in_json, load, save, save_json
+from symmb.files.formats import Table, in_json, load, save
 from symmb.files.record import Record
-from symmb.files.replacement import require_suffix
 from symmb.files.schema import attributes, entries
 
 
@@ -40,11 +39,8 @@ class Saved:
         FileError
             If the file cannot be written; the previous one is kept
         """
-        table = self._table if _has_table(type(self)) else None
-        if require_suffix(path, ".npz", ".json", *([".csv"] if table else [])) == ".json":
-            save_json(path, self.to_json())
-        else:
-            save(path, self._record(), table)
+        sources = {"record": self._record, "entries": self.to_json}
+        save(path, sources | ({"table": self._table} if _has_table(type(self)) else {}))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -57,9 +53,8 @@ class Saved:
         FileError
             If it cannot be read
         """
-        return load(
-            path, f"what {cls.__name__}.save writes", cls._of_record, cls._of_table if _has_table(cls) else None
-        )
+        what, from_table = f"what {cls.__name__}.save writes", cls._of_table if _has_table(cls) else None
+        return load(path, what, cls._of_record, from_table)
 
 
 def _has_table(kind: type[Saved]) -> bool:

@@ -128,11 +128,12 @@ def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None
     FileError           if it cannot be read
     """
     owner = f"Box.read: {path.name}"
-    if path.suffix.lower() not in (".csv", ".toml"):
+    read = {".csv": _rows_of_csv, ".toml": _rows_of_toml}.get(path.suffix.lower())
+    if read is None:
         raise DeclarationError(f"{owner} must be a .csv or .toml file.")
     try:
         text = path.read_text(encoding="utf-8-sig")
-        rows = list(_rows_of_csv(owner, text) if path.suffix.lower() == ".csv" else _rows_of_toml(owner, text))
+        rows = list(read(owner, text))
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror or text_of(error)}.") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, csv.Error) as error:

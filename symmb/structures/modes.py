@@ -263,7 +263,8 @@ class Modes:
         DeclarationError
             If the name has another suffix.
         """
-        files.save(path, {"layout": LAYOUT, **{name: getattr(self, name) for name in SHAPES}})
+        record = {"layout": LAYOUT, **{name: getattr(self, name) for name in SHAPES}}
+        files.save(path, {"record": lambda: record, "entries": lambda: files.in_json(record)})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Modes":

@@ -17,7 +17,7 @@ from mechanisms import double_pendulum
 from oscillators import BOX, Wave
 
 import symmb as mb
-from symmb.files import replacement
+from symmb.files import formats, replacement
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import saving
@@ -42,8 +42,12 @@ RESULTS = {
     "Linearization": lambda: mb.linearize(REST, inputs=["k"]),
     "RootLocus": lambda: mb.root_locus(REST, "c", (0.1, 0.5), mb.Vertex(), mb.Box(k=(38.0, 42.0)), count=3),
 }
-FORMATS = [(name, suffix) for name in RESULTS for suffix in ("npz", "json")]
-FORMATS += [("Trajectory", "csv"), ("Bounds", "csv")]
+SUFFIXES = {suffix[1:]: form.source == "table" for suffix, form in formats.FORMATS.items()}
+"""Of all formats, and whether they are tables."""
+WITH_TABLE = {"Trajectory", "Bounds"}
+FORMATS = [
+    (name, suffix) for name in RESULTS for suffix, of_tables in SUFFIXES.items() if not of_tables or name in WITH_TABLE
+]
 
 
 @cache
@@ -242,7 +246,7 @@ def test_a_folder_that_is_missing_is_told_by_the_name_that_was_given(tmp_path):
         result_of("Bounds").save(tmp_path / "no" / "file.npz")
 
 
-@pytest.mark.parametrize("suffix", ["npz", "json", "csv"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_kill_or_a_full_disk_leaves_the_previous_file(suffix):
     choice = random.Random(suffix)
     for _ in range(2):
@@ -270,7 +274,7 @@ def test_what_the_readme_names_is_in_the_source_distribution():
 
 
 @pytest.mark.parametrize("version", [99, 0, 2, "1", True, -1])
-@pytest.mark.parametrize(("kind", "suffix"), [(name, suffix) for name, suffix in FORMATS if suffix != "csv"])
+@pytest.mark.parametrize(("kind", "suffix"), [(name, suffix) for name, suffix in FORMATS if suffix in ("npz", "json")])
 def test_files_of_another_version_are_refused(version, kind, suffix, tmp_path):
     path = tmp_path / f"result.{suffix}"
     result_of(kind).save(path)
