@@ -43,6 +43,7 @@ from symmb.mechanics.joint import (
     Universal,
     Weld,
 )
+from symmb.mechanics.joint_coordinates import AXIS, JointCoordinates, RelativePose, quaternion_of
 from symmb.mechanics.joint_event import JointEvent, Latch, Release, closed_at_start, row_gates
 from symmb.mechanics.load import GasSpring, NonlinearSpring, Orifice, Soil
 from symmb.mechanics.mesh_file import coarser

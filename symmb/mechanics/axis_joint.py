@@ -15,6 +15,7 @@ from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import AbstractBody, Point, velocity_at
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Bind, direction_faults
+from symmb.mechanics.joint_coordinates import JointCoordinates
 from symmb.mechanics.pose import Planar, Pose, Spatial
 from symmb.mechanics.rotation import Rotation
 from symmb.symbolic import (
@@ -43,12 +44,14 @@ class Joint(Constraint):
     Joints that turn have an `angle` [rad] and an `angle_rate` [rad/s], joints that slide a `displacement` [m] and a
     `displacement_rate` [m/s]. They are those of body b relative to body a, positive about and along `axis`, and 0 where
     the frames coincide, with `axis_b` on `axis`. `handles` names those that a joint has, and `coordinate` the one by
-    which it moves, None of a joint that has none or several. `also` reminds of what users overlook.
+    which it moves, None of a joint that has none or several. `motion` are those of bodies that it carries, None of a
+    joint that closes loops only. `also` reminds of what users overlook.
     """
 
     poses: ClassVar = (ORIENTED, ORIENTED)
     handles: ClassVar[tuple[str, ...]] = ()
     coordinate: ClassVar[str | None] = None
+    motion: ClassVar[JointCoordinates | None] = None
     also: ClassVar[str] = ""
     without: ClassVar[str] = "Use coordinates and points of its bodies."
 

@@ -5,7 +5,7 @@ Rows are differences b - a. Axes are vectors in the frame of point_a's body, and
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -18,8 +18,18 @@ from symmb.mechanics.axis_joint import ORIENTED, AxisJoint, Joint, SlidingJoint,
 from symmb.mechanics.body import AbstractBody, Ground
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Bind, Element, law_value
+from symmb.mechanics.joint_coordinates import (
+    AXIS,
+    HINGE,
+    JointCoordinates,
+    about_point,
+    about_two,
+    about_z,
+    angle_of,
+    angles_of,
+)
 from symmb.mechanics.pose import Particle, Planar, Pose, Spatial
-from symmb.symbolic import Symbol, is_zero, vector
+from symmb.symbolic import Symbol, is_zero, quaternion_rate, vector
 
 _ANY: tuple[type[Pose], ...] = (Planar, Spatial, Particle)
 _SPATIAL: tuple[type[Pose], ...] = (Spatial,)
@@ -40,6 +50,7 @@ class Revolute(TurningJoint):
 
     coordinate = "angle"
     without = "Its points coincide, so that nothing slides. Use angle and angle_rate."
+    motion = HINGE
 
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(self.d, self._parallel())
@@ -61,6 +72,13 @@ class Cylindrical(TurningJoint, SlidingJoint):
 
     poses = (_SPATIAL, _SPATIAL)
     handles = ("angle", "displacement")
+    motion = JointCoordinates(
+        ("angle", "displacement"),
+        ("angle_rate", "displacement_rate"),
+        turn=lambda q, u: about_z(q[0], u[0]),
+        shift=lambda joint, q, bind: q[1] * AXIS,
+        measured=lambda pose: ca.vertcat(angle_of(pose), pose.shift[2]),
+    )
 
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(self._across(), self._parallel())
@@ -83,12 +101,15 @@ class Screw(TurningJoint, SlidingJoint):
     poses: ClassVar = (_SPATIAL, _SPATIAL)
     handles: ClassVar = ("angle", "displacement")
     coordinate: ClassVar = "angle"
+    motion: ClassVar = replace(HINGE, shift=lambda screw, q, bind: screw.advance(q, bind) * AXIS)
 
     pitch: Expr = field(default=0.0, kw_only=True)
 
     def position_rows(self, bind: Bind) -> ca.SX:
-        advance = bind(self.pitch, f"{self.title}: pitch") * self.angle / (2 * ca.pi)
-        return ca.vertcat(self._across(), self._parallel(), self.displacement - advance)
+        return ca.vertcat(self._across(), self._parallel(), self.displacement - self.advance(self.angle, bind))
+
+    def advance(self, angle: ca.SX, bind: Bind) -> ca.SX:
+        return bind(self.pitch, f"{self.title}: pitch") * angle / (2 * ca.pi)
 
 
 class Prismatic(SlidingJoint):
@@ -108,6 +129,12 @@ class Prismatic(SlidingJoint):
     coordinate = "displacement"
     parallel = (0, 2)
     without = "Its frames are locked parallel, so that nothing turns. Use displacement and displacement_rate."
+    motion = JointCoordinates(
+        ("displacement",),
+        ("displacement_rate",),
+        shift=lambda joint, q, bind: q * AXIS,
+        measured=lambda pose: pose.shift[2],
+    )
 
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(self._across(), self._locked())
@@ -130,6 +157,7 @@ class Weld(AxisJoint):
     aligns = True
     parallel = (0, 2)
     without = "It holds its bodies together, so that nothing turns and nothing slides."
+    motion = JointCoordinates()
 
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(self.d, self._locked())
@@ -153,6 +181,9 @@ class Universal(AxisJoint):
     without = (
         "It turns about two axes and does not slide. Use two Revolute joints with a body between them, which may have "
         "no mass: each has an angle of its own."
+    )
+    motion = JointCoordinates(
+        ("angle_a", "angle_b"), ("angle_a_rate", "angle_b_rate"), about_two, measured=angles_of, crossed=True
     )
 
     def faults(self) -> Iterator[str]:
@@ -182,6 +213,13 @@ class PlanarJoint(AxisJoint):
     aligns = True
     also = "A PlanarJoint holds its normals parallel, too: Motion(name, expression, 0) keeps a point alone on a plane."
     without = "It slides in two directions and turns about a third one. Use coordinates and points of its bodies."
+    motion = JointCoordinates(
+        ("x", "y", "angle"),
+        ("vx", "vy", "angle_rate"),
+        turn=lambda q, u: about_z(q[2], u[2]),
+        shift=lambda joint, q, bind: ca.vertcat(q[:2], ca.SX(1, 1)),
+        measured=lambda pose: ca.vertcat(pose.shift[:2], angle_of(pose)),
+    )
 
     def position_rows(self, bind: Bind) -> ca.SX:
         A, _ = self.frames
@@ -233,6 +271,14 @@ class Spherical(Joint):
     without = (
         "It turns about three axes and does not slide. Use body.rotation, or three Revolute joints with bodies between "
         "them, which may have no mass: each has an angle of its own."
+    )
+    motion = JointCoordinates(
+        ("e0", "e1", "e2", "e3"),
+        ("omega_x", "omega_y", "omega_z"),
+        about_point,
+        measured=lambda pose: pose.quaternion,
+        q_rate=quaternion_rate,
+        in_plane=HINGE,
     )
 
     def position_rows(self, bind: Bind) -> ca.SX:

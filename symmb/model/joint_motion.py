@@ -8,51 +8,18 @@ import casadi as ca
 import numpy as np
 
 from symmb.mechanics import (
+    AXIS,
     AxisJoint,
-    Cylindrical,
     Joint,
+    JointCoordinates,
     Particle,
     Planar,
-    PlanarJoint,
-    Prismatic,
-    Revolute,
-    Screw,
+    RelativePose,
     Spatial,
-    Spherical,
-    Universal,
-    Weld,
+    quaternion_of,
 )
 from symmb.model.binding import Binding
-from symmb.symbolic import (
-    Kind,
-    Symbol,
-    conjugate,
-    declare,
-    product,
-    quaternion_rate,
-    rotation_matrix,
-    rotation_z,
-    symbols_in,
-    symmetric_solver,
-    triad,
-)
-
-Z = ca.SX(ca.sparsify(ca.DM([0, 0, 1])))
-_QUARTER = ca.SX(ca.sparsify(ca.DM([[1, 0, 0], [0, 0, -1], [0, 1, 0]])))
-"""Rotation about x that makes the axes z of a universal joint's frames normal to each other."""
-
-
-@dataclass(frozen=True, eq=False)
-class Relative:
-    """Measured position of one frame on another.
-
-    shift (3,), turn (3, 3), its quaternion (4,), and the angle of planar bodies [rad], which the others do not have.
-    """
-
-    shift: ca.SX
-    turn: ca.SX
-    quaternion: ca.SX
-    angle: ca.SX | None = None
+from symmb.symbolic import Kind, Symbol, conjugate, declare, symbols_in, symmetric_solver, triad
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +38,7 @@ class JointMotion:
     carrier, follower : (3, 3)              rotations of the frames, frame to body
     carrier_quaternion, follower_quaternion : (4,)       of these, zeros between planar bodies
     records                what the symbols of q and u are
-    measured : Relative -> (k,)             the coordinates of a position
+    measured : RelativePose -> (k,)             the coordinates of a position
     """
 
     q_names: tuple[str, ...]
@@ -88,7 +55,7 @@ class JointMotion:
     follower: ca.SX
     carrier_quaternion: ca.SX
     follower_quaternion: ca.SX
-    measured: Callable[[Relative], ca.SX]
+    measured: Callable[[RelativePose], ca.SX]
     records: tuple[Symbol, ...]
 
     def turned(self, turns: int) -> "JointMotion":
@@ -98,9 +65,9 @@ class JointMotion:
     def reversed(self) -> "JointMotion":
         """The same motion with carrier and follower exchanged."""
 
-        def measured(seen: Relative) -> ca.SX:
+        def measured(seen: RelativePose) -> ca.SX:
             back, angle = seen.turn.T, None if seen.angle is None else -seen.angle
-            return self.measured(Relative(-back @ seen.shift, back, conjugate(seen.quaternion), angle))
+            return self.measured(RelativePose(-back @ seen.shift, back, conjugate(seen.quaternion), angle))
 
         return replace(
             self,
@@ -180,136 +147,38 @@ def _angle_in_plane(a: ca.SX, b: ca.SX, bind: Binding) -> ca.SX:
     return float(np.arctan2(s0, c0)) + ca.atan2(s * c0 - c * s0, c * c0 + s * s0)
 
 
-def quaternion_of(F: ca.SX) -> ca.SX:
-    """The quaternion (4,) of a constant rotation matrix, scalar first. (Shepperd 1978, J. Guid. Control 1(3))"""
-    R = ca.DM(F).full()
-    K = np.array(
-        [
-            [np.trace(R), R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
-            [0, 2 * R[0, 0] - np.trace(R), R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
-            [0, 0, 2 * R[1, 1] - np.trace(R), R[1, 2] + R[2, 1]],
-            [0, 0, 0, 2 * R[2, 2] - np.trace(R)],
-        ]
-    )
-    e = np.linalg.eigh(K, "U")[1][:, -1]
-    e[np.abs(e) < 1e-15] = 0.0  # exact zeros make products shorter
-    return ca.SX(ca.sparsify(ca.DM(e * (1 if e[0] >= 0 else -1))))
-
-
-@dataclass(frozen=True, eq=False)
-class _Turn:
-    """A rotation: matrix (3, 3), quaternion (4,), spin (3,) in the follower's axes, and angle about z."""
-
-    matrix: ca.SX
-    quaternion: ca.SX
-    spin: ca.SX
-    angle: ca.SX
-
-
-def _about_z(angle: ca.SX, rate: ca.SX) -> _Turn:
-    half = angle / 2
-    return _Turn(rotation_z(angle), ca.vertcat(ca.cos(half), 0, 0, ca.sin(half)), rate * Z, angle)
-
-
-def _none() -> _Turn:
-    return _Turn(ca.SX.eye(3), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), ca.SX(3, 1), ca.SX(0))
-
-
-def _about_two(q: ca.SX, u: ca.SX) -> _Turn:
-    first, second = _about_z(q[0], u[0]), _about_z(q[1], u[1])
-    between = product(quaternion_of(_QUARTER), second.quaternion)
-    E = _QUARTER @ second.matrix
-    return _Turn(first.matrix @ E, product(first.quaternion, between), E.T @ first.spin + second.spin, ca.SX(0))
-
-
-def _about_point(e: ca.SX, omega: ca.SX) -> _Turn:
-    return _Turn(rotation_matrix(e), e / ca.norm_2(e), omega, ca.SX(0))
-
-
-def _angle(seen: Relative) -> ca.SX:
-    return ca.atan2(seen.turn[1, 0], seen.turn[0, 0]) if seen.angle is None else seen.angle
-
-
-def _angles(seen: Relative) -> ca.SX:
-    E = seen.turn
-    return ca.vertcat(ca.atan2(E[0, 2], -E[1, 2]), ca.atan2(E[2, 0], E[2, 1]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Kind:
-    """Coordinates and velocities of a kind of joint, how it turns and shifts, and how its coordinates are measured."""
-
-    coordinates: tuple[str, ...] = ()
-    velocities: tuple[str, ...] = ()
-    turn: Callable[[ca.SX, ca.SX], _Turn] = lambda q, u: _none()
-    shift: Callable[[ca.SX], ca.SX] = lambda q: ca.SX(3, 1)
-    measured: Callable[[Relative], ca.SX] = lambda seen: ca.SX(0, 1)
-
-
-_HINGE = _Kind(("angle",), ("angle_rate",), _about_z, measured=_angle)
-_KINDS = {
-    Revolute: _HINGE,
-    Screw: _HINGE,
-    Prismatic: _Kind(
-        ("displacement",), ("displacement_rate",), shift=lambda q: q * Z, measured=lambda seen: seen.shift[2]
-    ),
-    Cylindrical: _Kind(
-        ("angle", "displacement"),
-        ("angle_rate", "displacement_rate"),
-        lambda q, u: _about_z(q[0], u[0]),
-        lambda q: q[1] * Z,
-        lambda seen: ca.vertcat(_angle(seen), seen.shift[2]),
-    ),
-    PlanarJoint: _Kind(
-        ("x", "y", "angle"),
-        ("vx", "vy", "angle_rate"),
-        lambda q, u: _about_z(q[2], u[2]),
-        lambda q: ca.vertcat(q[:2], ca.SX(1, 1)),
-        lambda seen: ca.vertcat(seen.shift[:2], _angle(seen)),
-    ),
-    Universal: _Kind(("angle_a", "angle_b"), ("angle_a_rate", "angle_b_rate"), _about_two, measured=_angles),
-    Spherical: _Kind(
-        ("e0", "e1", "e2", "e3"), ("omega_x", "omega_y", "omega_z"), _about_point, measured=lambda seen: seen.quaternion
-    ),
-    Weld: _Kind(),
-}
-
-
-def _kind_of(joint: Joint) -> _Kind | None:
-    """The kind of a joint between rigid bodies that can turn; in the plane a spherical joint is a hinge."""
+def _coordinates_of(joint: Joint) -> JointCoordinates | None:
+    """The coordinates of a joint between rigid bodies that can turn."""
     poses = [body.pose for body in joint.bodies()]
-    if any(isinstance(pose, Particle) or pose.modes for pose in poses):
+    if joint.motion is None or any(isinstance(pose, Particle) or pose.modes for pose in poses):
         return None
-    in_plane = isinstance(joint, Spherical) and any(isinstance(pose, Planar) for pose in poses)
-    return _HINGE if in_plane else _KINDS.get(type(joint))
+    in_plane = any(isinstance(pose, Planar) for pose in poses)
+    return (joint.motion.in_plane if in_plane else None) or joint.motion
 
 
 def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
     """The motion of body b relative to body a; None if no coordinates suit the joint, its axes or its bodies."""
-    kind = _kind_of(joint)
-    if kind is None:
+    coordinates = _coordinates_of(joint)
+    if coordinates is None:
         return None
-    (a, b), frames = (Z, Z), (triad(Z), triad(Z))
+    (a, b), frames = (AXIS, AXIS), (triad(AXIS), triad(AXIS))
     if isinstance(joint, AxisJoint):
         (a, b), frames = joint.axes, joint.own_frames
     if not all(bind.is_parameter(symbol) for symbol in symbols_in(ca.vertcat(a, b, ca.vec(frames[1])))):
         return None
-    q, q_names = _symbols(joint.name, kind.coordinates)
-    u, u_names = _symbols(joint.name, kind.velocities)
-    turned, shift = kind.turn(q, u), kind.shift(q)
-    if isinstance(joint, Screw):
-        shift = bind(joint.pitch, f"{joint.title}: pitch") * q / (2 * ca.pi) * Z
-    carrier, follower = ca.sparsify(frames[0]), ca.sparsify(triad(b) if isinstance(joint, Universal) else frames[1])
+    q, q_names = _symbols(joint.name, coordinates.q_names)
+    u, u_names = _symbols(joint.name, coordinates.u_names)
+    turned, q_rate = coordinates.turn(q, u), coordinates.q_rate(q, u)
+    carrier, follower = ca.sparsify(frames[0]), ca.sparsify(triad(b) if coordinates.crossed else frames[1])
     in_space = any(isinstance(body.pose, Spatial) for body in joint.bodies())
     quaternions = [_quaternion_of_frame(F, bind) if in_space else ca.SX(4, 1) for F in (carrier, follower)]
-    q_rate = quaternion_rate(q, u) if kind is _KINDS[Spherical] else u
     return JointMotion(
         q_names=q_names,
         u_names=u_names,
         q=q,
         u=u,
         q_rate=q_rate,
-        shift=shift,
+        shift=coordinates.shift(joint, q, bind),
         turn=ca.sparsify(turned.matrix),
         quaternion=turned.quaternion,
         spin=turned.spin,
@@ -318,7 +187,7 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
         follower=follower,
         carrier_quaternion=quaternions[0],
         follower_quaternion=quaternions[1],
-        measured=kind.measured,
+        measured=coordinates.measured,
         records=declare(q_names, Kind.COORDINATE, q, q_rate) + declare(u_names, Kind.VELOCITY, u),
     )
 

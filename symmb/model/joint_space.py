@@ -11,10 +11,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.mechanics import AxisJoint, Body, Element, Frame, Ground, Joint, Particle, Planar, Spatial
+from symmb.mechanics import AxisJoint, Body, Element, Frame, Ground, Joint, Particle, Planar, RelativePose, Spatial
 from symmb.model.articulated_bodies import ArticulatedBodies, Loads, Placed
 from symmb.model.assembly import Collected, Coordinates, stacked
-from symmb.model.joint_motion import Relative
 from symmb.model.spanning_tree import Carrying, Link, spanning_tree
 from symmb.symbolic import MassBlocks, Symbol, conjugate, product, rotation_by, with_nodes
 
@@ -291,7 +290,7 @@ def _measured(bodies: Sequence[Body], link: Link, by: Carrying, counts_turns: bo
     own = ca.SX(4, 1) if planar else product(follower.q[3:7], motion.follower_quaternion)
     e = _quaternion(carrier)
     relative = product(conjugate(product(e, motion.carrier_quaternion)), own)
-    q = motion.measured(Relative(shift, turn, relative, follower.angle - carrier.angle if planar else None))
+    q = motion.measured(RelativePose(shift, turn, relative, follower.angle - carrier.angle if planar else None))
     if counts_turns:
         q[0] = cast(Any, by.joint).angle
     foot = carrier.velocity + carrier.R @ ca.cross(carrier.omega, by.on_carrier)
