@@ -194,12 +194,61 @@ def jax_function(
     >>> jax.grad(lambda u: f(u)[-1, 0])(jax.numpy.array([1.5]))  # doctest: +SKIP
     Array([2.], dtype=float32)
     """
-    jax = optional_package("jax", "jax_function", "jax")
-    runs = Differentiable("jax_function", scene, parameters, solver, times, outputs)
+    return _function("jax", _of_jax, scene, parameters, solver, times, outputs)
+
+
+def torch_function(
+    scene: Scene | Simulator,
+    parameters: Sequence[str] | None = None,
+    solver: Solver | None = None,
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Callable[[Any], Any]:
+    """The runs of a scene as a function that PyTorch differentiates.
+
+    It takes a tensor of parameters (..., n_p) and gives outputs (..., n_t, n_y) of its type. All runs of a call are
+    made together by the compiled code of symmb, on the CPU. Derivatives are exact first ones; there are no second
+    ones, and none by `torch.func`. A warning tells where a run meets jumps, of which they say nothing. It needs
+    PyTorch, which `pip install 'symmb[torch]'` installs.
+
+    Parameters
+    ----------
+    scene, parameters, solver, times, outputs
+        those of `jax_function`
+
+    Raises
+    ------
+    DeclarationError, ImportError, AssemblyError, SimulationError
+        As `jax_function` does; a later run that breaks down raises a SimulationError
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
+    >>> import torch  # doctest: +SKIP
+    >>> u = torch.tensor([1.5], dtype=torch.float64, requires_grad=True)  # doctest: +SKIP
+    >>> mb.torch_function(scene)(u)[-1, 0].backward()  # doctest: +SKIP
+    >>> u.grad  # doctest: +SKIP
+    tensor([2.], dtype=torch.float64)
+    """
+    return _function("torch", _of_torch, scene, parameters, solver, times, outputs)
+
+
+def _function(
+    package: str, wrapped: Callable[[Any, Differentiable], Callable[[Any], Any]], *subject: Any
+) -> Callable[[Any], Any]:
+    """The runs of a subject as a function of arrays of a package."""
+    owner = f"{package}_function"
+    module, runs = optional_package(package, owner, package), Differentiable(owner, *subject)
     runs.at_nominal()
+    return wrapped(module, runs)
 
-    n_p = len(runs.parameters)
 
+def _of_jax(jax: Any, runs: Differentiable) -> Callable[[Any], Any]:
     def called(f: Callable[[Array], Any], shapes: Sequence[tuple[int, ...]], u: Any) -> Any:
         results = [jax.ShapeDtypeStruct((*u.shape[:-1], *shape), u.dtype) for shape in shapes]
         own = lambda u: [np.asarray(a, dtype=u.dtype) for a in f(np.asarray(u))]  # noqa: E731
@@ -211,7 +260,7 @@ def jax_function(
 
     @jax.custom_jvp
     def slopes(u: Any) -> Any:
-        return tuple(called(runs.checked_slopes, [runs.shape, (*runs.shape, n_p)], u))
+        return tuple(called(runs.checked_slopes, [runs.shape, (*runs.shape, len(runs.parameters))], u))
 
     @slopes.defjvp
     def second(point: Sequence[Any], tangent: Sequence[Any]) -> Any:
@@ -235,58 +284,7 @@ def jax_function(
     return checked
 
 
-def torch_function(
-    scene: Scene | Simulator,
-    parameters: Sequence[str] | None = None,
-    solver: Solver | None = None,
-    *,
-    times: Sequence[float] | Array | None = None,
-    outputs: Mapping[str, Expr] | None = None,
-) -> Callable[[Any], Any]:
-    """The runs of a scene as a function that PyTorch differentiates.
-
-    It takes a tensor of parameters (..., n_p) and gives outputs (..., n_t, n_y) of its type. All runs of a call are
-    made together by the compiled code of symmb, on the CPU. Derivatives are exact first ones; there are no second
-    ones, and none by `torch.func`. A warning tells where a run meets jumps, of which they say nothing. It needs
-    PyTorch, which `pip install 'symmb[torch]'` installs.
-
-    Parameters
-    ----------
-    scene : Scene
-        or a simulator with derivatives
-    parameters : list of str
-        those that the function takes, in this order; default: all. Others have their nominal values.
-    solver, times, outputs
-        of a scene, in the place of its own
-
-    Raises
-    ------
-    DeclarationError
-        If a parameter is unknown or named twice, or there is none
-    ImportError
-        If PyTorch is not installed
-    AssemblyError
-        If the scene cannot be started
-    SimulationError
-        If the nominal run breaks down, or the simulator gives values only; later also if a run breaks down
-
-    Examples
-    --------
-    >>> import symmb as mb
-    >>> p = mb.Parameters(speed=1.0)
-    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
-    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
-    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
-    >>> import torch  # doctest: +SKIP
-    >>> u = torch.tensor([1.5], dtype=torch.float64, requires_grad=True)  # doctest: +SKIP
-    >>> mb.torch_function(scene)(u)[-1, 0].backward()  # doctest: +SKIP
-    >>> u.grad  # doctest: +SKIP
-    tensor([2.], dtype=torch.float64)
-    """
-    torch = optional_package("torch", "torch_function", "torch")
-    runs = Differentiable("torch_function", scene, parameters, solver, times, outputs)
-    runs.at_nominal()
-
+def _of_torch(torch: Any, runs: Differentiable) -> Callable[[Any], Any]:
     class Runs(torch.autograd.Function):
         @staticmethod
         def forward(ctx: Any, u: Any) -> Any:
