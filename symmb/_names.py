@@ -12,7 +12,7 @@ def public_names() -> dict[str, list[str]]:
     """The public names by subject, as `__init__.pyi` lists them."""
     with open(f"{__file__.removesuffix('_names.py')}__init__.pyi", encoding="utf-8") as file:
         _, *parts = re.split(r"^# (.*)$", file.read(), flags=re.MULTILINE)
-    lists = [re.findall(r" as (\w+)$", text, flags=re.MULTILINE) for text in parts[1::2]]
+    lists = [re.findall(r" as (\w+)", text) for text in parts[1::2]]
     return dict(zip(parts[::2], lists, strict=True))
 
 
