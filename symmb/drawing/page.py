@@ -11,8 +11,9 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.drawing.exhibit import Exhibit
-from symmb.drawing.shapes import Drawing
-from symmb.plot import COLOURS
+from symmb.drawing.forms import COLOURS, IN_WORLD, LIGHT, NOMINAL, directions, parts
+from symmb.drawing.shapes import Drawing, Shape
+from symmb.plot import COLOURS as OF_BODIES
 
 _SPEEDS = (1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 _WATCHED = 8.0
@@ -43,7 +44,10 @@ def page(exhibit: Exhibit) -> str:
     runs = [_run(drawing, "nominal", "", numbers)]
     runs += [_run(ghost.drawing, ghost.label, ghost.tint, numbers) for ghost in exhibit.ghosts]
     data: dict[str, Any] = {
-        "palette": COLOURS,
+        "palette": OF_BODIES,
+        "colours": COLOURS,
+        "nominal": NOMINAL,
+        "light": LIGHT,
         "runs": runs,
         "speed": speed(float(np.ptp(drawing.t))),
         "picture": exhibit.picture,
@@ -80,28 +84,10 @@ def _run(drawing: Drawing, label: str, tint: str, numbers: _Numbers) -> dict[str
         "t": numbers(drawing.t),
         "frames": [{"name": f.name, "pose": numbers(f.pose)} for f in drawing.frames],
         "places": [
-            {
-                "frame": p.frame,
-                "base": numbers(p.base[None]),
-                "shift": None if p.shift is None else numbers(p.shift),
-                "elastic": p.elastic,
-            }
+            vars(p) | {"base": numbers(p.base[None]), "shift": None if p.shift is None else numbers(p.shift)}
             for p in drawing.places
         ],
-        "shapes": [
-            {
-                "form": s.form,
-                "name": s.name,
-                "kind": s.kind,
-                "colour": s.colour,
-                "places": s.places,
-                "size": [float(x) for x in s.size],
-                "direction": None if s.direction is None else numbers(_direction(s.form, s.direction)),
-                "faint": s.faint,
-                "present": None if s.present is None else numbers(s.present),
-            }
-            for s in drawing.shapes
-        ],
+        "shapes": [_shape(s, drawing.planar, numbers) for s in drawing.shapes],
         "camera": drawing.camera.ravel().tolist(),
         "up": drawing.up.tolist(),
         "planar": drawing.planar,
@@ -113,9 +99,16 @@ def _run(drawing: Drawing, label: str, tint: str, numbers: _Numbers) -> dict[str
     }
 
 
-def _direction(form: str, direction: Array) -> Array:
-    """Rows of a track, or corners of a mesh; the half axes of a solid one after the other."""
-    return direction.T.reshape(1, 9) if form == "solid" else direction
+def _shape(shape: Shape, planar: bool, numbers: _Numbers) -> dict[str, Any]:
+    track = directions(shape)
+    own = [vars(p) | {"points": None if p.points is None else numbers(p.points)} for p in parts(shape, flat=planar)]
+    return vars(shape) | {
+        "size": [float(x) for x in shape.size],
+        "direction": None if track is None else numbers(track),
+        "in_world": shape.form in IN_WORLD,
+        "parts": own,
+        "present": None if shape.present is None else numbers(shape.present),
+    }
 
 
 def speed(duration: float) -> float:

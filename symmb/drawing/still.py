@@ -9,9 +9,10 @@ import numpy as np
 from symmb._types import Array
 from symmb.drawing.bodies import SOLID
 from symmb.drawing.exhibit import Exhibit, convex_hull
+from symmb.drawing.forms import COLOURS, NOMINAL
 from symmb.drawing.outlines import Outline, Painter
 from symmb.drawing.shapes import Drawing
-from symmb.plot import COLOURS
+from symmb.plot import COLOURS as OF_BODIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,17 +20,6 @@ if TYPE_CHECKING:
 
 STILLS = (".png", ".svg")
 """Formats of stills."""
-ELEMENTS = {
-    "joint": "#343c48",
-    "guide": "#9ea8b5",
-    "spring": "#218c54",
-    "damper": "#735a9e",
-    "load": "#cc2929",
-    "contact": "#e0800d",
-    "trace": "#1a66b3",
-}
-"""Colours of what is not a body."""
-_REGION = "#b8d4ed"
 _WIDTH, _TALLEST, _FLATTEST = 7.0, 1.1, 0.45
 """Width of a still [inch], and its greatest and least height over its width."""
 _MARGIN = 0.06
@@ -98,17 +88,19 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
     drawing, camera, region = exhibit.drawing, exhibit.drawing.camera, exhibit.region
     if region is not None and len(region.sweep):
         triangles = list((region.sweep @ camera[:2, :2].T).reshape(-1, 3, 2))
-        axes.add_collection(PolyCollection(triangles, facecolor=_REGION, edgecolor=_REGION, zorder=0))
+        axes.add_collection(
+            PolyCollection(triangles, facecolor=COLOURS["region"], edgecolor=COLOURS["region"], zorder=0)
+        )
     for order, outline in enumerate(Painter(drawing, k, camera).outlines()):
         if outline.shape.kind != SOLID:
             _paint(axes, outline, _colour(outline), 0.3 if outline.shape.faint else 1.0, 1 + order * 1e-4)
     for ghost in exhibit.ghosts:
         for outline in Painter(ghost.drawing, min(k, len(ghost.drawing.t) - 1), camera).outlines():
-            if outline.shape.colour not in ("guide", "load") and not outline.shape.faint:
+            if outline.shape.colour not in NOMINAL and not outline.shape.faint:
                 _paint(axes, outline, ghost.tint, 0.4, 0.5)
     if region is not None:
         seen = region.points[k] @ camera[:2].T
-        axes.plot(*seen.T, ".", color=ELEMENTS["trace"], markersize=3, zorder=3)
+        axes.plot(*seen.T, ".", color=COLOURS["trace"], markersize=3, zorder=3)
     _furnish(axes, drawing, k)
     lines = [(ghost.tint, line) for ghost in exhibit.ghosts for line in _lines(ghost.label)]
     for i, (tint, line) in enumerate(lines):
@@ -129,7 +121,7 @@ def _cut(text: str, length: int) -> str:
 
 def _colour(outline: Outline) -> str:
     colour = outline.shape.colour
-    return ELEMENTS.get(colour) or COLOURS[int(colour) % len(COLOURS)]
+    return COLOURS.get(colour) or OF_BODIES[int(colour) % len(OF_BODIES)]
 
 
 def _paint(axes: "Axes", outline: Outline, colour: str, alpha: float, order: float) -> None:
@@ -166,7 +158,7 @@ def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
     pixels = 72 * _WIDTH  # offsets are in points
     height = pixels * (axes.get_ylim()[1] - axes.get_ylim()[0]) / (axes.get_xlim()[1] - axes.get_xlim()[0])
 
-    def arrow(x: float, direction: Array, colour: str, text: str) -> None:
+    def arrow(x: float, direction: Array, text: str) -> None:
         size = np.linalg.norm(direction)
         start, axis = np.array([x, 44.0]), direction / max(size, 1e-9)
         tip, label = ((start + (24 * size + gap) * axis) / [pixels, height] for gap in (0, 9))
@@ -177,20 +169,20 @@ def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
                 (start[0] / pixels, start[1] / height),
                 "axes fraction",
                 "axes fraction",
-                {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0},
+                {"arrowstyle": "-|>", "color": COLOURS[text], "shrinkA": 0, "shrinkB": 0},
             )
-            style = {"color": colour, "fontsize": 8, "ha": "center", "va": "center"}
+            style = {"color": COLOURS[text], "fontsize": 8, "ha": "center", "va": "center"}
             axes.text(label[0], label[1], text, transform=axes.transAxes, **style)
 
-    for colour, column, name in zip(("#c62828", "#2e7d32", "#1565c0"), drawing.camera[:2].T, "xyz", strict=True):
-        arrow(40.0, column, colour, name)
+    for column, name in zip(drawing.camera[:2].T, "xyz", strict=True):
+        arrow(40.0, column, name)
     if g := float(np.linalg.norm(drawing.gravity)):
-        arrow(84.0, drawing.camera[:2] @ drawing.gravity / g, "#5b6470", "g")
+        arrow(84.0, drawing.camera[:2] @ drawing.gravity / g, "g")
     left, right = axes.get_xlim()
     most = 0.2 * (right - left)
     power = 10 ** np.floor(np.log10(most))
     length = next(f * power for f in (5, 2, 1) if f * power <= most)
     share = length / (right - left)
-    axes.plot([0.97 - share, 0.97], [0.04, 0.04], color="#3b434d", linewidth=1.2, transform=axes.transAxes)
+    axes.plot([0.97 - share, 0.97], [0.04, 0.04], color=COLOURS["scale"], linewidth=1.2, transform=axes.transAxes)
     text = f"{length:g} m" if length >= 1 else f"{1e3 * length:g} mm" if length >= 1e-3 else f"{1e6 * length:g} µm"
     axes.text(0.97 - share / 2, 0.05, text, fontsize=8, ha="center", transform=axes.transAxes)

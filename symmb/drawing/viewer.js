@@ -7,11 +7,8 @@
 const page = JSON.parse(document.getElementById("drawing").textContent);
 const numbers = new Float64Array(Uint8Array.from(atob(page.numbers), c => c.charCodeAt(0)).buffer);
 const runs = page.runs, first = runs[0];
-const COLOURS = {
-  joint: [0.20, 0.23, 0.28], guide: [0.62, 0.66, 0.71], spring: [0.13, 0.55, 0.33], damper: [0.45, 0.35, 0.62],
-  load: [0.80, 0.16, 0.16], contact: [0.88, 0.50, 0.05], trace: [0.10, 0.40, 0.70], region: [0.72, 0.83, 0.93],
-};
 const rgb = text => [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16) / 255);
+const COLOURS = Object.fromEntries(Object.entries(page.colours).map(([name, text]) => [name, rgb(text)]));
 const INERTIA = "solid of the same inertia";
 const BODIES = page.palette.map(rgb);
 const $ = id => document.getElementById(id);
@@ -122,117 +119,62 @@ function meshes() {
   };
   const drum = n => mesh([...surface(n, 1, side, u => [...circle(u), 0]), ...disc(0, -1, n), ...disc(1, 1, n)]);
   return {
-    cylinder: drum(18), drum: drum(48),
+    cylinder: drum(18), bar: drum(18), drum: drum(48),
     cone: mesh([...surface(20, 1, (u, v) => [...times([...circle(u), 0], 1 - v).slice(0, 2), v],
                            u => [...circle(u), 0.5]), ...disc(0, -1, 20)]),
     ball: mesh(surface(24, 12, ball, ball)), cap: mesh(surface(14, 8, ball, ball)),
     box: mesh(cube()),
-    spiral: mesh(tube(line(60, u => times([...circle(2.5 * u), 0], 0.25 + 0.75 * u)), 0.07)),
-    turn: mesh(tube(line(24, u => [...circle(0.75 * u), 0]), 0.05)),
   };
 }
 
 // What is seen: parts, each a mesh with a matrix and a colour
 const parts = [];
 let current = { run: null, shape: null }, scale = 1;
-const rings = {};
 
 function part(of, matrix, faint = current.shape.faint) {
   parts.push({ mesh: of, matrix, faint, run: current.run, shape: current.shape });
 }
 
-function bar(a, b, radius) {
-  const d = sub(b, a), [u, v] = across(length(d) ? d : [0, 0, 1]);
-  part(built.cylinder, columns(times(u, radius), times(v, radius), d, a));
-}
-
 const ball = (a, r, of = built.ball) => part(of, columns([r, 0, 0], [0, r, 0], [0, 0, r], a));
-
-function along(of, a, direction, size, from = 0) {  // a mesh whose z points along a direction from a place
-  const d = unit(direction), [u, v] = across(d);
-  part(of, columns(times(u, size[0]), times(v, size[1]), times(d, size[2]), add(a, times(d, from))));
-}
 
 const dynamic = corners => part(Object.assign(mesh(corners), { passing: true }), IDENTITY);  // of this picture alone
 
-function coil(a, b, radius, offset) {
-  const d = sub(b, a), w = unit(d), [side, other] = first.planar ? [unit(cross(Z, w)), Z] : across(w);
-  const shift = times(side, offset), turns = 7, stub = 0.12;
-  const middle = u => (u - stub) / (1 - 2 * stub);
-  const n = first.planar ? 4 * turns : 16 * turns;
-  const swing = u => {
-    const [c, s] = u > stub && u < 1 - stub ? circle(turns * middle(u)) : [0, 0];
-    return first.planar ? [radius * s, 0] : [radius * c, radius * s];
-  };
-  const inner = Array.from({ length: n + 1 }, (_, i) => stub + (1 - 2 * stub) * i / n);
-  const points = [0, ...inner, 1].map(u => {
-    const [p, q] = swing(u);
-    return add(add(add(a, times(d, u)), shift), add(times(side, p), times(other, q)));
-  });
-  dynamic(tube(points, radius * (first.planar ? 0.13 : 0.11), 5));
+function axesOf(kind, at, d, half) {  // x, y and z of a part; see forms.py
+  if (kind === "world") return [[1, 0, 0], [0, 1, 0], Z];
+  if (kind === "half") return half;
+  if (kind === "ends") { const along = sub(at[1], at[0]); return [...across(length(along) ? along : Z), along]; }
+  const w = unit(d), u = first.planar && Math.abs(w[2]) < 0.5 ? Z : across(w)[0], v = cross(w, u);
+  return kind === "scaled" ? [v, w, u].map(a => times(a, length(d))) : [u, v, w];
 }
 
-function dashpot(a, b, radius, offset) {
-  const d = sub(b, a), [side] = first.planar && length(d) ? [unit(cross(Z, d))] : across(d);
-  const p = add(a, times(side, offset)), q = add(b, times(side, offset));
-  bar(add(p, times(d, 0.15)), add(p, times(d, 0.6)), radius);
-  bar(p, q, 0.35 * radius);
+function solid(of, [x, y, z], [a, b, c], origin) {
+  part(of, columns(times(x, a), times(y, b), times(z, c), origin));
 }
 
-function support(a, size, down) {
-  const flat = first.planar ? Z : across(down)[0], side = unit(cross(flat, down));
-  const deep = first.planar ? 0.3 : 0.7;
-  part(built.cone, columns(times(side, 0.8 * size), times(flat, deep * size), times(down, -size), add(a, times(down, size))));
-  part(built.box, columns(times(side, 1.3 * size), times(flat, deep * 1.3 * size), times(down, 0.12 * size),
-                          add(a, times(down, 1.12 * size))));
+function place(it, at, d, half) {  // a part of a shape
+  const axes = axesOf(it.axes, at, d, half), frame = columns(...axes, at[0]), origin = moved(frame, it.at);
+  if (it.what === "arrow") {
+    const [radius, wide, long] = it.size, size = length(d), head = Math.min(long, size);
+    if (size < radius) return;
+    solid(built.cylinder, axes, [radius, radius, size - head], origin);
+    solid(built.cone, axes, [wide, wide, head], moved(frame, [0, 0, size - head]));
+  } else if (it.what === "line") {
+    it.line ??= Array.from({ length: it.points[1] }, (_, i) => rowAt(it.points[0] + 3 * i, 3));
+    if (it.axes !== "ends") part(it.mesh ??= mesh(tube(it.line, it.size[0])), frame);
+    else dynamic(tube(it.line.map(p => moved(frame, p)), it.size[0], it.line.length > 2 ? 5 : 18));
+  } else {
+    solid(built[it.what], axes, it.size, origin);
+    if (it.what === "bar") at.forEach(p => ball(p, it.size[0], built.cap));
+  }
 }
 
-const forms = {
-  bar: (at, s) => { bar(at[0], at[1], s[0]); at.forEach(p => ball(p, s[0], built.cap)); },
-  ball: (at, s) => ball(at[0], s[0]),
-  pin: (at, s, d) => along(built.cylinder, at[0], d, [s[0], s[0], s[1]], -s[1] / 2),
-  block: (at, s, d) => {
-    const w = unit(d), u = first.planar && Math.abs(w[2]) < 0.5 ? Z : across(w)[0], v = cross(w, u);
-    part(built.box, columns(times(w, s[0] / 2), times(v, s[1] / 2), times(u, s[2] / 2), at[0]));
-  },
-  ring: (at, s, d) => {
-    const ratio = (s[1] / s[0]).toFixed(3);
-    rings[ratio] ??= mesh(tube(line(40, u => [...circle(u), 0]), Number(ratio)));
-    along(rings[ratio], at[0], d, [s[0], s[0], s[0]]);
-  },
-  solid: (at, s, d, m, local) => {
-    const [x, y, z] = [0, 1, 2].map(j => turned(m, local.slice(3 * j, 3 * j + 3)));
-    if (s[0] === 1) part(built.drum, columns(x, y, times(z, 2), sub(at[0], z)));
-    else part(s[0] ? built.ball : built.box, columns(x, y, z, at[0]));
-  },
-  mesh: (at, s, d, m, local, run, shape) => part(shape.mesh ??= mesh(triangles(shape.direction)), m),
-  curve: (at, s) => dynamic(tube(at, s[0])),
+const forms = {  // those that follow their places
+  mesh: (at, shape, run, m) => part(shape.mesh ??= mesh(triangles(shape.direction)), m),
+  curve: (at, shape) => dynamic(tube(at, shape.size[0])),
   plate: at => dynamic(faces(at)),
-  coil: (at, s) => coil(at[0], at[1], s[0], s[1]),
-  dashpot: (at, s) => dashpot(at[0], at[1], s[0], s[1]),
-  dashes: (at, s) => {
-    const d = sub(at[1], at[0]);
-    for (let i = 0; i < 9; i += 2) bar(add(at[0], times(d, i / 9)), add(at[0], times(d, (i + 1) / 9)), s[0]);
-  },
-  spiral: (at, s, d) => along(built.spiral, at[0], d, [s[0], s[0], s[0]]),
-  arrow: (at, s, d) => {
-    const size = length(d), head = Math.min(4 * s[0], size);
-    if (size < s[0]) return;
-    along(built.cylinder, at[0], d, [s[0], s[0], size - head]);
-    along(built.cone, at[0], d, [2.2 * s[0], 2.2 * s[0], head], size - head);
-  },
-  twist: (at, s, d) => {
-    const size = 7 * s[0] * Math.sqrt(length(d) / (23.4 * s[0])), [u, v] = across(d);
-    if (!size) return;
-    along(built.turn, at[0], d, [size, size, size]);
-    along(built.cone, add(at[0], times(v, -size)), u, [0.16 * size, 0.16 * size, 0.45 * size]);
-  },
-  plane: (at, s, d) => along(built.box, at[0], d, [s[0] / 2, s[0] / 2, 0.006 * s[0]], -0.006 * s[0]),
-  support: (at, s, d) => support(at[0], s[0], d),
-  path: (at, s, d, m, local, run, shape) => dynamic(tube(line(run.t[1] - 1, u =>
-    position(run, shape.places[0], Math.round(u * (run.t[1] - 1)))), s[0], 4)),
+  path: (at, shape, run) => dynamic(tube(line(run.t[1] - 1, u =>
+    position(run, shape.places[0], Math.round(u * (run.t[1] - 1)))), shape.size[0], 4)),
 };
-const IN_WORLD = new Set(["arrow", "twist", "support"]);  // forms whose direction is in world axes
 function position(run, place, k) {
   return moved(frameMatrix(run, run.places[place].frame, k), localPosition(run, place, k, scale));
 }
@@ -244,15 +186,16 @@ function arrange(k) {  // all parts of picture k
     if (number && !$("ghosts").checked) return;
     const matrices = run.frames.map((_, i) => frameMatrix(run, i, k));
     for (const shape of run.shapes) {
-      if (number && ["guide", "load"].includes(shape.colour)) continue;
+      if (number && page.nominal.includes(shape.colour)) continue;
       if (shape.kind === INERTIA && !$("solids").checked) continue;
       if (shape.present && row(shape.present, k, 1)[0] < 0.5) continue;
       current = { run: number, shape };
       const m = matrices[run.places[shape.places[0]].frame];
       const at = shape.places.map(p => moved(matrices[run.places[p].frame], localPosition(run, p, k, scale)));
       const local = shape.direction ? row(shape.direction, k, shape.form === "solid" ? 9 : 3) : [0, 0, 1];
-      const d = IN_WORLD.has(shape.form) ? local : turned(m, local.slice(0, 3));
-      forms[shape.form](at, shape.size, d, m, local, run, shape);
+      const axes = [0, 3, 6].map(j => shape.in_world ? local : turned(m, local.slice(j, j + 3)));  // half axes of solids
+      forms[shape.form]?.(at, shape, run, m);
+      for (const it of shape.parts) place(it, at, axes[0], axes);
     }
   });
   const region = page.region;
@@ -272,13 +215,14 @@ if (!gl) $("message").textContent = "This browser shows no WebGL. Open the page 
 const VERTEX = `#version 300 es
 in vec3 corner; in vec3 normal; uniform mat4 model, camera; uniform mat3 turn; out vec3 n;
 void main() { n = turn * normal; gl_Position = camera * (model * vec4(corner, 1.0)); }`;
+const LIGHT = page.light;
 const FRAGMENT = `#version 300 es
 precision highp float; in vec3 n; uniform vec4 colour; uniform mat3 view; uniform bool flat_colour; out vec4 pixel;
 void main() {
   if (flat_colour) { pixel = colour; return; }
   vec3 d = view * normalize(n);
   if (d.z < 0.0) d = -d;
-  float light = 0.42 + 0.48 * max(dot(d, normalize(vec3(-0.4, 0.6, 0.8))), 0.0) + 0.14 * d.z;
+  float light = ${LIGHT.everywhere} + ${LIGHT.lit} * max(dot(d, normalize(vec3(${LIGHT.direction}))), 0.0) + ${LIGHT.in_front} * d.z;
   vec3 shine = vec3(0.22) * pow(max(dot(d, normalize(vec3(-0.2, 0.35, 0.9))), 0.0), 24.0);
   pixel = vec4(colour.rgb * light + shine, colour.a);
 }`;
@@ -404,9 +348,9 @@ function overlay() {
   overlaid = seen;
   pen.setTransform(ratio, 0, 0, ratio, 0, 0); pen.clearRect(0, 0, w, h);
   pen.font = "12px system-ui, sans-serif"; pen.lineWidth = 2;
-  const arrow = (x, y, dx, dy, colour, text) => {
+  const arrow = (x, y, dx, dy, text) => {
     const size = Math.hypot(dx, dy);
-    pen.strokeStyle = pen.fillStyle = colour;
+    pen.strokeStyle = pen.fillStyle = page.colours[text];
     if (size > 5) {
       const ux = dx / size, uy = dy / size;
       pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + dx - 5 * ux, y + dy - 5 * uy); pen.stroke();
@@ -416,11 +360,11 @@ function overlay() {
     } else if (!first.planar) pen.fillText(text, x + dx + 6, y + dy);
   };
   const [X, Y] = view.axes, o = [52, h - 60];
-  ["#c62828", "#2e7d32", "#1565c0"].forEach((colour, i) => arrow(...o, 34 * X[i], -34 * Y[i], colour, "xyz"[i]));
+  [..."xyz"].forEach((text, i) => arrow(...o, 34 * X[i], -34 * Y[i], text));
   const g = times(unit(first.gravity), 28);
-  arrow(122, h - 60, dot(X, g), -dot(Y, g), "#5b6470", length(g) ? "g" : "");
+  if (length(g)) arrow(122, h - 60, dot(X, g), -dot(Y, g), "g");
   const metre = canvas.height / ratio / view.height, nice = roundBelow(140 / metre), x = w - 24 - nice * metre, y = h - 24;
-  pen.strokeStyle = pen.fillStyle = "#3b434d"; pen.lineWidth = 1.5;
+  pen.strokeStyle = pen.fillStyle = page.colours.scale; pen.lineWidth = 1.5;
   pen.beginPath(); pen.moveTo(x, y - 5); pen.lineTo(x, y); pen.lineTo(w - 24, y); pen.lineTo(w - 24, y - 5); pen.stroke();
   pen.textAlign = "center"; pen.fillText(lengthText(nice), (x + w - 24) / 2, y - 6); pen.textAlign = "left";
 }
