@@ -3,19 +3,15 @@
 import argparse
 import shlex
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb.black_boxes import Simulator
-from symmb.bounds import LimitCheck, limit_pairs
+from symmb.bounds import limit_pairs
 from symmb.cli import specs
-from symmb.cli.result_path import result_path
+from symmb.cli.result_path import result_paths, write_results
 from symmb.cli.scene_file import load_subject
-from symmb.drawing import FORMATS
-from symmb.files import save_json
-from symmb.plot import PICTURES
 from symmb.report import write_bounds
 
 _NO_CONTRIBUTIONS = "Contributions of parameters take further runs here: --contributions makes them."
@@ -46,8 +42,7 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
 def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     method = specs.method(options.method)
     solver = None if options.solver is None else specs.solver(options.solver)
-    wanted = {name: result_path(getattr(options, name), *suffixes) for name, suffixes in _FILES.items()}
-    paths = {name: path for name, path in wanted.items() if path is not None}
+    paths = result_paths(options)
     limits = _limits(options)
     subject, own = load_subject(options.scene)
     box = _box(options, subject, own)
@@ -59,7 +54,9 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     check = bounds.check(limits) if limits else None
     print(*filter(None, (bounds, check)), sep="\n\n")
     contributions = _tell_contributions(bounds, options.contributions)
-    _write(paths, bounds, check)
+    write_results(paths, bounds, {"limits": check.to_json()} if check else {}, drawn=check)
+    if "view" in paths:
+        mb.view(bounds, paths["view"])
     if "report" in paths:
         command = shlex.join(["symmb", *options.words])
         write_bounds(bounds, paths["report"], limits or None, command=command, contributions=contributions)
@@ -75,22 +72,6 @@ def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions |
     if contributions is not None or bounds.range_of:
         print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
     return contributions
-
-
-_FILES = {"json": (".json",), "csv": (".csv",), "plot": PICTURES, "view": FORMATS, "report": (".html",)}
-"""Options that name files of results, and their suffixes."""
-
-
-def _write(paths: dict[str, Path], bounds: mb.Bounds, check: LimitCheck | None) -> None:
-    """Write what is asked for, but the report."""
-    if "json" in paths:
-        save_json(paths["json"], bounds.to_json() | ({"limits": check.to_json()} if check else {}))
-    if "csv" in paths:
-        bounds.save(paths["csv"])
-    if "plot" in paths:
-        (check or bounds).plot(paths["plot"])
-    if "view" in paths:
-        mb.view(bounds, paths["view"])
 
 
 def _limits(options: argparse.Namespace) -> dict[str, tuple[float | None, float | None]]:

@@ -16,13 +16,11 @@ from symmb._options import shown
 from symmb._types import Executor
 from symmb.black_boxes import Simulator
 from symmb.cli import specs
-from symmb.cli.result_path import result_path
+from symmb.cli.result_path import result_paths, write_results
 from symmb.cli.scene_file import is_urdf, load_subject
 from symmb.cli.urdf_scene import parameter_name
 from symmb.codegen import INSTALL, SLOW, has_compiler
-from symmb.files import save_json
 from symmb.integrate import Solver
-from symmb.plot import PICTURES
 from symmb.report import write_comparison
 
 _SLOW = f"No C compiler found. {SLOW} {INSTALL}"
@@ -64,8 +62,7 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
 def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     methods = None if options.methods is None else [specs.method(text) for text in options.methods]
     solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, picture = result_path(options.json, ".json"), result_path(options.plot, *PICTURES)
-    report = result_path(options.report, ".html")
+    paths = result_paths(options)
     if options.workers is not None and options.workers < 1:
         raise DeclarationError(f"--workers takes a number of processes from 1 on, got {options.workers}.")
     if options.uncertain and options.spread is None:
@@ -81,12 +78,9 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     with _executor(options) as executor:
         comparison = mb.compare(subject, methods, box, solver=solver, executor=executor)
     print(comparison)
-    if json_file:
-        save_json(json_file, comparison.to_json())
-    if picture:
-        comparison.plot(picture)
-    if report:
-        write_comparison(comparison, report, shlex.join(["symmb", *options.words]))
+    write_results(paths, comparison)
+    if "report" in paths:
+        write_comparison(comparison, paths["report"], shlex.join(["symmb", *options.words]))
     return comparison.doubts
 
 

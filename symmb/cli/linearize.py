@@ -6,8 +6,7 @@ from collections.abc import Callable
 import symmb as mb
 from symmb._progress import Progress
 from symmb.cli.assignments import add_set, scene_and_parameters
-from symmb.cli.result_path import result_path
-from symmb.files import save_json
+from symmb.cli.result_path import result_paths, write_results
 
 
 def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:
@@ -21,7 +20,7 @@ def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:
 
 
 def _linearize(options: argparse.Namespace) -> tuple[str, ...]:
-    json_file = result_path(options.json, ".json")
+    paths = result_paths(options)
     scene, parameters = scene_and_parameters(options)
     with Progress(f"linearising {scene.name}"):
         if options.time is None:
@@ -30,6 +29,5 @@ def _linearize(options: argparse.Namespace) -> tuple[str, ...]:
             run = mb.simulate(scene, parameters=parameters)
             result, doubts = mb.linearize(run, options.time), run.doubts
     print(result)
-    if json_file:
-        save_json(json_file, result.to_json())
+    write_results(paths, result)
     return (*doubts, *result.doubts)

@@ -22,15 +22,13 @@ from symmb.cli.compare import add_compare
 from symmb.cli.completion import add_completion
 from symmb.cli.export import add_export
 from symmb.cli.linearize import add_linearize
-from symmb.cli.result_path import result_path
+from symmb.cli.result_path import result_path, result_paths, write_results
 from symmb.cli.runs import add_runs
 from symmb.cli.scene_file import load_scene, shipped_names
 from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import cache
 from symmb.drawing import FORMATS
-from symmb.files import save_json
 from symmb.model import equations_text
-from symmb.plot import PICTURES
 
 _PACKAGE = Path(mb.__file__).parent
 _GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
@@ -99,33 +97,21 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
 
 def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
     solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, csv_file, picture = (
-        result_path(options.json, ".json"),
-        result_path(options.csv, ".csv"),
-        result_path(options.plot, *PICTURES),
-    )
+    paths = result_paths(options)
     scene, parameters = scene_and_parameters(options)
     with Progress(f"simulating {scene.name}"):
         trajectory = mb.simulate(scene, solver, parameters)
     print(trajectory)
-    if json_file:
-        save_json(json_file, trajectory.to_json())
-    if csv_file:
-        trajectory.save(csv_file)
-    if picture:
-        trajectory.plot(picture)
+    write_results(paths, trajectory)
     return trajectory.doubts
 
 
 def _stability(options: argparse.Namespace) -> None:
-    json_file, picture = result_path(options.json, ".json"), result_path(options.plot, *PICTURES)
+    paths = result_paths(options)
     scene = load_scene(options.scene)
     result = mb.stability(scene, seconds=options.seconds)
     print(result)
-    if json_file:
-        save_json(json_file, result.to_json())
-    if picture:
-        result.plot(picture)
+    write_results(paths, result)
 
 
 def _equations(options: argparse.Namespace) -> None:

@@ -1,9 +1,33 @@
-"""Paths of results, checked before the work."""
+"""Files of results: their paths are checked before the work, and written after it."""
 
+import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from symmb._errors import DeclarationError
-from symmb.files import require_suffix
+from symmb.drawing import FORMATS
+from symmb.files import require_suffix, save_json
+from symmb.plot import PICTURES
+
+_SUFFIXES = {"json": (".json",), "csv": (".csv",), "plot": PICTURES, "view": FORMATS, "report": (".html",)}
+"""Options that name files of results, and their suffixes."""
+
+
+def result_paths(options: argparse.Namespace) -> dict[str, Path]:
+    """The files of results that are asked for, by their options; errors as of `result_path`."""
+    paths = {name: result_path(getattr(options, name, None), *suffixes) for name, suffixes in _SUFFIXES.items()}
+    return {name: path for name, path in paths.items() if path is not None}
+
+
+def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any] = {}, drawn: Any = None) -> None:
+    """Write a result as JSON, with `more` entries, and as a table, and draw it or `drawn`, where asked for."""
+    if "json" in paths:
+        save_json(paths["json"], result.to_json() | more)
+    if "csv" in paths:
+        result.save(paths["csv"])
+    if "plot" in paths:
+        (drawn or result).plot(paths["plot"])
 
 
 def result_path(name: str | None, *suffixes: str) -> Path | None:
