@@ -10,7 +10,8 @@ WINDOW = 0.02
 ROUNDING_SCALE = 1e-12
 """Difference of runs, over the largest value of an output, that is rounding."""
 ROUNDING = 1e-9
-"""Share of an output's largest value below which errors are rounding."""
+"""Share of an output's largest value, and of a limit of errors, below which errors are rounding: an estimate that is the
+noise itself does not exceed it."""
 DOUBTFUL = 0.1
 """Share of the width above which an estimated error is doubtful."""
 LEAST_WIDTH = 0.1
@@ -26,7 +27,7 @@ def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUB
     error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (estimate, width))
     n_left = np.arange(len(width), 0, -1)[:, None]
     width = np.maximum(width, LEAST_WIDTH**2 * n_left * width[0] / len(width))
-    return np.asarray(error > share**2 * width + n_left * np.square(floor))
+    return np.asarray(error > (share**2 * width + n_left * np.square(floor)) * (1 + ROUNDING))
 
 
 def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
@@ -36,7 +37,9 @@ def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: fl
     """
     squares = np.square(width)
     enough = np.maximum(average_over_window(squares), LEAST_WIDTH**2 * squares.mean(axis=0))
-    return np.asarray(average_over_window(np.square(estimate)) > share**2 * enough + np.square(floor))
+    return np.asarray(
+        average_over_window(np.square(estimate)) > (share**2 * enough + np.square(floor)) * (1 + ROUNDING)
+    )
 
 
 def rests_for_a_time(lowest: Array, highest: Array, noise: Array) -> bool:

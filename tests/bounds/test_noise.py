@@ -156,6 +156,18 @@ def test_a_told_noise_above_the_response_is_doubtful():
             )
 
 
+def test_an_estimate_that_is_the_noise_itself_is_not_doubtful():
+    """Sums of their squares differ by rounding."""
+    times = np.linspace(0.0, 1.0, 121)
+    for noise in 10 ** np.random.default_rng(3).uniform(-9, -6, 200):
+        estimate = np.full((len(times), 1), noise)
+        zero = np.zeros_like(estimate)
+        bounds = mb.Bounds(times, ("y",), zero, zero, "estimate", "a method", 9, estimate, np.array([noise]))
+        assert not bounds.doubtful() and not bounds.doubtful_windows()
+        louder = mb.Bounds(times, ("y",), zero, zero, "estimate", "a method", 9, 1.01 * estimate, np.array([noise]))
+        assert louder.doubtful() and louder.doubtful_windows()
+
+
 METHODS = mb.PolynomialChaos(), mb.PolynomialChaos(order=4), mb.PolynomialChaos.paper(2)
 
 
