@@ -1,14 +1,11 @@
-"""Joints that open and close, on arrays of many samples. It is the work of c/impacts.h."""
+"""Joints that open and close at the start, on arrays of many samples."""
 
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Indices, Mask
-from symmb.codegen import CLOSES, OPENS, PostImpact
+from symmb._types import Array, Mask
 from symmb.model import DAE, JointEvents
 from symmb.symbolic import batch
-
-_MOST = np.finfo(float).max
 
 
 def evaluate_padded(f: ca.Function, *arguments: Array) -> list[Array]:
@@ -33,9 +30,7 @@ class JointLaws:
         self._dae, self._joints, self._tolerances = dae, joints, np.array(tolerances)
         at = dae.n_q + dae.n_v
         self._holding, self._flags = (at + np.array(k, dtype=np.intp) for k in (joints.holding, joints.flags))
-        self._place, self._owners = at + np.array(joints.place, dtype=np.intp), np.array(joints.owners)
-        self._opens, self.count = np.array(joints.opens), len(joints.names)
-        self._struck = np.array(joints.let_slip) == 2
+        self._opens = np.array(joints.opens)
         same = np.array(joints.names)[:, None] == joints.names
         self._same = same.astype(float)  # events of the same joint
         self._clutches = at + np.array(joints.clutches, dtype=np.intp).reshape(-1, 2).T
@@ -68,51 +63,3 @@ class JointLaws:
             f"where it does not hold, or {'leave the joint out' if self._opens[k] else 'leave the Latch out'}"
             for i, k in np.argwhere(holds)[::-1].tolist()
         }
-
-    def __call__(self, after: PostImpact, p: Array, t: Array, passed: Indices, first: int) -> Array:
-        """Open and close joints whose conditions begin to hold, and change the states of `after`, which are returned.
-
-        Parameters
-        ----------
-        passed : (N,) indices the event whose margin has just passed 0, -1 without
-        first : int           number of the first event among those that are noted
-        """
-        x, n_v = after.x, slice(self._dae.n_q, self._dae.n_q + self._dae.n_v)
-        passed, every, slips = passed.copy(), np.arange(self.count), np.array(self._joints.let_slip) > 0
-        fresh = np.zeros((len(x), self.count), dtype=bool)  # clutches that have stuck at this instant
-        for _ in range(4 * self.count + 1):
-            margin, rate = self._margins(x, p, t)
-            (place,) = evaluate_padded(self._joints.places, *arguments_of(self._dae, x, p, t))
-            held, rounding, armed = x[:, self._holding] > 0.5, self._tolerances, self._armed(x)
-            falls = (margin < -rounding) | (armed & (margin <= rounding) & (rate < 0))
-            holds = np.where(passed[:, None] == every, ~held, np.where(held, margin <= rounding, falls))
-            acts = armed & holds & ~held
-            # Of several clutches one begins to slip at a time, by which others may hold, first those that are struck.
-            excess = np.where(self._struck, np.inf, np.where(fresh, _MOST, -margin))
-            excess = np.where(acts & slips, excess, -np.inf)
-            waits = slips & (every != excess.argmax(axis=1)[:, None])
-            acts, x[:, self._holding] = acts & ~waits, holds & ~waits
-            fresh |= (acts & ~self._opens) @ self._same > 0
-            if not acts.any():
-                break
-            for k in every.tolist():
-                some, own = acts[:, k], self._owners == k
-                x[np.ix_(some, self._flags[self._same[k] > 0])] = 0.0
-                x[some, self._flags[k]] = float(not self._opens[k])
-                x[np.ix_(some, self._place[own])] = place[np.ix_(some, own)]
-            v, impulse, work = evaluate_padded(self._joints.jump, *arguments_of(self._dae, x, p, t))
-            closes = (acts & ~self._opens).any(axis=1)
-            x[closes, n_v] = v[closes]
-            after.work[closes] += work[closes, 0]
-            rate_after = self._margins(x, p, t)[1]
-            left = np.where(closes, work[:, 0], 0.0)
-            for i, k in np.argwhere(acts).tolist():
-                rates = float(rate[i, k]), float(rate_after[i, k])
-                if self._opens[k]:
-                    after.note(i, first + k, OPENS, float(t[i]), *rates, 0.0, 0.0)
-                else:
-                    own = impulse[i, self._joints.rows[k]].tolist()
-                    after.note(i, first + k, CLOSES, float(t[i]), *rates, float(left[i]), 0.0, *own)
-                    left[i] = 0.0
-            passed[:] = -1
-        return x
