@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
+import casadi as ca
 import numpy as np
 
+from symmb._options import number_text
 from symmb._types import Array
 from symmb.codegen.c_source import c_number
+from symmb.symbolic import batch_padded
 
 MOST_IMPULSES = int(c_number("impacts", "MOST_IMPULSES"))
 EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordered", *("impulse",) * MOST_IMPULSES)
@@ -16,21 +18,6 @@ whether the order of impacts matters, and the impulse along the gap, or of each 
 IMPACT, CLOSES, OPENS, BLAMED = range(4)
 """What events are. Contacts are blamed for a failure."""
 CROWD = int(c_number("impacts", "CROWD"))
-
-
-class ContactLaws(Protocol):
-    """The laws of contacts, and of joints that open and close, for N samples.
-
-    These have states x (N, n_x), parameters p (N, n_p) and times t (N,) [s].
-    """
-
-    def start_faults(self, x: Array, p: Array, t: Array, span: float) -> dict[int, str]:
-        """Texts about samples that cannot start a run of some span [s]."""
-        ...
-
-    def started(self, x: Array, p: Array, t: Array) -> Array:
-        """States at the start, which tell of conditions that hold there."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -47,7 +34,10 @@ class Contacts:
     displacements : n_v float  sizes of displacements along v
     joints : lists of int      of the events of joints that open and close, by their names in c/impacts.h
     n_rows : int               number of rows of all joints
-    laws : ContactLaws         what events do, on arrays, and faults at the start
+    start : Function           (x, p, t, span) -> x at the start of a run of some span [s], which tells of conditions
+                               that hold there; faults (m,), 1 where there is one; and a number (m,) for each text
+    fault_texts : m pairs      of a text about a sample that has a fault and, if its number follows, of what is behind
+                               that; in the order in which faults count
     """
 
     names: tuple[str, ...]
@@ -60,7 +50,8 @@ class Contacts:
     displacements: tuple[float, ...]
     joints: Mapping[str, tuple[int, ...]]
     n_rows: int
-    laws: ContactLaws = field(repr=False)
+    start: ca.Function = field(repr=False)
+    fault_texts: tuple[tuple[str, str], ...] = field(repr=False)
 
     def impulses_of(self, number: int, what: int) -> int:
         """How many impulses an event of this number and kind has."""
@@ -70,7 +61,17 @@ class Contacts:
 
     def started(self, times: Array, x0: Array, p: Array) -> tuple[Array, dict[int, str]]:
         """States at the start of a run over the times, nan for samples that cannot start, and texts about these."""
-        faults = self.laws.start_faults(x0, p, np.full(len(p), times[0]), float(times[-1] - times[0]))
-        x0 = self.laws.started(x0, p, np.full(len(p), times[0]))
+        n, n_p = self.start.numel_in(0), self.start.numel_in(1)
+        horizon = times[0], times[-1] - times[0]
+        at = x0[:, :n], p[:, :n_p], *(np.full((len(p), 1), time) for time in horizon)
+        x, found, numbers = batch_padded(self.start, *at)
+        faulty = (found > 0.5) & np.isfinite(x0).all(axis=1, keepdims=True)
+        first = [(i, int(faulty[i].argmax())) for i in np.flatnonzero(faulty.any(axis=1)).tolist()]
+        faults = {i: self._fault_text(k, float(numbers[i, k])) for i, k in first}
+        x0 = np.hstack([x, x0[:, n:]])
         x0[list(faults)] = np.nan
         return x0, faults
+
+    def _fault_text(self, fault: int, number: float) -> str:
+        text, behind = self.fault_texts[fault]
+        return f"{text}{number_text(number)}{behind}" if behind else text

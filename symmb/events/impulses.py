@@ -1,21 +1,10 @@
-"""Events of runs, and what contacts and joints that open and close must fulfil at the start."""
+"""Events of runs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from symmb._options import number_text
 from symmb._types import Array
 from symmb.codegen import BLAMED, CLOSES, IMPACT, OPENS, Contacts
-from symmb.events.joint_laws import JointLaws, arguments_of, evaluate_padded
-from symmb.mechanics import RESTITUTION
-from symmb.model import DAE, Impacts
-
-PENETRATION, SHORT_WAY = 1e-9, 1e-7
-"""Negative gap at the start that is rounding: over the scene's size, or over the way that speed and acceleration of the
-gap lead until the end. The gap itself may be all that is known of the size."""
-
 
 _WHAT = {IMPACT: "impact", CLOSES: "closes", OPENS: "opens"}
 
@@ -84,33 +73,3 @@ def event_doubts(events: Sequence[Event]) -> tuple[str, ...]:
         f"The impacts of {names} at t = {time:g} s happen at one instant, and the motion after them depends on their "
         "order. They are taken in the order of declaration.",
     )
-
-
-class ImpactLaws:
-    """The laws of impact of a DAE, see `symmb.codegen.ContactLaws`."""
-
-    def __init__(self, dae: DAE, impacts: Impacts, moving: JointLaws | None = None) -> None:
-        self._dae, self._impacts, self._moving = dae, impacts, moving
-
-    def _arguments(self, x: Array, p: Array, t: Array) -> tuple[Array, ...]:
-        return arguments_of(self._dae, x, p, t)
-
-    def start_faults(self, x: Array, p: Array, t: Array, span: float) -> dict[int, str]:
-        """Faults of samples at the start of a run of some span [s]: gaps below 0, restitutions out of their range."""
-        at = self._arguments(x, p, t)
-        started = np.isfinite(x).all(axis=1, keepdims=True)
-        gap, rate, _ = evaluate_padded(self._impacts.gaps, *at)
-        way = np.abs(rate) * span + evaluate_padded(self._impacts.forces, *at)[2] * span**2 / 2
-        rounding = np.maximum(PENETRATION * self._dae.scales.length, SHORT_WAY * way)
-        e = evaluate_padded(self._impacts.impulses, *at)[3]
-        faults = {}
-        for i, k in np.argwhere(started & ~((e >= 0) & (e <= 1))).tolist():
-            faults[i] = f"Impact {self._impacts.names[k]!r}: {RESTITUTION.format(number_text(float(e[i, k])))}"
-        for i, k in np.argwhere(started & ~(gap >= -rounding)).tolist():
-            name = self._impacts.names[k]
-            faults[i] = f"Impact {name!r}: the gap is {gap[i, k]:g} at the start; start with a gap from 0 on"
-        return faults if self._moving is None else faults | self._moving.start_faults(x, p, t)
-
-    def started(self, x: Array, p: Array, t: Array) -> Array:
-        """States at the start, which tell of conditions that hold there."""
-        return x.copy() if self._moving is None else self._moving.started(x, p, t)
