@@ -10,8 +10,8 @@ WINDOW = 0.02
 ROUNDING_SCALE = 1e-12
 """Difference of runs, over the largest value of an output, that is rounding."""
 ROUNDING = 1e-9
-"""Share of an output's largest value, and of a limit of errors, below which errors are rounding: an estimate that is the
-noise itself does not exceed it."""
+"""Share of an output's largest value, and of a limit of errors, below which errors are rounding. So an estimate that is
+the noise itself does not exceed the noise."""
 DOUBTFUL = 0.1
 """Share of the width above which an estimated error is doubtful."""
 LEAST_WIDTH = 0.1

@@ -3,7 +3,6 @@
 import argparse
 import math
 import shlex
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -19,11 +18,7 @@ from symmb.cli import specs
 from symmb.cli.result_path import result_paths, write_results
 from symmb.cli.scene_file import is_urdf, load_subject
 from symmb.cli.urdf_scene import parameter_name
-from symmb.codegen import INSTALL, SLOW, has_compiler
-from symmb.integrate import Solver
 from symmb.report import write_comparison
-
-_SLOW = f"No C compiler found. {SLOW} {INSTALL}"
 
 
 def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
@@ -68,8 +63,6 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     if options.uncertain and options.spread is None:
         raise DeclarationError("--uncertain names parameters with intervals. Give their width by --spread 5%.")
     subject, own = load_subject(options.scene, options.uncertain)
-    if _is_slow(subject, solver):
-        print(_SLOW, file=sys.stderr)
     box = _box(options, subject, own)
     if options.store is not None:
         if isinstance(subject, mb.Scene):
@@ -102,11 +95,6 @@ def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
         if not is_urdf(options.scene):
             client.upload_file(options.scene)
         yield client
-
-
-def _is_slow(subject: mb.Scene | Simulator, solver: Solver | None) -> bool:
-    """Whether runs take long for want of a compiler."""
-    return isinstance(subject, mb.Scene) and isinstance(solver, mb.DormandPrince | None) and not has_compiler()
 
 
 def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:

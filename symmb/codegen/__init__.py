@@ -1,17 +1,24 @@
 """C from CasADi expressions: generation, compilation, cache, and runs of many samples in parallel.
 
-The fixed parts of the C are in the folder c; `fallback` does the same work with NumPy.
+The fixed parts of the C are in the folder c.
 """
 
 from symmb.codegen import cache
 from symmb.codegen.arrays import Program, programs
-from symmb.codegen.block_switches import Values
-from symmb.codegen.build import INSTALL, SLOW, NoCompilerError, has_compiler, load, portable_library, with_compiler
+from symmb.codegen.build import (
+    INSTALL,
+    SLOW,
+    NoCompilerError,
+    has_compiler,
+    load,
+    portable_library,
+    require_compiler,
+    with_compiler,
+)
 from symmb.codegen.c_source import C_FOLDER, c_number, c_source
-from symmb.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, ROUNDING, Contacts, PostImpact
+from symmb.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
 from symmb.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, Tolerances
 from symmb.codegen.failures import REASONS, FailureCode
-from symmb.codegen.fallback import ArrayEngine
 from symmb.codegen.graph import graph_of
 from symmb.codegen.model_source import Scheme, model_function, scheme_function
 from symmb.codegen.scene_source import SceneSource, scene_source

@@ -49,7 +49,8 @@ int answer(void) { return 42; }
 _ANSWER = 42
 
 INSTALL = "Install gcc or clang, or run `pip install 'symmb[compiler]'`, or set CC."
-SLOW = "Without a C compiler runs take about 30 times as long."
+SLOW = "Without a C compiler runs take about 100 times as long."
+"""Those of studies: CVODES takes 6 ms for a run of the double pendulum, and compiled lanes 0.04 ms."""
 
 _PROBE_SECONDS = 20.0
 """Time for the version of a compiler, and for the probe, which takes half a second on an idle machine [s]."""
@@ -77,6 +78,12 @@ def has_compiler() -> bool:
     except NoCompilerError:
         return False
     return True
+
+
+def require_compiler(user: str) -> None:
+    """NoCompilerError, which names what needs a C compiler, if there is none."""
+    if not has_compiler():
+        raise NoCompilerError(f"{user} needs a C compiler, and none was found. {INSTALL}")
 
 
 def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:

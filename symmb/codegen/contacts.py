@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
+import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Indices, Mask
+from symmb._options import number_text
+from symmb._types import Array
 from symmb.codegen.c_source import c_number
-from symmb.codegen.failures import FailureCode
+from symmb.symbolic import batch_padded
 
 MOST_IMPULSES = int(c_number("impacts", "MOST_IMPULSES"))
 EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordered", *("impulse",) * MOST_IMPULSES)
@@ -16,65 +17,7 @@ EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordere
 whether the order of impacts matters, and the impulse along the gap, or of each row of the joint."""
 IMPACT, CLOSES, OPENS, BLAMED = range(4)
 """What events are. Contacts are blamed for a failure."""
-ROUNDING, _CROWD_SPAN, _CONTACT_STEP = (
-    c_number("impacts", name) for name in ("ROUNDING", "CROWD_SPAN", "CONTACT_STEP")
-)
-CROWD, _MOST_EVENTS = (int(c_number("impacts", name)) for name in ("CROWD", "MOST_EVENTS"))
-
-
-class PostImpact:
-    """N samples after an event.
-
-    Attributes
-    ----------
-    x : (N, n_x)             states
-    work : (N,)              of impulses [J]
-    rows : list              events, see `EVENT`
-    failure : (N,)           FailureCode, -1 without
-    soon : (N,)              time after which a contact may close again [s]
-    lift : (N, n)            raises gaps that open so slowly that rounding may turn them back [m], 0 for joints
-    """
-
-    def __init__(self, x: Array, n: int) -> None:
-        N = len(x)
-        self.x, self.work, self.failure = x.copy(), np.zeros(N), np.full(N, -1)
-        self.soon, self.lift = np.full(N, np.inf), np.zeros((N, n))
-        self.rows: list[tuple[float, ...]] = []
-
-    def note(self, sample: int, contact: int, what: int, t: float, *numbers: float) -> None:
-        """An event, with its rates, its work, whether its order matters, and its impulses."""
-        row = sample, contact, what, t, *numbers
-        self.rows.append((*row, *(0.0,) * (len(EVENT) - len(row))))
-
-    def fail(self, reasons: Mask, blamed: Mask, t: Array, why: FailureCode) -> None:
-        """Samples with reasons (N, k) fail by contacts (N, n) at times (N,), if they have not."""
-        fails = np.logical_or.reduce(reasons, axis=1) & (self.failure < 0)
-        for i, k in np.argwhere(fails[:, None] & blamed).tolist():
-            self.note(i, k, BLAMED, float(t[i]))
-        self.failure[fails] = why
-
-
-class ContactLaws(Protocol):
-    """The laws of contacts, and of joints that open and close, for N samples.
-
-    These have states x (N, n_x), parameters p (N, n_p) and times t (N,) [s].
-    """
-
-    def start_faults(self, x: Array, p: Array, t: Array, span: float) -> dict[int, str]:
-        """Texts about samples that cannot start a run of some span [s]."""
-        ...
-
-    def started(self, x: Array, p: Array, t: Array) -> Array:
-        """States at the start, which tell of conditions that hold there."""
-        ...
-
-    def forces(self, x: Array, p: Array, t: Array) -> Array:
-        """Forces in closed contacts, raised by their rounding (N, n)."""
-        ...
-
-    def __call__(self, x: Array, p: Array, t: Array, contact: Indices) -> PostImpact:
-        """Samples after events (N,): contacts that close, joints, n + contacts that open, -1 where none is known."""
-        ...
+CROWD = int(c_number("impacts", "CROWD"))
 
 
 @dataclass(frozen=True)
@@ -91,7 +34,10 @@ class Contacts:
     displacements : n_v float  sizes of displacements along v
     joints : lists of int      of the events of joints that open and close, by their names in c/impacts.h
     n_rows : int               number of rows of all joints
-    laws : ContactLaws         what events do, on arrays, and faults at the start
+    start : Function           (x, p, t, span) -> x at the start of a run of some span [s], which tells of conditions
+                               that hold there; faults (m,), 1 where there is one; and a number (m,) for each text
+    fault_texts : m pairs      of a text about a sample that has a fault and, if its number follows, of what is behind
+                               that; in the order in which faults count
     """
 
     names: tuple[str, ...]
@@ -104,7 +50,8 @@ class Contacts:
     displacements: tuple[float, ...]
     joints: Mapping[str, tuple[int, ...]]
     n_rows: int
-    laws: ContactLaws = field(repr=False)
+    start: ca.Function = field(repr=False)
+    fault_texts: tuple[tuple[str, str], ...] = field(repr=False)
 
     def impulses_of(self, number: int, what: int) -> int:
         """How many impulses an event of this number and kind has."""
@@ -114,41 +61,17 @@ class Contacts:
 
     def started(self, times: Array, x0: Array, p: Array) -> tuple[Array, dict[int, str]]:
         """States at the start of a run over the times, nan for samples that cannot start, and texts about these."""
-        faults = self.laws.start_faults(x0, p, np.full(len(p), times[0]), float(times[-1] - times[0]))
-        x0 = self.laws.started(x0, p, np.full(len(p), times[0]))
+        n, n_p = self.start.numel_in(0), self.start.numel_in(1)
+        horizon = times[0], times[-1] - times[0]
+        at = x0[:, :n], p[:, :n_p], *(np.full((len(p), 1), time) for time in horizon)
+        x, found, numbers = batch_padded(self.start, *at)
+        faulty = (found > 0.5) & np.isfinite(x0).all(axis=1, keepdims=True)
+        first = [(i, int(faulty[i].argmax())) for i in np.flatnonzero(faulty.any(axis=1)).tolist()]
+        faults = {i: self._fault_text(k, float(numbers[i, k])) for i, k in first}
+        x0 = np.hstack([x, x0[:, n:]])
         x0[list(faults)] = np.nan
         return x0, faults
 
-
-class ContactEvents:
-    """Events of samples under way, each with steps of its own.
-
-    Attributes
-    ----------
-    rows : list of (k, 8)    see `EVENT`
-    """
-
-    def __init__(self, contacts: Contacts, t: Array, span: float) -> None:
-        self._contacts, self._span, self.rows = contacts, span, [np.empty((0, len(EVENT)))]
-        self._crowd_start, self._crowd, self._count = t.copy(), np.zeros(len(t), int), np.zeros(len(t), int)
-
-    def meet(self, samples: Indices, x: Array, p: Array, t: Array, behind: Array, contact: Indices) -> PostImpact:
-        """Samples (N,) after events at states x (N, n_x), which may end with the work.
-
-        Laws of time have the values that they have `behind` the times t (N,) of the events.
-        """
-        after = self._contacts.laws(x, p, behind, contact)
-        if self._contacts.with_work:
-            after.x[:, -1] += after.work
-        rows = np.array(after.rows).reshape(-1, len(EVENT))
-        rows[:, EVENT.index("time")] = t[rows[:, 0].astype(np.intp)]
-        rows[:, 0] = samples[rows[:, 0].astype(np.intp)]
-        self.rows.append(rows)
-        after.soon = np.maximum(after.soon, _CONTACT_STEP * self._span)
-        moved = t - self._crowd_start[samples] > _CROWD_SPAN * self._span
-        self._crowd_start[samples] = np.where(moved, t, self._crowd_start[samples])
-        self._crowd[samples] = np.where(moved, 0, self._crowd[samples] + 1)
-        self._count[samples] += 1
-        endless = (self._crowd[samples] > CROWD) | (self._count[samples] > _MOST_EVENTS)
-        after.failure[endless & (after.failure < 0)] = FailureCode.ENDLESS
-        return after
+    def _fault_text(self, fault: int, number: float) -> str:
+        text, behind = self.fault_texts[fault]
+        return f"{text}{number_text(number)}{behind}" if behind else text

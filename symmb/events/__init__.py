@@ -3,7 +3,6 @@
 The solvers that use this are in `integrate`.
 """
 
-from symmb.events.impulses import PENETRATION, SHORT_WAY, Event, ImpactLaws, event_doubts, events_of
-from symmb.events.joint_laws import JointLaws
+from symmb.events.impulses import Event, event_doubts, events_of
 from symmb.events.switches import Kinks, Pulses, broken, kinks, longest_step, time_switches
 from symmb.events.time_switches import TimeSwitches

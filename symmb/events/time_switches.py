@@ -7,9 +7,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
-from symmb.events.impulses import evaluate_padded
 from symmb.schemes import roots
-from symmb.symbolic import On, Pieces, batch, branches, common, has_kinks, ranges_along
+from symmb.symbolic import On, Pieces, batch, batch_padded, branches, common, has_kinks, ranges_along
 
 _PARTS, _HALVINGS, _MOST_PARTS = 64, 30, 1_000_000
 """Parts of the horizon at first, how often those are halved in which a switch may change sign more than its values at
@@ -122,14 +121,14 @@ class TimeSwitches:
         """The switches (k, m) at times t (k,)."""
         if not len(t):
             return np.empty((0, self._curved.numel_out(0)))
-        return evaluate_padded(self._curved, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0]
+        return batch_padded(self._curved, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0]
 
     def _told(self, p: Array, low: Array, high: Array, at_low: Array, at_high: Array) -> Mask:
         """Where the values (k, m) at the ends of times low to high (k,) tell every change of sign."""
         if not len(low):
             return np.ones(at_low.shape, dtype=bool)
         box = np.column_stack([low, high, high - low])
-        bounds = evaluate_padded(self._bounds, np.broadcast_to(p, (len(low), len(p))), box)[0]
+        bounds = batch_padded(self._bounds, np.broadcast_to(p, (len(low), len(p))), box)[0]
         least, largest, fall, rise = np.split(bounds, 4, axis=1)
         up = at_low > 0
         toward, away = np.where(up, -fall, rise), np.where(up, rise, -fall)
@@ -159,7 +158,7 @@ class _Knots:
         def values(t: Array) -> Array:
             if not len(t):
                 return t
-            return evaluate_padded(self._at, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0][:, 0]
+            return batch_padded(self._at, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0][:, 0]
 
         ends = np.unique([*self._ends, *turns[np.isfinite(turns)]])
         margin = _BESIDE * np.spacing(np.maximum(np.abs(ends[:-1]), np.abs(ends[1:])))

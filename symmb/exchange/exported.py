@@ -6,7 +6,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb.codegen import FixedStep, SceneSource
-from symmb.integrate import LaneSolver
+from symmb.integrate import CompiledSolver
 from symmb.model import Scene
 from symmb.simulation import DAESimulator, scene_of, simulator_with
 
@@ -58,7 +58,7 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     if not form.y.numel_in(0):
         raise DeclarationError(f"{scene.name} has no states: its outputs are plain expressions, which need no export.")
     lanes = None
-    if isinstance(solver, LaneSolver):
+    if isinstance(solver, CompiledSolver):
         lanes = solver.lanes(dae, simulator.times, form.y, start=form.start, alone=True)
     if lanes is None or (isinstance(lanes.control, FixedStep) and lanes.scheme is None):
         raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {_SOLVERS}.")

@@ -5,7 +5,7 @@ Each solver is a frozen object with its options in the constructor; `registry` l
 
 from symmb.integrate.casadi_solvers import CVODES, IDAS, StabilizedIndex2
 from symmb.integrate.cells import refined
-from symmb.integrate.compiled import AnyEngine, CompiledSolver, LaneSolver
+from symmb.integrate.compiled import CompiledSolver
 from symmb.integrate.event_driven import EventDriven, impacts_text, round_otherwise
 from symmb.integrate.explicit import DormandPrince
 from symmb.integrate.implicit import NSTIFFSI2, Rosenbrock
@@ -15,4 +15,4 @@ from symmb.integrate.registry import SOLVERS, WORDS, read_solver
 from symmb.integrate.solver import Solver
 from symmb.integrate.stabilization import AugmentedLagrangian
 from symmb.integrate.stiffness import STIFF, Stiffness, stiffness
-from symmb.integrate.switch_passes import SwitchPasses
+from symmb.integrate.switch_passes import SwitchPasses, follow_doubts

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs, runs_of
 from symmb._types import Array
-from symmb.codegen import ArrayEngine, Engine, FixedStep, Lanes, Tolerances, has_compiler
+from symmb.codegen import Engine, FixedStep, Lanes, Tolerances, require_compiler
 from symmb.events import events_of, longest_step
 from symmb.integrate.integration import Integration, Run
 from symmb.integrate.projection import sampled_jets
@@ -19,49 +19,29 @@ from symmb.integrate.solver import Solver
 from symmb.model import DAE
 from symmb.start import Start
 
-AnyEngine = Engine | ArrayEngine
-
 
 class CompiledSolver(Solver):
     """Steps that the engine takes for many samples side by side."""
 
     def runs_in_lanes(self, dae: DAE) -> bool:
-        return has_compiler()
+        return True
 
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
         """How the engine chooses its steps, for Taylor coefficients up to an order and integrals along the motion."""
         return self.tolerances(dae, order, n_quad)
 
-    @abstractmethod
     def engine(
         self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
-    ) -> AnyEngine:
-        """The runs, compiled if possible.
+    ) -> Engine:
+        """The runs in compiled C, see `lanes`.
 
-        Parameters
-        ----------
-        times : (n_t,) array
-            output times [s]
-        y : (x, p, t) -> (n_y,)
-            outputs; with work, its integral follows them
-        order : int
-            with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
-        start : Start
-            compiled too, if it is not large; without it, each run is given its state
+        Raises
+        ------
+        NoCompilerError
+            If there is no C compiler, or none builds them
         """
-
-    def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
-        """The step control, with steps so short that none passes over a pulse of a law of time."""
-        self.require_affordable(times)
-        control = self.step_control(dae, times, order, n_quad)
-        if isinstance(control, FixedStep):
-            return control
-        longest = min(longest_step(dae, times), control.longest or np.inf)
-        return replace(control, longest=longest if np.isfinite(longest) else 0.0)
-
-
-class LaneSolver(CompiledSolver):
-    """Steps that the C takes by itself."""
+        require_compiler(repr(self))
+        return self.lanes(dae, times, y, order=order, work=work, start=start).compiled(times)
 
     @abstractmethod
     def lanes(
@@ -79,8 +59,14 @@ class LaneSolver(CompiledSolver):
 
         Parameters
         ----------
-        dae, times, y, order, work, start
-            as of `engine`
+        times : (n_t,) array
+            output times [s]
+        y : (x, p, t) -> (n_y,)
+            outputs; with work, its integral follows them
+        order : int
+            with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
+        start : Start
+            compiled too, if it is not large; without it, each run is given its state
         alone : bool
             without Python: the start is always compiled, and steps end at switches that the C itself locates
 
@@ -89,6 +75,15 @@ class LaneSolver(CompiledSolver):
         DeclarationError
             If there are switches that only Python locates
         """
+
+    def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
+        """The step control, with steps so short that none passes over a pulse of a law of time."""
+        self.require_affordable(times)
+        control = self.step_control(dae, times, order, n_quad)
+        if isinstance(control, FixedStep):
+            return control
+        longest = min(longest_step(dae, times), control.longest or np.inf)
+        return replace(control, longest=longest if np.isfinite(longest) else 0.0)
 
 
 class CompiledIntegration(Integration):

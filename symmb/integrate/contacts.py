@@ -6,11 +6,15 @@ from dataclasses import replace
 import casadi as ca
 
 from symmb.codegen import Contacts, StepEnds
-from symmb.events import PENETRATION, SHORT_WAY, ImpactLaws, JointLaws
 from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.step_ends import SwitchedProblem, hysteresis_of
+from symmb.mechanics import RESTITUTION
 from symmb.model import DAE, Impacts, JointEvents
+from symmb.symbolic import common
 
+_PENETRATION, _SHORT_WAY = 1e-9, 1e-7
+"""Negative gap at the start that is rounding: over the scene's size, or over the way that speed and acceleration of the
+gap lead until the end. The gap itself may be all that is known of the size."""
 _STRUCK = 1e-9
 """Slip over the rate of the motion above which an impulse has caused it. Where clutches stick it is not quite 0."""
 
@@ -18,6 +22,7 @@ _STRUCK = 1e-9
 def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
     """The data of the contacts of a DAE, and of its joints that open and close."""
     joints, at = impacts.joints, dae.n_q + dae.n_v
+    at_start = [ca.SX.sym("x", at + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t"), ca.SX.sym("span")]
     lists: dict[str, tuple[int, ...]] = {}
     if joints is not None:
         others = [(k, i) for k, own in enumerate(joints.others) for i in own]
@@ -45,7 +50,8 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
         tuple(dae.displacement_scales.tolist()),
         lists,
         dae.n_r,
-        ImpactLaws(dae, impacts, None if joints is None else JointLaws(dae, joints, _tolerances(dae, joints))),
+        common("start", at_start, _start(dae, impacts, *at_start)),
+        _fault_texts(impacts),
     )
 
 
@@ -132,26 +138,51 @@ def _held(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
 
 
 def started(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t0: float, span: float) -> ca.SX:
-    """The state of the start as `Contacts.started` makes it, nan where the run cannot start there.
-
-    Parameters
-    ----------
-    x : (n_x,) SX      at the start of a run over some span [s]
-    """
-    t, joints = ca.SX(t0), impacts.joints
-    gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
-    way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
-    e = impacts.impulses(*dae.arguments(x, p, t))[3]
-    rounding = ca.fmax(PENETRATION * dae.scales.length, SHORT_WAY * way)
-    faults = ca.vertcat(ca.SX(0), gap < -rounding, e < 0, e > 1)
-    if joints is not None:
-        x, faults = _joints_started(dae, joints, x, p, t, faults)
+    """The state x (n_x,) at the start of a run over some span [s], nan where the run cannot start there."""
+    x, faults, _ = _start(dae, impacts, x, p, ca.SX(t0), ca.SX(span))
     return x + ca.if_else(ca.sum1(faults) > 0, math.nan, 0)
 
 
-def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX, faults: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The state with the conditions of joints that hold there, and faults with those of joints. See `JointLaws`."""
-    at, x = dae.n_q + dae.n_v, ca.SX(x)
+def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The results of `Contacts.start`. Joints that open or close come first, and of impacts the last ones."""
+    gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
+    way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
+    e = impacts.impulses(*dae.arguments(x, p, t))[3]
+    rounding = ca.fmax(_PENETRATION * dae.scales.length, _SHORT_WAY * way)
+    faults = [ca.logic_not(gap >= -rounding), ca.logic_not(ca.logic_and(e >= 0, e <= 1))]
+    last_first = list(range(gap.numel()))[::-1]
+    faults, numbers = (ca.vertcat(*[values[last_first] for values in parts]) for parts in (faults, (gap, e)))
+    if impacts.joints is not None:
+        x, of_joints = _joints_started(dae, impacts.joints, x, p, t)
+        faults, numbers = ca.vertcat(of_joints, faults), ca.vertcat(ca.SX.zeros(of_joints.numel()), numbers)
+    return x, ca.densify(faults), ca.densify(numbers)
+
+
+def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
+    """Texts about the faults of `_start`, before and behind their numbers."""
+    joints, names = impacts.joints, impacts.names[::-1]
+    events = zip(joints.titles, joints.opens, strict=True) if joints else ()
+    before, behind = RESTITUTION.split("{}")
+    return (
+        *(
+            (
+                f"{title}: its condition holds at the start, and counts where it becomes true; start where it does not "
+                f"hold, or {'leave the joint out' if opens else 'leave the Latch out'}",
+                "",
+            )
+            for title, opens in events
+        ),
+        *((f"Impact {name!r}: the gap is ", " at the start; start with a gap from 0 on") for name in names),
+        *((f"Impact {name!r}: {before}", behind) for name in names),
+    )
+
+
+def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The state with the conditions of joints that hold there, and faults: conditions that would have acted before.
+
+    Clutches without slip stick.
+    """
+    at, x, faults = dae.n_q + dae.n_v, ca.SX(x), []
     slip, rounding = joints.slips(*dae.arguments(x, p, t))
     for k, (sticks, side) in enumerate(joints.clutches):
         fresh, rest = ca.logic_and(x[at + sticks] == 0, x[at + side] == 0), ca.fabs(slip[k]) <= rounding[k]
@@ -163,5 +194,5 @@ def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX,
         holds = ca.SX(0) if flag in of_clutches else margins[k] < -tolerance
         closed = ca.sum1(x[[at + i for i in (flag, *joints.others[k])]]) > 0.5
         x[at + joints.holding[k]] = holds
-        faults = ca.vertcat(faults, ca.logic_and(holds, closed if joints.opens[k] else ca.logic_not(closed)))
-    return x, faults
+        faults.append(ca.logic_and(holds, closed if joints.opens[k] else ca.logic_not(closed)))
+    return x, ca.vertcat(*faults)

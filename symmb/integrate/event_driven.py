@@ -8,8 +8,8 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array
-from symmb.codegen import Lanes, Tolerances
-from symmb.integrate.compiled import AnyEngine, CompiledIntegration
+from symmb.codegen import Engine, Lanes, Tolerances
+from symmb.integrate.compiled import CompiledIntegration
 from symmb.integrate.explicit import DormandPrince, Explicit
 from symmb.integrate.integration import Integration
 from symmb.integrate.stabilization import Projection, Stabilization
@@ -21,9 +21,9 @@ from symmb.start import Start
 class EventDriven(Explicit):
     """Explicit pair of order 8 whose steps end at the events of an `Impact`, a `Release`, a `Latch` or a `Clutch`.
 
-    They are located on the interpolant of a step to rounding. Without a C compiler the same steps are taken with NumPy.
-    Each sample has steps of its own. After every step positions and velocities are moved onto the constraints, with
-    those of closed contacts. At the time of an event, outputs have their values after it.
+    They are located on the interpolant of a step to rounding. Each sample has steps of its own. After every step
+    positions and velocities are moved onto the constraints, with those of closed contacts. At the time of an event,
+    outputs have their values after it.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ _SHORTER = 0.37
 otherwise."""
 
 
-def round_otherwise(engine: AnyEngine, other: AnyEngine) -> None:
+def round_otherwise(engine: Engine, other: Engine) -> None:
     """Let an engine take steps that are shorter than the mean one of the last run of another."""
     control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
     longest = min(control.longest or np.inf, _SHORTER * span / max(other.counts.steps, 1))

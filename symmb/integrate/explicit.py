@@ -8,8 +8,8 @@ import numpy as np
 
 from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
-from symmb.codegen import ArrayEngine, FixedStep, Lanes, StepEnds, Tolerances, has_compiler, model_function
-from symmb.integrate.compiled import AnyEngine, CompiledIntegration, LaneSolver
+from symmb.codegen import FixedStep, Lanes, StepEnds, model_function
+from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
 from symmb.integrate.contacts import contact_functions, contacts_of, started, with_gaps
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.integrate.initial_value_problem import PROJECTION_STEPS, build_problem
@@ -20,7 +20,7 @@ from symmb.model import DAE
 from symmb.start import Start
 
 
-class Explicit(LaneSolver):
+class Explicit(CompiledSolver):
     """Explicit steps, compiled for many samples side by side."""
 
     stabilization: Stabilization
@@ -30,14 +30,6 @@ class Explicit(LaneSolver):
     @property
     def takes_any_coordinates(self) -> bool:
         return not isinstance(self.stabilization, AugmentedLagrangian)
-
-    def engine(
-        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
-    ) -> AnyEngine:
-        lanes = self.lanes(dae, times, y, order=order, work=work, start=start)
-        if isinstance(lanes.control, Tolerances) and not has_compiler():
-            return ArrayEngine(lanes.f, times, lanes.control, lanes.ends, lanes.contacts)
-        return lanes.compiled(times)
 
     def lanes(
         self,
@@ -94,7 +86,7 @@ def _compiled_start(
     start: Start | None, dae: DAE, p: ca.SX, span: float, alone: bool
 ) -> tuple[ca.SX, ca.SX, ca.SX] | None:
     """The equations of a start that the engine computes; None if it is given the states."""
-    if start is None or not (alone or (has_compiler() and start.compiles)):
+    if start is None or not (alone or start.compiles):
         return None
     u, newton, state = start.equations(p)
     if dae.impacts is not None:
@@ -106,11 +98,10 @@ def _compiled_start(
 class DormandPrince(Explicit):
     """Embedded pair of order 8 with step control and dense output, compiled for many samples side by side.
 
-    Without a C compiler the same steps are taken with NumPy, some 30 times slower. Samples share a step in blocks of 8,
-    fixed by sample index. With `Projection()` positions and velocities are projected onto the constraints after every
-    step. Steps end where laws of time or forces switch, at `if_else`, `fabs`, `fmax` and the like, also where the
-    motion passes a switch twice within a step. They also end where `exp`, `tanh`, `erf` and `cosh` of positions or of
-    time are steep: none passes over a smooth pulse made of these.
+    Samples share a step in blocks of 8, fixed by sample index. With `Projection()` positions and velocities are
+    projected onto the constraints after every step. Steps end where laws of time or forces switch, at `if_else`,
+    `fabs`, `fmax` and the like, also where the motion passes a switch twice within a step. They also end where `exp`,
+    `tanh`, `erf` and `cosh` of positions or of time are steep: none passes over a smooth pulse made of these.
 
     Parameters
     ----------
@@ -138,9 +129,6 @@ class DormandPrince(Explicit):
     atol: float | None = None
     stabilization: Stabilization = field(default_factory=Projection)
 
-    def runs_in_lanes(self, dae: DAE) -> bool:
-        return True
-
     def has_dense_output(self, dae: DAE) -> bool:
         return True
 
@@ -154,7 +142,7 @@ class DormandPrince(Explicit):
 class RungeKutta(Explicit):
     """Classical Runge-Kutta method of order 4 with a fixed step.
 
-    Compiled for many samples side by side where there is a C compiler.
+    Compiled for many samples side by side.
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ import casadi as ca
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
-from symmb.codegen import Engine, FixedStep, Lanes, Scheme, StepEnds, Tolerances, has_compiler, scheme_function
-from symmb.integrate.compiled import CompiledIntegration, LaneSolver
+from symmb.codegen import FixedStep, Lanes, Scheme, StepEnds, Tolerances, scheme_function
+from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.integrate.initial_value_problem import build_problem
 from symmb.integrate.integration import Integration
@@ -29,22 +29,17 @@ MOST_VELOCITIES = 300
 """Velocities up to which a C compiler takes less than minutes for a Newton matrix. tests/benchmarks/scaling.py"""
 
 
-class _SchemeSolver(LaneSolver):
+class _SchemeSolver(CompiledSolver):
     """Steps of a scheme in symbols, each solved by Newton's method."""
 
     tolerance: float = 0.0  # of Newton's method; a scheme without iterations needs none
 
     def runs_in_lanes(self, dae: DAE) -> bool:
-        return has_compiler() and dae.n_v <= MOST_VELOCITIES
+        return dae.n_v <= MOST_VELOCITIES
 
     @abstractmethod
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
         """The symbolic step, of the Taylor coefficients up to `order`."""
-
-    def engine(
-        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
-    ) -> Engine:
-        return self.lanes(dae, times, y, order=order, work=work, start=start).compiled(times)
 
     def lanes(
         self,
@@ -98,7 +93,7 @@ class _SchemeSolver(LaneSolver):
             control = self.step_control(dae, times)
             if isinstance(control, Tolerances):
                 raise PropagationError(
-                    f"{self!r} controls its step, which needs a C compiler and at most {MOST_VELOCITIES} velocities, "
+                    f"{self!r} controls its step, which needs at most {MOST_VELOCITIES} velocities, "
                     "and is not possible in lockstep. Give a step instead of a tolerance."
                 )
             step = self.scheme(dae, order, work)

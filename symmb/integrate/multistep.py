@@ -14,7 +14,7 @@ from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.integration import Integration, RunAdvance, quiet
 from symmb.integrate.one_sided import OneSided, one_sided
 from symmb.integrate.side_walk import SideWalk, Stops
-from symmb.integrate.switch_passes import SwitchPasses
+from symmb.integrate.switch_passes import SwitchPasses, follows_switches
 from symmb.model import DAE, Lazy
 from symmb.symbolic import batch, common
 
@@ -56,8 +56,10 @@ def multistep_integration(
     Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of states and
     integrals (n_x + n_quad,) are measured by their units. The first step [s] is SUNDIALS' choice if it is not given.
     An independent integration follows switches of the state by its step control, with steps of a thousandth of the
-    horizon. They end at passes that runs of DormandPrince tell if `of_state`.
+    horizon. They end at passes that runs of DormandPrince tell if `of_state`. Without a C compiler there are no such
+    runs, and every integration is an independent one where the state has switches.
     """
+    independent = independent or follows_switches(dae)
     problem = problem_of(dae).jets(order)
     problem = problem if units is None else problem.in_units(units)
     guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])

@@ -6,9 +6,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.codegen import FailureCode, Tolerances
+from symmb.codegen import INSTALL, Engine, FailureCode, Tolerances, has_compiler
 from symmb.events import time_switches
-from symmb.integrate.compiled import AnyEngine
 from symmb.integrate.explicit import DormandPrince
 from symmb.integrate.side_walk import Stops, no_stops
 from symmb.model import DAE
@@ -37,7 +36,7 @@ class SwitchPasses:
     times : (n_t,) array     output times [s]
     rtol : float             relative tolerance of the solver
     start : Start, optional  the engine of the solver computes the start
-    of_state : bool          whether switches of the state are looked for
+    of_state : bool          whether switches of the state are looked for, if there is a compiler
     """
 
     def __init__(
@@ -45,8 +44,8 @@ class SwitchPasses:
     ) -> None:
         self._dae, self._times = dae, times
         self._of_time = dae.remembered(time_switches, times)
-        self._engine: AnyEngine | None = None
-        if of_state and len(times) > 1 and has_kinks(dae.rhs):
+        self._engine: Engine | None = None
+        if of_state and len(times) > 1 and has_kinks(dae.rhs) and has_compiler():
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
@@ -84,7 +83,20 @@ class SwitchPasses:
         return float(np.fmin.reduce(passes[passes - self._times[0] > _AT_ONCE * span], initial=np.nan))
 
 
-def _passes(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
+def follows_switches(dae: DAE) -> bool:
+    """Whether switches of the state are left to the control of steps, because no compiled run tells their passes."""
+    return not has_compiler() and has_kinks(dae.rhs)
+
+
+def follow_doubts(dae: DAE) -> tuple[str, ...]:
+    """What is doubtful about runs that leave switches of the state to the control of steps."""
+    if not follows_switches(dae):
+        return ()
+    text = "The equations have switches, at which no step ends without a C compiler: short pulses may be missed."
+    return (f"{text} {INSTALL}",)
+
+
+def _passes(engine: Engine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
     """Passes (N, k) of switches of the state, nan behind the last one, and `until` and `sticks` of `Stops`."""
     passes, until, sticks = _passes_by(engine, x0, p)
     control, again = engine.control, np.isfinite(until)
@@ -100,7 +112,7 @@ def _passes(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array, Array
     return passes, until, sticks
 
 
-def _passes_by(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
+def _passes_by(engine: Engine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
     _, failed_samples = engine.values(x0, p)
     until = np.where(np.isnan(failed_samples.t_failed), np.inf, failed_samples.t_failed)
     sticks = np.where(failed_samples.failure == FailureCode.STICKS, until, np.inf)

@@ -4,21 +4,8 @@ The drivers that take the steps are in `codegen` and `integrate`.
 """
 
 from symmb.schemes import dop853, rosenbrock, runge_kutta
-from symmb.schemes.embedded_pair import (
-    MOST_STEPS,
-    ROUNDED_STEP,
-    STEP_CONTROL,
-    StepControl,
-    error_estimates,
-    error_norm,
-    first_step,
-    interpolant,
-    interpolated,
-    interpolation_error,
-    stages,
-)
+from symmb.schemes.embedded_pair import MOST_STEPS, ROUNDED_STEP, STEP_CONTROL
 from symmb.schemes.generalized_alpha import generalized_alpha
 from symmb.schemes.nstiff_si2 import nstiff_si2
 from symmb.schemes.roots import roots
 from symmb.schemes.step import Step
-from symmb.schemes.switch_search import first_pass

@@ -1,6 +1,7 @@
 """The simulator of a declared scene."""
 
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
@@ -10,22 +11,21 @@ from typing import Any, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from symmb._errors import SimulationError
+from symmb._errors import SimulationError, SymmbWarning
 from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor, Indices
 from symmb.black_boxes import Progress, Reduction, Samples, checked_samples, digest, stream
-from symmb.codegen import NoCompilerError, cores
+from symmb.codegen import INSTALL, SLOW, Engine, cores, has_compiler
 from symmb.events import broken
 from symmb.formulations import Formulation, formulations, jet_outputs, outputs_along
 from symmb.integrate import (
     CVODES,
-    AnyEngine,
     CompiledSolver,
-    DormandPrince,
     EventDriven,
     Integration,
     Solver,
     SwitchPasses,
+    follow_doubts,
     impacts_text,
     refined,
     round_otherwise,
@@ -115,7 +115,7 @@ class DAESimulator:
         self.setup_seconds, reason = 0.0, ""
         if solver is None and self.dae.impacts is not None:
             solver, reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
-        self._use(solver or DormandPrince())
+        self._use(solver or for_studies().first)
         if solver is None:
             reason = self._choose()
         self.reason = "; ".join(filter(None, (reason, self.formulation.why)))
@@ -134,12 +134,14 @@ class DAESimulator:
     def _choose(self) -> str:
         """Choose the solver by pilot runs, and keep what the pilot compiled in the same coordinates; the reason."""
         pilots: dict[Solver, DAESimulator] = {}
-        solver, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
+        solver, reason = choose(for_studies, lambda solver: self._pilot(pilots, solver))
         pilot = pilots[solver]
         integrations, engines, coordinates = pilot._integrations, pilot._engines, pilot.coordinates
         self._use(solver)
         if self.coordinates == coordinates:
             self._integrations, self._engines = integrations, engines
+        if not (has_compiler() or self._stateless):
+            warnings.warn(f"No C compiler found. {SLOW} {INSTALL}", SymmbWarning, stacklevel=2)
         return "; ".join(filter(None, (reason, str(self.formulation.kinks(self.times) or ""))))
 
     @property
@@ -202,12 +204,9 @@ class DAESimulator:
         """Prepare the runs, if they are not prepared yet."""
         _ = self._lanes() or self.integration()
 
-    def _lanes(self, order: int = 0) -> AnyEngine | None:
-        """The engine, if samples run in compiled lanes. If no compiler builds it, there are none from then on."""
-        try:
-            return self.engine(order) if self.compiled else None
-        except NoCompilerError:
-            return self.engine(order) if self.compiled else None
+    def _lanes(self, order: int = 0) -> Engine | None:
+        """The engine, if samples run in compiled lanes."""
+        return self.engine(order) if self.compiled else None
 
     def with_outputs(self, y: ca.Function) -> "DAESimulator":
         """The same simulator with outputs y (x, p, t), in the coordinates in which the samples run."""
@@ -252,7 +251,7 @@ class DAESimulator:
         require_able(solver, self.dae, self.times, self._contradiction)
         self.solver = solver
         self._integrations: dict[int, Integration] = {}
-        self._engines: dict[int, AnyEngine] = {}
+        self._engines: dict[int, Engine] = {}
         self._single: list[tuple[Integration, Array, Indices]] = []
         self._ways: dict[bytes, TwoWays] = {}
         self._outputs: dict[bytes, Array] = {}
@@ -337,7 +336,7 @@ class DAESimulator:
             p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
             steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
             ways, self.nominal = self.two_ways(p), self._outputs_at(p)
-            self.doubts = (*self.start.doubts, *self.theory.doubts(p), *ways.doubts)
+            self.doubts = (*self.start.doubts, *follow_doubts(self.dae), *self.theory.doubts(p), *ways.doubts)
             self.noise = np.maximum(steps, ways.error.max(axis=0, initial=0.0))
 
     def single(self) -> tuple[Integration, Array, Indices]:
@@ -361,7 +360,7 @@ class DAESimulator:
             self.setup_seconds += time.perf_counter() - begin
         return self._integrations[order]
 
-    def engine(self, order: int = 0) -> AnyEngine:
+    def engine(self, order: int = 0) -> Engine:
         """The outputs, or their Taylor coefficients up to `order`, in compiled lanes, built at the first use."""
         solver = cast(CompiledSolver, self.solver)
         if order not in self._engines:

@@ -11,9 +11,9 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.black_boxes import BLOCK, Ensemble
-from symmb.codegen import BLAMED, REASONS, FailedSamples
+from symmb.codegen import BLAMED, REASONS, Engine, FailedSamples
 from symmb.formulations import Formulation
-from symmb.integrate import AnyEngine, Run
+from symmb.integrate import Run
 from symmb.symbolic import batch
 
 LOCK = RLock()
@@ -86,7 +86,7 @@ class CompiledEnsemble:
     """An Ensemble from the engine. It computes trajectories or extremes at their first use."""
 
     form: Formulation
-    engine: AnyEngine
+    engine: Engine
     P: Array
     t_start: float
     threads: int

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import overload
 
 import casadi as ca
@@ -15,7 +16,7 @@ from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
-from symmb.integrate import Run, Solver, SwitchPasses, stiffness
+from symmb.integrate import Run, Solver, SwitchPasses, follow_doubts, stiffness
 from symmb.mechanics import Constraint, Rope
 from symmb.model import Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
@@ -178,9 +179,8 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
         runs.run(solver)
     else:
         stiff, ends = runs.starts_stiff, runs.simulator.dae.sampling is not None
-        solver, reason = choose(
-            for_one_run(stiff, ends or runs.simulator.bodies.kinks(runs.simulator.times) is not None), runs.judge
-        )
+        switches = ends or runs.simulator.bodies.kinks(runs.simulator.times) is not None
+        solver, reason = choose(partial(for_one_run, stiff, switches), runs.judge)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
         reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
     run, trajectory = runs.done[solver]
@@ -274,6 +274,8 @@ def _switch_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
     """Whether steps of a fixed length pass over contacts, pulses of forces, or switches to which the motion sticks."""
     simulator = runs.simulator
     step = solver.step_taken(simulator.times)
+    if doubts := follow_doubts(simulator.dae):
+        return doubts
     if not step or simulator.dae.impacts is not None or not has_kinks(simulator.dae.rhs):
         return ()
     stops = SwitchPasses(simulator.dae, simulator.times).stops(runs.x0, runs.p[None]).of(0)

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 from symmb._errors import DeclarationError
 from symmb._types import Array
-from symmb.codegen import REASONS, FailureCode, has_compiler
+from symmb.codegen import REASONS, FailureCode, has_compiler, with_compiler
 from symmb.integrate import (
     CVODES,
     IDAS,
@@ -31,6 +32,8 @@ _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
 """The solver that passes singular positions of scenes that are not stiff."""
 _THROUGH = CVODES(stiff=True, stabilization=AugmentedLagrangian())
 """That of those that are."""
+_MANY_RUNS = CVODES(rtol=1e-8)
+"""That of studies without a C compiler: as accurate as DormandPrince()."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,8 @@ class Candidates(NamedTuple):
 
 def for_studies() -> Candidates:
     """Candidates for many runs."""
-    if not has_compiler():  # Rosenbrock needs it to control its step
-        return Candidates(DormandPrince(), *for_one_run(False, False)[1:])
+    if not has_compiler():
+        return Candidates(_MANY_RUNS, *for_one_run(False, False)[1:])
     return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
 
 
@@ -72,24 +75,34 @@ def for_one_run(stiff: bool, switches: bool) -> Candidates:
     """Candidates for one run. With switches of time or state, steps should end there."""
     if stiff:
         return Candidates(_STIFF, _STIFF, (_TIGHTER, *(_COMPILED if has_compiler() else ()), _THROUGH))
+    if not has_compiler():
+        return Candidates(_SMOOTH, _STIFF, (CVODES(stabilization=AugmentedLagrangian()), _THROUGH))
     return Candidates(_SWITCHING if switches else _SMOOTH, _STIFF, (_SWITCHING, *_SINGULAR, _THROUGH))
 
 
 def another(solver: Solver, finest: bool) -> Solver:
-    """A solver of another family: those of SUNDIALS take the place of the others, and the others of them."""
+    """A solver of another family: those of SUNDIALS take the place of the others, and the others of them.
+
+    Without a C compiler there are no others. BDF and Adams formulas then take the place of each other.
+    """
     stiff = isinstance(solver, Rosenbrock | StabilizedIndex2) or getattr(solver, "stiff", False)
     is_sundials = isinstance(solver, CVODES | IDAS | StabilizedIndex2)
     rtol = _FINEST if finest else min(max((getattr(solver, "rtol", None) or 1.0) / 10, _FINEST), _FINE)
     through = getattr(solver, "stabilization", None)
     through = through if isinstance(through, AugmentedLagrangian) else None
-    if not is_sundials:
-        return CVODES(rtol, stiff=stiff, stabilization=through)
+    if not (is_sundials and has_compiler()):
+        return CVODES(rtol, stiff=stiff ^ is_sundials, stabilization=through)
     return Rosenbrock(rtol, stabilization=through) if stiff else DormandPrince(rtol, stabilization=through)
 
 
-def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
+def choose(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
     """The solver with which pilot runs succeed, or the faster one if the first is slow, and the reason."""
-    first, implicit, others = candidates
+    choice = partial(_choice, candidates, pilot)
+    return with_compiler(choice, choice)  # the candidates are others if no compiler builds the first
+
+
+def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
+    first, implicit, others = candidates()
     run = pilot(first)
     if REASONS[FailureCode.STICKS] in run.message:  # no motion goes on
         return first, _fault(first, run)

@@ -3,7 +3,7 @@
 The files sympy_in, sympy_out and latex are the only ones that know SymPy.
 """
 
-from symmb.symbolic.batch import batch, evaluated, nonzeros, pattern, so_far
+from symmb.symbolic.batch import batch, batch_padded, evaluated, nonzeros, pattern, so_far
 from symmb.symbolic.common import common, shared
 from symmb.symbolic.condition import EXAMPLE, margin_of
 from symmb.symbolic.geometry import (

@@ -49,6 +49,15 @@ def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, .
     return tuple(_shaped(f, i, values) for i, values in enumerate(_results(f, arguments, threads)))
 
 
+def batch_padded(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
+    """The same with arguments (N, n) padded to a power of 2: CasADi keeps one map for each number of samples."""
+    N = len(arguments[0])
+    if N < 2:
+        return batch(f, *arguments)
+    rows = np.minimum(np.arange(1 << (N - 1).bit_length()), N - 1)
+    return tuple(values[:N] for values in batch(f, *[a[rows] for a in arguments]))
+
+
 def evaluated(f: ca.Function, *arguments: Array) -> Array:
     """The first result (m, k) at one set of arguments, dense."""
     values = batch(f, *arguments)[0]

@@ -15,7 +15,6 @@ from models import double_pendulum
 from symmb import ClenshawCurtis, Exact
 from symmb.bounds.adaptive.continuation import Continuation, extrapolated_sizes
 from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.codegen.build import has_compiler
 from symmb.nodes.grid import Grid, line
 from symmb.polynomials.legendre import basis_values, tensor_degree
 from symmb.polynomials.ranges.dense import dense_extremes
@@ -100,7 +99,6 @@ def test_a_grid_continues_most_likely_through_other_points():
     assert first[4, 0] > 10 * first[0, 4]
 
 
-@pytest.mark.skipif(not has_compiler(), reason="needs a C compiler")
 @pytest.mark.parametrize(("d", "order"), [(1, 9), (2, 4), (2, 9), (3, 3)])
 def test_dense_search_finds_the_extremes_that_branch_and_bound_proves(d, order):
     alpha = RNG.permutation(tensor_degree(d, order))

@@ -1,7 +1,12 @@
 """The compiled engine against SciPy's DOP853 and closed forms; lanes that are lost."""
 
+import os
 import pickle
+import platform
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -15,10 +20,11 @@ from scipy.integrate import solve_ivp
 import symmb as mb
 from models import cubic, double_pendulum
 from symmb.black_boxes.simulator import Reduction
-from symmb.codegen import Engine, Tolerances, model_function
+from symmb.codegen import Engine, Tolerances, build, model_function
 
 pytestmark = pytest.mark.slow
 
+ROOT = Path(mb.__file__).parents[1]
 TIMES = np.linspace(0, 5, 41)
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")
 DUFFING = ca.vertcat(X[1], -X[0] - P * X[0] ** 3 + ca.cos(T) / 3)
@@ -120,6 +126,40 @@ def test_every_model_runs_as_with_cvodes(model):
     scale = np.maximum(1.0, np.abs(reference.values).max(axis=0))
     assert (np.abs(compiled.values - reference.values) / scale).max() < 2e-6
     assert compiled.position_drift < 1e-8
+
+
+def test_too_many_steps_fail_the_block():
+    engine = duffing(times=np.array([0.0, 100.0]))
+    engine.most_steps = 3
+    Y, failed_samples = engine.values(np.ones((3, 2)), np.ones((3, 1)))
+    assert np.isnan(Y[:, 1]).all() and (failed_samples.t_failed < 100.0).all()
+
+
+NARROW = """
+import sys; sys.path.insert(0, "tests/codegen")
+import numpy as np, test_engine as here
+engine = here.duffing(times=np.linspace(0, 1, 4))
+print(engine.width, repr(engine.values(here.STARTS, here.SPRINGS)[0].tolist()))
+"""
+STARTS, SPRINGS = np.linspace(-1, 1, 22).reshape(11, 2), np.linspace(0, 2, 11)[:, None]
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="options of x86-64 compilers")
+@pytest.mark.parametrize("narrow", ["-mno-avx512f", "-mno-avx"], ids=["four lanes", "two lanes"])
+def test_narrower_processors_share_steps_among_as_many_samples(narrow, tmp_path):
+    compiler = tmp_path / "cc"
+    compiler.write_text(f'#!/bin/sh\nexec {build._compiler().path} "$@" {narrow}\n')
+    compiler.chmod(0o755)
+    run = subprocess.run(
+        [sys.executable, "-c", NARROW], cwd=ROOT, capture_output=True, text=True,
+        env={**os.environ, "CC": str(compiler), "XDG_CACHE_HOME": str(tmp_path),
+             "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests"), str(ROOT / "models")])},
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    width, values = run.stdout.split(maxsplit=1)
+    here = duffing(times=np.linspace(0, 1, 4))
+    assert int(width) == here.width == 8
+    assert_allclose(eval(values), here.values(STARTS, SPRINGS)[0], rtol=1e-12, atol=1e-13)
 
 
 def test_work_is_integrated_along():

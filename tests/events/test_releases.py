@@ -1,7 +1,6 @@
 """Joints that open and close in a run, against closed forms, and in lanes against single runs."""
 
 import sys
-from dataclasses import astuple
 from pathlib import Path
 
 import casadi as ca
@@ -171,10 +170,8 @@ def test_a_latch_closes_while_a_contact_is_closed():
     assert_allclose(run.energy_drift, 0, atol=1e-8)
 
 
-@pytest.mark.parametrize("compiles", [True, False])
-def test_a_latch_holds_what_lies_on_a_floor(compiles, monkeypatch):
+def test_a_latch_holds_what_lies_on_a_floor():
     """It starts in the hook, lies on the floor from 1/12 s to 0.6 s, and is thrown when the hook opens again."""
-    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: compiles)
     ball = mb.Body("ball", 2.0, pose=mb.Particle())
     hook = mb.Spherical("hook", mb.Ground().point(0, 0), ball.point(0, 0))
     moved = mb.Latch(hook, mb.t > 0.6), mb.Release(hook, ca.sin(2 * np.pi * mb.t) > 0.5)
@@ -225,10 +222,8 @@ def test_a_spatial_weld_closes_on_a_body_that_a_hinge_carries():
     assert not run.doubts
 
 
-@pytest.mark.parametrize("compiles", [True, False])
-def test_a_pin_breaks_at_a_force(compiles, monkeypatch):
+def test_a_pin_breaks_at_a_force():
     """A rod falls from the horizontal. At an angle a below it the pin bears m g (8 sin^2 a + cos^2 a / 4 + ...)."""
-    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: compiles)
     rod = mb.Body("rod", 2.0, 2 / 3)  # 2 m long, on one end: a' = -3 g cos / 4, w^2 = 3 g sin / 2
     pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-1, 0))
     breaks = mb.Release(pin, lambda pull: pull.fx**2 + pull.fy**2 > 40.0**2)
@@ -278,28 +273,6 @@ def test_lanes_open_at_times_of_their_own():
         assert not bounds.failed
         assert_allclose(bounds["x"][0], x.min(axis=0), atol=off * width)
         assert_allclose(bounds["x"][1], x.max(axis=0), atol=off * width)
-
-
-def test_both_engines_have_the_same_events(monkeypatch):
-    def condition(a, b, hook):
-        return mb.Latch(hook, b.x - a.x < 0.25), mb.Release(hook, ca.logic_and(mb.t > 0.6, a.x > 0.9))
-
-    def scene():
-        cart = carts(condition, times=np.linspace(0, 1, 9))
-        wall = mb.Impact("wall", 1.3 - cart.system.bodies[1].x, 0.5)
-        system = mb.System(*cart.system.elements, wall)
-        return mb.Scene(system, {"a.x": 0.0, "a.vx": 2.0}, cart.times, cart.outputs)
-
-    compiled = mb.simulate(scene())
-    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: False)
-    arrays = mb.simulate(scene())
-    assert len(compiled.events) > 1
-    for event, other in zip(compiled.events, arrays.events, strict=True):
-        assert (event.name, event.what) == (other.name, other.what)
-        assert_allclose(astuple(event)[3:6], astuple(other)[3:6], rtol=1e-9, atol=1e-12)
-        assert_allclose(event.impulse, other.impulse, rtol=1e-9, atol=1e-12)
-        assert_allclose(event.time, other.time, rtol=1e-12)
-    assert_allclose(compiled.values, arrays.values, atol=1e-9)
 
 
 def test_what_has_no_derivative_there_refuses():

@@ -91,13 +91,6 @@ def test_ensembles_run_in_compiled_lanes():
     assert_allclose(bounds.upper, runs.max(axis=0), atol=1e-10)
 
 
-def test_lanes_without_a_compiler_give_the_same(monkeypatch):
-    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: False)
-    simulator = mb.DAESimulator(controlled(), mb.DormandPrince())
-    P = np.array([[20.0, 1.0], [30.0, -0.5]])
-    assert_allclose(simulator.run(P).Y, [closed_form(kp=kp, x0=x0) for kp, x0 in P], atol=1e-10)
-
-
 def test_the_paper_s_solver_with_tolerances_begins_anew_at_instants():
     run = mb.simulate(controlled(), mb.NSTIFFSI2(rtol=1e-8))
     assert_allclose(run.values, closed_form(), atol=1e-9)

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
 from symmb.codegen import Engine, Tolerances, model_function
-from symmb.codegen.fallback import ArrayEngine
 from symmb.symbolic.jets import jets
 
 K, E, V = 1e8, 0.7, 2.0
@@ -89,14 +88,13 @@ def test_taylor_coefficients_are_finite_and_those_of_differences(law):
 
 
 @every
-@pytest.mark.parametrize("kind", [Engine, ArrayEngine])
-def test_compiled_lanes_and_arrays_agree_with_casadi(law, kind):
+def test_compiled_lanes_agree_with_casadi(law):
     x, p, t = ca.SX.sym("x", 2), ca.SX.sym("p"), ca.SX.sym("t")
     parts = [law.force(x[0], x[1])]
     for _ in range(3):
         parts.append(ca.vec(ca.jacobian(parts[-1], x)))
     outputs = ca.densify(ca.vertcat(*parts))
-    engine = kind(model_function(x, p, t, ca.SX.zeros(2), outputs, None), np.array([0.0]), Tolerances(1e-8, 1e-8))
+    engine = Engine(model_function(x, p, t, ca.SX.zeros(2), outputs, None), np.array([0.0]), Tolerances(1e-8, 1e-8))
     Y, losses = engine.values(STATES, np.ones((len(STATES), 1)))
     assert np.isnan(losses.t_failed).all()
     expected = ca.Function("f", [x], [outputs])(STATES.T).full().T

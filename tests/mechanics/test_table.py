@@ -1,4 +1,4 @@
-"""Tables against SciPy's interpolants, outside their points, in every derivative and in both engines."""
+"""Tables against SciPy's interpolants, outside their points, in every derivative and in compiled lanes."""
 
 import pickle
 import time
@@ -13,7 +13,6 @@ from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
 from symmb.codegen import Engine, Tolerances, model_function
-from symmb.codegen.fallback import ArrayEngine
 
 RNG = np.random.default_rng(11)
 CURVES = {
@@ -53,12 +52,11 @@ def test_a_table_keeps_to_its_points_and_beyond_them_to_its_ends(curve):
     assert_allclose(f(x[None])[0].full()[0], y, rtol=1e-14, atol=1e-14 * np.ptp(y))
 
 
-@pytest.mark.parametrize("kind", [Engine, ArrayEngine])
-def test_lanes_read_a_table_each_at_its_own_place(kind):
+def test_lanes_read_a_table_each_at_its_own_place():
     x, y = CURVES["ups and downs"]
     table, state, p, t = mb.Table(x, y), ca.SX.sym("x"), ca.SX.sym("p"), ca.SX.sym("t")
     outputs = ca.vertcat(table(state), ca.jacobian(table(state), state), table(t))
-    engine = kind(model_function(state, p, t, ca.SX(0.0), outputs, None), np.array([2.5]), Tolerances(1e-8, 1e-8))
+    engine = Engine(model_function(state, p, t, ca.SX(0.0), outputs, None), np.array([2.5]), Tolerances(1e-8, 1e-8))
     at = np.linspace(x[0] - 1, x[-1] + 1, 101)
     Y, _ = engine.values(at[:, None], np.ones((101, 1)))
     expected = ca.Function("f", [state, t], [outputs])(at[None], 2.5).full().T

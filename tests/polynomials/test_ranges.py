@@ -1,6 +1,4 @@
-"""Searches for extremes, compiled and not, against samples, rigorous enclosures, closed forms and each other."""
-
-import sys
+"""Searches for extremes against samples, rigorous enclosures, closed forms and each other."""
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from scipy.optimize import minimize
 import symmb as mb
 from models import double_pendulum
 from symmb import Bernstein, ChebyshevInclusion, Exact, LegendreInclusion
-from symmb.codegen import build
 from symmb.nodes.fit import Fit
 from symmb.polynomials.chebyshev import LowerSet
 from symmb.polynomials.legendre import basis_values, tensor_degree, total_degree
@@ -20,18 +17,6 @@ CUBIC = np.arange(4)[:, None], np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20
 SPARSE = np.array([[0, 0, 0, 0], [5, 0, 0, 0], [0, 3, 0, 1], [2, 0, 2, 0], [0, 0, 0, 8], [1, 1, 1, 1]])
 BASES = [tensor_degree(1, 1), tensor_degree(1, 32), tensor_degree(2, 4), tensor_degree(2, 16), tensor_degree(3, 4),
          total_degree(6, 3), total_degree(10, 2), SPARSE]  # fmt: skip
-
-
-@pytest.fixture(params=["compiled", "arrays"])
-def either(request, monkeypatch):
-    """With and without a compiler."""
-    if request.param == "compiled":
-        return
-    monkeypatch.setenv("PATH", "")
-    monkeypatch.setitem(sys.modules, "ziglang", None)
-    monkeypatch.delenv("CC", raising=False)
-    build._compiler.cache_clear()
-    request.addfinalizer(build._compiler.cache_clear)
 
 
 def random(alpha, m, decay=0.4):
@@ -51,7 +36,7 @@ def local_minimum(alpha, a, start):
 
 
 @pytest.mark.parametrize("alpha", BASES, ids=lambda a: f"{a.shape[1]} of {a.max()}")
-def test_bounds_lie_around_all_samples_and_near_their_points(alpha, either):
+def test_bounds_lie_around_all_samples_and_near_their_points(alpha):
     coefficients = random(alpha, 20)
     found = Exact(1e-3).search(alpha, coefficients)
     width = found.upper - found.lower
@@ -74,7 +59,7 @@ def test_bounds_lie_around_all_samples_and_near_their_points(alpha, either):
 
 
 @pytest.mark.parametrize(("d", "order", "boxes"), [(1, 8, 64), (2, 4, 32), (2, 8, 32), (3, 2, 8)])
-def test_within_bernstein_coefficients_of_many_boxes(d, order, boxes, either):
+def test_within_bernstein_coefficients_of_many_boxes(d, order, boxes):
     alpha = tensor_degree(d, order)
     coefficients = random(alpha, 30)
     low, high = Bernstein(boxes).bounds(alpha, coefficients)
@@ -84,7 +69,7 @@ def test_within_bernstein_coefficients_of_many_boxes(d, order, boxes, either):
     assert (high - low <= 1.05 * width).all()
 
 
-def test_the_cubic_to_twelve_digits(either):
+def test_the_cubic_to_twelve_digits():
     found = Exact(1e-12).search(*CUBIC)
     assert_allclose([found.lower[0], found.upper[0]], [0, 4 / 27], rtol=0, atol=1e-12)
     assert_allclose([found.at_lower[0, 0] ** 2, found.at_upper[0, 0]], [1, -1 / 3], rtol=0, atol=1e-5)
@@ -94,7 +79,7 @@ def test_the_cubic_to_twelve_digits(either):
 @pytest.mark.parametrize(
     ("matrix", "least"), [([[3, 1], [1, 2]], 0.0), ([[1, 2], [2, 1]], -2.0), ([[1, 1], [1, 1]], 0.0)]
 )
-def test_quadratic_forms(matrix, least, either):
+def test_quadratic_forms(matrix, least):
     alpha = total_degree(2, 2)
     points = np.random.default_rng(0).uniform(-1, 1, (30, 2))
     coefficients = np.linalg.solve(
@@ -105,7 +90,7 @@ def test_quadratic_forms(matrix, least, either):
     assert_allclose([found.lower[0], found.upper[0]], [least, np.sum(matrix)], rtol=0, atol=1e-7)
 
 
-def test_constants_and_what_is_not_finite(either):
+def test_constants_and_what_is_not_finite():
     alpha = tensor_degree(2, 3)
     coefficients = np.zeros((len(alpha), 4))
     coefficients[0] = [0.0, 3.0, 1e9, np.nan]
@@ -117,7 +102,7 @@ def test_constants_and_what_is_not_finite(either):
     assert_allclose(found.gap[:3], 0)
 
 
-def test_what_the_budget_leaves_open_is_told(either):
+def test_what_the_budget_leaves_open_is_told():
     alpha = total_degree(8, 3)
     coefficients = random(alpha, 10, 0.7)
     small, large = (Exact(1e-3, budget).search(alpha, coefficients) for budget in (30, 20_000))
@@ -129,22 +114,19 @@ def test_what_the_budget_leaves_open_is_told(either):
 
 
 @pytest.mark.parametrize("share", [0.05, 0.2])
-def test_double_pendulum_compiled_or_not(share, monkeypatch):
+def test_double_pendulum(share):
     scene = double_pendulum.scene().with_times(np.linspace(0, 10, 41))
     simulator, box = mb.DAESimulator(scene), mb.Box.around(scene.system.parameters, share)
     fit = Fit.of(mb.ClenshawCurtis(), mb.TensorDegree(), 2, 4)
     Y = simulator.run(box.from_unit(fit.nodes)).Y.reshape(len(fit.nodes), -1)
     coefficients = fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool))
-    compiled = Exact(1e-3).search(fit.alpha, coefficients)
-    monkeypatch.setattr("symmb.codegen.build.has_compiler", lambda: False)
-    arrays = Exact(1e-3).search(fit.alpha, coefficients)
+    found = Exact(1e-3).search(fit.alpha, coefficients)
     line = np.cos(np.linspace(0, np.pi, 101))
     grid = basis_values(fit.alpha, np.array(np.meshgrid(line, line)).reshape(2, -1).T) @ coefficients
     low, high = grid.min(axis=0), grid.max(axis=0)
     slack = (1e-3 + (4 * np.pi / 101) ** 2 / 2) * (high - low) + 1e-11
-    for found in (compiled, arrays):
-        assert (found.lower <= low + 1e-12).all() and (found.upper >= high - 1e-12).all()
-        assert (found.lower >= low - slack).all() and (found.upper <= high + slack).all()
+    assert (found.lower <= low + 1e-12).all() and (found.upper >= high - 1e-12).all()
+    assert (found.lower >= low - slack).all() and (found.upper <= high + slack).all()
 
 
 @pytest.mark.parametrize(
@@ -199,7 +181,6 @@ def test_options_out_of_range(make):
         make()
 
 
-@pytest.mark.skipif(not build.has_compiler(), reason="needs a C compiler")
 @pytest.mark.parametrize("scale", [1e-200, 1e-30, 1.0, 1e150], ids=str)
 @pytest.mark.parametrize("order", [4, 12])
 def test_dense_search_in_single_precision_sees_small_ranges_on_large_constants(order, scale):

@@ -1,7 +1,6 @@
 """Exact ranges of many polynomials at once, by branch and bound in Chebyshev form."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -11,9 +10,14 @@ from symmb._types import Array
 from symmb.codegen import with_compiler
 from symmb.polynomials.chebyshev import LowerSet
 from symmb.polynomials.legendre import MultiIndices
+from symmb.polynomials.ranges.bernstein import Bernstein
 from symmb.polynomials.ranges.branch_and_bound import compiled_ranges
-from symmb.polynomials.ranges.branch_and_bound_arrays import array_ranges
+from symmb.polynomials.ranges.inclusion import ChebyshevInclusion, Range
+from symmb.polynomials.ranges.line_search import searched_extremes
 from symmb.polynomials.ranges.terms import terms_of
+
+_MOST_COEFFICIENTS = 2**14
+"""Most Bernstein coefficients of a polynomial that is bounded without a C compiler."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +63,9 @@ class Exact:
     Notes
     -----
     Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors fall with the
-    cube of the box size, so that a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C compiler the
-    search runs in NumPy, which takes several times as long.
+    cube of the box size, so that a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C compiler
+    the bounds are those of Bernstein or ChebyshevInclusion, which are wider, and the points those of a search along one
+    parameter after the other.
 
     Examples
     --------
@@ -93,17 +98,31 @@ class Exact:
 
     def search(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
         """Bounds with points that nearly attain them."""
-        return self._search(alpha, coefficients, True)
+        return with_compiler(lambda: self._searched(alpha, coefficients, True), lambda: _enclosed(alpha, coefficients))
 
     def attained(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
         """Values at the best points found: without a proof the search ends when the budget is used up."""
-        found = self._search(alpha, coefficients, False)
-        lower, upper, none = found.lower + found.below, found.upper - found.above, np.zeros_like(found.below)
-        return Extremes(lower, upper, found.at_lower, found.at_upper, none, none)
 
-    def _search(self, alpha: MultiIndices, coefficients: Array, proves: bool) -> Extremes:
+        def compiled() -> tuple[Array, Array, Array, Array]:
+            found = self._searched(alpha, coefficients, False)
+            return found.lower + found.below, found.upper - found.above, found.at_lower, found.at_upper
+
+        lower, upper, at_lower, at_upper = with_compiler(compiled, lambda: searched_extremes(alpha, coefficients))
+        return Extremes(lower, upper, at_lower, at_upper, np.zeros_like(lower), np.zeros_like(upper))
+
+    def _searched(self, alpha: MultiIndices, coefficients: Array, proves: bool) -> Extremes:
         terms, found = terms_of(LowerSet.of(alpha)), []
         for window in windows(max(coefficients.shape[1], 1), len(alpha)):
-            arguments = terms, coefficients[:, window], self.tolerance, self.budget
-            found.append(with_compiler(partial(compiled_ranges, *arguments, proves), partial(array_ranges, *arguments)))
+            found.append(compiled_ranges(terms, coefficients[:, window], self.tolerance, self.budget, proves))
         return Extremes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _enclosed(alpha: MultiIndices, coefficients: Array) -> Extremes:
+    """Attained extremes, and bounds of another method around them."""
+    least, most, at_lower, at_upper = searched_extremes(alpha, coefficients)
+    size = float(np.prod(alpha.max(axis=0, initial=0) + 1.0))
+    fitting = [boxes for boxes in (2, 1) if size * boxes ** alpha.shape[1] <= _MOST_COEFFICIENTS]
+    method: Range = Bernstein(fitting[0]) if fitting else ChebyshevInclusion()
+    lower, upper = method.bounds(alpha, coefficients)
+    lower, upper = np.minimum(lower, least), np.maximum(upper, most)
+    return Extremes(lower, upper, at_lower, at_upper, least - lower, upper - most)

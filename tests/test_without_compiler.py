@@ -1,0 +1,157 @@
+"""Without a C compiler scenes run by CasADi's integrators, and what needs compiled C is refused by name."""
+
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import symmb as mb
+from symmb.black_boxes.simulator import Reduction
+from symmb.cli.main import main
+from symmb.codegen import NoCompilerError, build
+from symmb.polynomials import basis_values
+from symmb.polynomials.legendre import tensor_degree, total_degree
+from symmb.polynomials.ranges import attained_extremes
+
+INSTALL = r"Install gcc or clang, or run `pip install 'symmb\[compiler\]'`, or set CC\."
+TOLD = f"No C compiler found. Without a C compiler runs take about 100 times as long. {INSTALL}"
+TIMES = np.linspace(0.0, 2.0, 21)
+P = mb.Parameters(k=4.0)
+
+
+@pytest.fixture(autouse=True)
+def _no_compiler(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(sys.modules, "ziglang", None)
+    monkeypatch.delenv("CC", raising=False)
+    build._compiler.cache_clear()
+    yield
+    build._compiler.cache_clear()
+
+
+def spring(law=lambda x: -P.k * x, times=TIMES):
+    """A mass of 1 kg on a spring of k in [3, 5] N/m, x = cos(sqrt(k) t), or under another force."""
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    system = mb.System(bob, mb.Force("spring", bob.point(0, 0), (law(bob.x), 0)), parameters=P)
+    return mb.Scene(system, {"bob.x": 1.0}, times, {"x": bob.x}, mb.Box(k=(3.0, 5.0)))
+
+
+def known(k):
+    return np.cos(np.sqrt(np.asarray(k)[:, None]) * TIMES)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_smooth_scene_runs():
+    run = mb.simulate(spring())
+    assert run.solver == "CVODES()" and not run.doubts
+    assert_allclose(run["x"], known([4.0])[0], atol=1e-8)
+    checked = mb.simulate(spring(), check=True)
+    assert not checked.doubts and checked.error.max() < 1e-6
+
+
+def test_a_stiff_scene_runs():
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    drag = mb.Force("drag", bob.point(0, 0), (-1e6 * bob.vx + 1e6 * ca.cos(mb.t), 0))
+    run = mb.simulate(mb.Scene(mb.System(bob, drag), {"bob.vx": 1.0}, TIMES, {"v": bob.vx}))
+    assert run.solver.startswith("CVODES") and "stiff=True" in run.solver
+    assert_allclose(run["v"], np.cos(TIMES), atol=1e-5)
+
+
+def test_switches_are_left_to_the_control_of_steps():
+    """A wall of 1 kN/m at x = 0, which throws the mass back in a motion about k / (k + 1000)."""
+    with pytest.warns(mb.SymmbWarning, match=f"no step ends without a C compiler: short pulses .*{INSTALL}"):
+        run = mb.simulate(spring(lambda x: -P.k * x + ca.if_else(x < 0, -1000 * x, 0)))
+    fast = np.sqrt(1004.0)
+    half, back = np.pi / 4, np.pi / fast  # from x = 1 to the wall, and in it
+    t = TIMES % (2 * half + back)
+    free = np.where(t < half, np.cos(2 * t), np.sin(2 * (t - half - back)))
+    inside = -2 / fast * np.sin(fast * (t - half))
+    assert_allclose(run["x"], np.where((t > half) & (t < half + back), inside, free), atol=1e-6)
+
+
+def test_studies_run_and_say_that_they_are_slow():
+    k = np.linspace(3, 5, 2001)
+    lower, upper = known(k).min(axis=0), known(k).max(axis=0)
+    with pytest.warns(mb.SymmbWarning, match=TOLD):
+        bounds = mb.propagate(spring(), mb.PolynomialChaos())
+    assert_allclose([bounds["x"][0], bounds["x"][1]], [lower, upper], atol=2e-3)
+    with pytest.warns(mb.SymmbWarning, match=TOLD):
+        swept = mb.sweep(spring(), {"k": [3.0, 4.0, 5.0]})
+    assert_allclose(swept.values[:, :, 0], known([3.0, 4.0, 5.0]), atol=1e-6)
+    scene = spring()
+    for method, error in ((mb.MonteCarlo(100), 0.05), (mb.PolynomialChaos(order=5), 0.02)):
+        bounds = mb.propagate(scene, method, solver=mb.CVODES())
+        assert_allclose([bounds["x"][0], bounds["x"][1]], [lower, upper], atol=error)
+    bounds = mb.propagate(scene, mb.Taylor(3), mb.Box(k=(3.9, 4.1)), solver=mb.CVODES())
+    near = known(np.linspace(3.9, 4.1, 101))
+    assert_allclose([bounds["x"][0], bounds["x"][1]], [near.min(axis=0), near.max(axis=0)], atol=2e-3)
+
+
+def test_simulators_stream():
+    simulator = mb.DAESimulator(spring(), mb.CVODES())
+    samples = np.linspace(3, 5, 11)[:, None]
+    extremes = Reduction(list, lambda s, block, i: [*s, block.extremes()], lambda a, b: a + b)
+    gathered = simulator.stream(samples, extremes)
+    assert_array_equal(gathered[0][1], simulator.run(samples).Y.max(axis=0))
+
+
+@pytest.mark.parametrize(
+    "solver", [mb.DormandPrince(), mb.EventDriven(), mb.Rosenbrock(), mb.NSTIFFSI2(), mb.HHT()], ids=repr
+)
+def test_solvers_that_are_compiled_are_refused_by_name(solver):
+    name = type(solver).__name__ if solver != mb.EventDriven() else "DormandPrince"  # which takes its place here
+    with pytest.raises(NoCompilerError, match=rf"^{name}\(.*\) needs a C compiler, and none was found\. {INSTALL}$"):
+        mb.simulate(spring(), solver)
+
+
+def test_scenes_with_events_are_refused():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -9.81), mb.Impact("floor", ball.y, 0.5))
+    scene = mb.Scene(system, {"ball.y": 1.0}, TIMES)
+    with pytest.raises(NoCompilerError, match=r"^EventDriven\(\) needs a C compiler"):
+        mb.simulate(scene)
+    assert mb.linearize(scene).modes is not None
+
+
+COMMAND = """
+from models import double_pendulum
+
+def scene():
+    return double_pendulum.scene().with_times([0.0, 0.5, 1.0])
+"""
+
+
+@pytest.mark.filterwarnings("default::symmb.SymmbWarning")
+def test_the_command_line_compares_and_says_that_it_is_slow(tmp_path, capsys):
+    file, told = tmp_path / "scene.py", TOLD.replace("\\", "")
+    file.write_text(COMMAND)
+    outputs = [str(tmp_path / name) for name in ("out.json", "out.png")]
+    methods = ["--methods", "pce:2:paper", "taylor:2", "pce", "mc:20"]
+    assert main(["compare", str(file), *methods, "--json", outputs[0], "--plot", outputs[1]]) in (0, 3)
+    assert capsys.readouterr().err.count(told) == 1
+    assert all((tmp_path / name).stat().st_size for name in ("out.json", "out.png"))
+    assert main(["compare", str(file), "--methods", "vertex", "--solver", "cvodes"]) in (0, 3)
+    assert "compiler" not in capsys.readouterr().err
+    assert main(["simulate", str(file), "--solver", "dopri"]) == 2
+    assert "DormandPrince() needs a C compiler" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("alpha", [tensor_degree(1, 8), tensor_degree(2, 6), tensor_degree(3, 3), total_degree(8, 2)])
+def test_extremes_lie_beyond_those_of_samples_and_within_bounds(alpha):
+    rng = np.random.default_rng(0)
+    c = rng.normal(size=(len(alpha), 60)) * 0.4 ** alpha.sum(axis=1)[:, None]
+    lower, upper, at_lower, at_upper = attained_extremes(alpha, c)
+    attained = [np.einsum("mb,bm->m", basis_values(alpha, at), c) for at in (at_lower, at_upper)]
+    assert_allclose(attained, [lower, upper], atol=1e-12)
+    points = rng.uniform(-1, 1, (4000, alpha.shape[1]))
+    points[:1000] = np.sign(points[:1000])
+    values = basis_values(alpha, points) @ c
+    short = np.maximum(lower - values.min(axis=0), values.max(axis=0) - upper) / np.ptp(values, axis=0)
+    assert np.quantile(short, 0.9) < 1e-9 and short.max() < 0.1  # a valley beside the deepest one may be found
+    found = mb.Exact().search(alpha, c)
+    assert (found.lower <= np.minimum(lower, values.min(axis=0)) + 1e-12).all()
+    assert (found.upper >= np.maximum(upper, values.max(axis=0)) - 1e-12).all()
+    assert_allclose([found.lower + found.below, found.upper - found.above], [lower, upper], atol=1e-12)
+    assert found.gap.max() > 0
