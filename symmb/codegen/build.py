@@ -147,7 +147,7 @@ def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
 def _give_up(compiler: tuple[str, ...], reason: str) -> None:
     """Do without a compiler from now on, and tell so."""
     _UNUSABLE[_real(compiler)] = reason
-    warnings.warn(f"{' '.join(compiler)} is not used: {reason} {SLOW}", SymmbWarning, stacklevel=2)
+    warnings.warn(f"{' '.join(compiler)} is not used: {reason}", SymmbWarning, stacklevel=2)
 
 
 @functools.cache
