@@ -34,7 +34,7 @@ _SOUND = 1e-6
 """Violation of positions, over the size of the scene, up to which a state is on its constraints."""
 _AGAIN = CVODES(rtol=1e-8, stiff=True)
 """The solver that runs once more what was examined too coarsely: it compiles nothing, and stiffness is no burden."""
-_SMALL, _USUAL, _SINGULAR = 1e-6, 3e3, 1e2
+_SMALL, _USUAL, _SINGULAR = 1e-6, 2e3, 1e2
 """Drift of energy that raises a doubt: the least one; in relative tolerances; and the same near singular positions.
 Regular motion drifts by up to 1,000 tolerances with multistep methods, wrong branches by 300 and more.
 tests/test_problems.py"""

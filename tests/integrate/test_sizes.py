@@ -1,6 +1,5 @@
 """Absolute tolerances follow the size of each state: small motions beside large ones, against closed forms."""
 
-import sys
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ from numpy.testing import assert_allclose
 from scipy.special import ellipj, ellipk
 
 import symmb as mb
-from symmb.codegen import build
 
 GROUND = mb.Ground()
 TOLERANCES = [None, mb.CVODES(), mb.CVODES(stiff=True), mb.DormandPrince(), mb.IDAS(), mb.StabilizedIndex2()]
@@ -32,16 +30,6 @@ def test_a_small_motion_beside_a_large_one_is_as_accurate(solver, large, small, 
     assert_allclose(run["x"] / large, np.cos(run.t), rtol=0, atol=1e-6)
     coarse = isinstance(solver, mb.Rosenbrock | mb.StabilizedIndex2)  # of low order, with errors of this size alone
     assert_allclose(run["y"] / small, np.cos(rate * run.t), rtol=0, atol=2e-5 if coarse else 1e-6)
-
-
-def test_without_a_compiler_too(monkeypatch):
-    monkeypatch.setenv("PATH", "")
-    monkeypatch.setitem(sys.modules, "ziglang", None)
-    monkeypatch.delenv("CC", raising=False)
-    build._compiler.cache_clear()
-    run = mb.simulate(two_oscillators(10.0, 1e-9, 3.0, 20.0), mb.DormandPrince())
-    build._compiler.cache_clear()
-    assert_allclose(run["y"] / 1e-9, np.cos(3 * run.t), rtol=0, atol=1e-6)
 
 
 def test_a_given_absolute_tolerance_holds_for_all():
