@@ -1,6 +1,5 @@
 """Absolute tolerances follow the size of each state: small motions beside large ones, against closed forms."""
 
-
 import numpy as np
 import pytest
 from conftest import ALL_SOLVERS
