@@ -9,8 +9,6 @@ from scipy.linalg import eig, null_space
 import symmb as mb
 from models import artillery as gun
 
-pytestmark = pytest.mark.slow
-
 SOLVER = mb.DormandPrince(rtol=1e-6)
 
 

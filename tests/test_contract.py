@@ -15,8 +15,6 @@ import sympy
 import symmb as mb
 from symmb.cli.specs import method, solver
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).parents[1]
 SCENE = '''
 """Planar double pendulum of two homogeneous rods (Wang & Yang 2021, sec. 4.2)."""

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).parents[1]
 CONF = (ROOT / "examples" / "guide" / "conf.py").read_text(encoding="utf-8")
 LONG = re.findall(r'"(\w+)"', re.findall(r"^LONG = (.*)$", CONF, re.MULTILINE)[0])

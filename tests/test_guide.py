@@ -13,7 +13,6 @@ WITH_CODE = [page for page in PAGES if CODE.search(page.read_text(encoding="utf-
 """Notebooks, which have cells in the place of blocks, run where the site is built: `test_site.py`."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
 def test_code(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

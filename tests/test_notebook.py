@@ -64,14 +64,12 @@ def shown(notebook):
     return shown
 
 
-@pytest.mark.slow
 def test_no_cell_fails_or_writes_noise(notebook):
     for cell in notebook.cells:
         kinds = [output.output_type for output in cell.outputs]
         assert kinds in ([], ["execute_result"]), cell.outputs
 
 
-@pytest.mark.slow
 def test_equations_are_typeset(shown):
     page = shown("system")["text/html"]
     assert page.count("$$") == 2 * 5  # M, Q, Phi, Phi_q, gamma
@@ -79,7 +77,6 @@ def test_equations_are_typeset(shown):
     assert "1 Revolute" in page
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["scene", "run", "bounds", "comparison"])
 def test_results_are_tables(shown, name):
     page = shown(name)["text/html"]
@@ -87,14 +84,12 @@ def test_results_are_tables(shown, name):
     assert "data:image/png;base64," in page
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["box", "parameters", "worst cases", "a worst case", "moments", "expansion"])
 def test_small_results_are_tables(shown, name):
     page = shown(name)["text/html"]
     assert "<table" in page and "length" in page and "stiffness" in page
 
 
-@pytest.mark.slow
 def test_a_drawing_is_a_page_of_its_own(shown):
     frame = re.fullmatch(
         '<iframe srcdoc="([^"<>]*)" title="drawing of rod on a spring"[^<>]*></iframe>', shown("drawing")["text/html"]
@@ -120,7 +115,6 @@ def test_modes_are_a_table():
     assert page.count("<tr>") == 1 + len(modes.stiffness) and f"{modes.frequencies[0]:.6g}" in page
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CELLS if name.startswith("figure")])
 def test_figures_show_without_magic(shown, name):
     assert len(shown(name)["image/png"]) > 10_000

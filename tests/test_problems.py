@@ -10,8 +10,6 @@ from test_references import read
 
 import symmb as mb
 
-pytestmark = pytest.mark.slow
-
 AUGMENTED = mb.DormandPrince(rtol=1e-10, stabilization=mb.AugmentedLagrangian())
 CASES = [
     (problems.andrews(), mb.DormandPrince(rtol=1e-12), 1e-11),

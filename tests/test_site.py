@@ -16,8 +16,6 @@ pytest.importorskip("furo")
 pytest.importorskip("myst_nb")
 pytest.importorskip("numpydoc")
 SearchEnglish = pytest.importorskip("sphinx.search.en").SearchEnglish
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).parents[1]
 QUESTIONS = [
     ("How do I put friction in a joint?", "friction joint", "contact"),

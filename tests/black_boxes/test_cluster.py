@@ -17,7 +17,6 @@ def count(store):
         return connection.execute("SELECT count(*) FROM runs").fetchone()[0]
 
 
-@pytest.mark.slow
 def test_methods_as_jobs_fill_the_store_of_a_comparison(tmp_path, monkeypatch):
     submitit, _ = pytest.importorskip("submitit"), pytest.importorskip("distributed")
     monkeypatch.syspath_prepend(EXAMPLES)

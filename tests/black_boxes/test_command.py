@@ -50,7 +50,6 @@ WRITE = "open('out.csv', 'w').write(f'time,x\\n0,0\\n1,{k!r}\\n')"
 GOOD = "k = {k}\n" + WRITE
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", [mb.PolynomialChaos(tolerance=1e-6, budget=60), mb.MonteCarlo(150), mb.Scanning(2)])
 def test_failures_are_counted_and_located(program, method):
     finding = external_program.study(program, method, 0.4)

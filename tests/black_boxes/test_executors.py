@@ -82,7 +82,6 @@ EXECUTORS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("f", [decay, quick])
 @pytest.mark.parametrize("name", EXECUTORS)
 @pytest.mark.parametrize("handed_in", [True, False])
@@ -100,7 +99,6 @@ def bits(bounds):
     return [part.tobytes() for part in (bounds.lower, bounds.upper, *bounds.inner)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", [mb.PolynomialChaos(), mb.PolynomialChaos.paper(order=3), mb.MonteCarlo(60), mb.Scanning(9)], ids=repr
 )
@@ -111,7 +109,6 @@ def test_bounds_do_not_depend_on_the_executor(method, make):
     assert bits(mb.propagate(simulator(decay), method, box, executor=make)) == bits(alone)
 
 
-@pytest.mark.slow
 def test_the_run_that_kills_its_worker_is_found():
     ensemble = run_blocks(simulator(deadly), SAMPLES, lambda: ProcessPoolExecutor(2))
     killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.95)
@@ -122,7 +119,6 @@ def test_the_run_that_kills_its_worker_is_found():
     assert ensemble.Y[~killed].tobytes() == good.Y[~killed].tobytes()
 
 
-@pytest.mark.slow
 def test_a_broken_executor_that_was_handed_in_ends_the_study_in_a_sentence():
     with ProcessPoolExecutor(2) as pool, pytest.raises(mb.SimulationError, match="Give a function that makes") as error:
         run_blocks(simulator(deadly), SAMPLES, pool)
@@ -275,7 +271,6 @@ def deadly_in_dask(k):
     return quick(k)
 
 
-@pytest.mark.slow
 def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
     distributed = pytest.importorskip("distributed")
     alone, quick_alone = run_blocks(simulator(decay), SAMPLES), run_blocks(simulator(quick), SAMPLES)
@@ -293,7 +288,6 @@ def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
         run_blocks(simulator(quick), SAMPLES, client)
 
 
-@pytest.mark.slow
 def test_loky():
     loky = pytest.importorskip("loky")
     alone = run_blocks(simulator(decay), SAMPLES)

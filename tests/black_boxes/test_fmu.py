@@ -59,7 +59,6 @@ def scene():
     return mb.Scene(system, start={"mass.x": 1.0}, times=TIMES, outputs=outputs)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("version", "kind"), INTERFACES)
 def test_runs_are_those_of_the_same_scene(version, kind, springs, scene):
     ensemble = simulator(springs[version], fmi_type=kind, outputs=["x", "v", "passes", "der(v)"]).run(samples())
@@ -74,7 +73,6 @@ def test_runs_are_those_of_the_same_scene(version, kind, springs, scene):
     assert (ensemble.Y[0, :, 2] == passes[np.round(TIMES * 10000).astype(int)]).all()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("version", "kind"), [(2, "CoSimulation"), (3, "ModelExchange")])
 def test_compare_runs_all_methods(version, kind, springs, scene):
     methods = [mb.PolynomialChaos(), mb.MonteCarlo(20), mb.Scanning(3)]
@@ -166,7 +164,6 @@ def test_an_instance_is_used_again(folder):
     assert len((folder / "resets.txt").read_text()) == 9  # 7, and two by which it is tried whether resets work
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["threads", "fork", "spawn"])
 def test_pools_change_nothing(kind, springs):
     own = simulator(springs[3], outputs=["x", "passes"])

@@ -137,7 +137,6 @@ for solver in mb.DormandPrince(rtol=1e-10), mb.DormandPrince(rtol=1e-9):
 """
 
 
-@pytest.mark.slow
 def test_scenes_are_known_in_other_processes(tmp_path):
     scene = double_pendulum.scene().with_times([0.0, 0.5])
     told = subprocess.run([sys.executable, "-c", SCENE_KEY], capture_output=True, text=True, check=True).stdout.split()
@@ -150,7 +149,6 @@ def test_scenes_are_known_in_other_processes(tmp_path):
     assert np.abs(plain.upper - first.upper).max() < 1e-8
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
 def test_executors_store_the_same(pool, tmp_path):
@@ -179,7 +177,6 @@ bounds.save(sys.argv[3])
 """
 
 
-@pytest.mark.slow
 def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
     (tmp_path / "study.py").write_text(STUDY)
 

@@ -20,8 +20,6 @@ from symmb.polynomials.legendre import basis_values, tensor_degree
 from symmb.polynomials.ranges.dense import dense_extremes
 from symmb.study.metrics import Yardstick
 
-pytestmark = pytest.mark.slow
-
 RNG = np.random.default_rng(7)
 DATA = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
 

@@ -7,8 +7,6 @@ import symmb as mb
 from models import bouncing_ball
 from symmb.black_boxes.simulator import run_blocks
 
-pytestmark = pytest.mark.slow
-
 G = 9.81
 TIMES = np.linspace(0.0, 3.0, 151)
 

@@ -82,7 +82,6 @@ def distance(bounds, lower, upper):
     return max(abs(bounds.lower[0, 0] - lower), abs(bounds.upper[0, 0] - upper)) / (upper - lower)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("d", [6, 10, 20])
 @pytest.mark.parametrize("second", [0.0, 0.05])
 def test_ridges_take_few_runs(d, second):
@@ -98,7 +97,6 @@ def test_ridges_take_few_runs(d, second):
     assert distance(bounds, -1 - second, 1 + second) <= 1e-2
 
 
-@pytest.mark.slow
 def test_sums_of_functions_of_single_combinations_take_few_runs():
     d = 8
     a, b = np.repeat([1.0, 0.0], d // 2), np.repeat([0.0, 1.0], d // 2)
@@ -115,14 +113,12 @@ def test_sums_of_kinks_are_bounded_where_all_kinks_meet():
     assert distance(bounds, 0.0, w @ (1 + np.abs(c))) <= 2e-2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("d", "depth"), [(5, 1.1), (8, 1.4)])
 def test_steps_between_constants_are_bounded_by_what_many_runs_share(d, depth):
     bounds = bounds_of(lambda x: float((x > 1 - depth).all()), d)
     assert distance(bounds, 0.0, 1.0) == 0 and bounds.evaluations <= 200
 
 
-@pytest.mark.slow
 def test_moments_of_a_surface_are_those_of_its_expansion():
     """The second output varies with other parameters, the third not at all."""
     simulator, box = unit_function(
@@ -135,7 +131,6 @@ def test_moments_of_a_surface_are_those_of_its_expansion():
     assert_allclose(bounds.lower[0], [np.exp(-1.5), 0.0, 1.0], atol=1e-2)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("steps", "rates"), [((0.26, 0.65), (0.6, 0.2, 0.6, 0.6)), ((0.5, 0.3), (1, 0.5, 0.3, 0.2))])
 def test_a_surface_that_jumps_is_doubtful(steps, rates):
     """The latest runs lie at the extremes, on one side of the jump: they alone show no error."""

@@ -24,8 +24,6 @@ from symmb.study import measurement
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import interrupts
 
-pytestmark = pytest.mark.slow
-
 T = np.linspace(0.0, 1.0, 5)
 
 

@@ -24,7 +24,7 @@ ANSWER, PLANTED = "int answer(void) { return 42; }\n", "int answer(void) { retur
 ROOT = Path(mb.__file__).parents[1]
 LOADS = f"from symmb.codegen.build import load; print(load({ANSWER!r}).answer())"
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(not build.has_compiler(), reason="needs a C compiler")]
+pytestmark = pytest.mark.skipif(not build.has_compiler(), reason="needs a C compiler")
 
 
 def libraries(folder):

@@ -35,7 +35,7 @@ int main(void) {{
 }}
 """
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(not COMPILERS, reason="needs gcc or clang")]
+pytestmark = pytest.mark.skipif(not COMPILERS, reason="needs gcc or clang")
 
 
 @pytest.mark.parametrize("path", sorted(C_FOLDER.glob("*.h")), ids=lambda path: path.stem)

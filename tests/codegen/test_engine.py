@@ -22,8 +22,6 @@ from models import cubic, double_pendulum
 from symmb.black_boxes.simulator import Reduction
 from symmb.codegen import Engine, Tolerances, build, model_function
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(mb.__file__).parents[1]
 TIMES = np.linspace(0, 5, 41)
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")

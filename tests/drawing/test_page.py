@@ -14,7 +14,6 @@ from symmb.cli.scene_file import load_scene, shipped_names
 
 pytestmark = [
     pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),
-    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore::symmb.SymmbWarning"),
 ]
 EXACT = 1e-6

@@ -9,8 +9,6 @@ import pytest
 import symmb as mb
 from symmb.events.switches import longest_step
 
-pytestmark = pytest.mark.slow
-
 G, HEIGHT, STIFFNESS = 9.81, 0.1, 1e5
 TIMES = np.linspace(0, 10, 21)
 

@@ -16,7 +16,7 @@ fmpy = pytest.importorskip("fmpy")
 from fmpy.build import build_platform_binary  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(not has_compiler(), reason="needs a C compiler")]
+pytestmark = pytest.mark.skipif(not has_compiler(), reason="needs a C compiler")
 
 
 def pendulum():

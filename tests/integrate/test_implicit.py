@@ -11,8 +11,6 @@ import symmb as mb
 from models import double_pendulum as paper
 from symmb.schemes.nstiff_si2 import nstiff_si2
 
-pytestmark = pytest.mark.slow
-
 RNG = np.random.default_rng(3)
 IMPLICIT = [
     s for s in ALL_SOLVERS if isinstance(s, mb.NSTIFFSI2 | mb.GeneralizedAlpha | mb.HHT | mb.Newmark | mb.BDFI3)

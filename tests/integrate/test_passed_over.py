@@ -11,8 +11,6 @@ from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
 
-pytestmark = pytest.mark.slow
-
 
 def wheel(act, rate, end, growth=0.0, **more):
     """A wheel that turns evenly or ever faster, and a particle that is pushed by 1 N times act(angle)."""

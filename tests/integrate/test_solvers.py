@@ -14,8 +14,6 @@ from numpy.testing import assert_allclose
 import symmb as mb
 from models import heavy_top, n_four_bar
 
-pytestmark = pytest.mark.slow
-
 STABILIZATIONS = (None, mb.Baumgarte(), mb.Projection(), mb.AugmentedLagrangian())
 SECOND_ORDER = (mb.NSTIFFSI2, mb.GeneralizedAlpha, mb.HHT, mb.Newmark, mb.BDFI3)
 

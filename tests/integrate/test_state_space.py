@@ -7,8 +7,6 @@ from mechanisms import MECHANISMS, double_pendulum, explosion
 
 import symmb as mb
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_it_agrees_with_equations_by_hand(name):

@@ -28,7 +28,6 @@ def test_motions_are_those_of_scipy(name, seed):
     assert_allclose(run.values, known, rtol=0, atol=1e-7 * max(np.abs(known).max(), 1))
 
 
-@pytest.mark.slow
 def test_feet_behind_a_centre_of_curvature_do_not_touch():
     """A foot on the far side of a cam of points jumped along the curve, and seemed next to a body in free flight."""
     scene, known = contact_shapes.spline(np.random.default_rng([27, 6]))

@@ -38,13 +38,11 @@ def value(robot, expression, start=(), parameters=None):
     return mb.simulate(scene)["e"][0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_random_trees_accelerate_as_in_mujoco(seed, tmp_path):
     assert difference(draw(mujoco, seed, tmp_path, most=3)) < 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_random_loops_accelerate_as_rows_of_mujoco_say(seed, tmp_path):
     assert difference(draw(mujoco, seed, tmp_path, loops=True, most=4)) < 1e-9
@@ -279,7 +277,6 @@ def test_shapes_are_drawn_where_mujoco_has_them(tmp_path):
     assert_allclose(nearest, 0, atol=1e-6)
 
 
-@pytest.mark.slow
 def test_a_second_of_a_machine_with_tendons_servos_and_filters(tmp_path):
     inside = (
         f'<body name="a"><joint name="j" axis="0 1 0" damping="0.2"/><joint name="k" axis="0 0 1"/>{ROD}'

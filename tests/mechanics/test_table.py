@@ -86,7 +86,6 @@ ARGUMENTS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("points", [*(pytest.param(n, marks=pytest.mark.long) for n in (10, 100_000)), 1_000])
 @pytest.mark.parametrize("argument", ARGUMENTS)
 def test_runs_are_driven_by_tables_of_any_size(argument, points):
@@ -123,7 +122,6 @@ def test_a_value_costs_the_same_for_any_number_of_points():
     assert float(g(0.437)) == pytest.approx(0.874, abs=1e-9)
 
 
-@pytest.mark.slow
 def test_a_large_table_is_ready_as_soon_as_a_small_one():
     """But for a second, beside the compiler, whose sources differ in names and sizes alone."""
     seconds = []
@@ -135,7 +133,6 @@ def test_a_large_table_is_ready_as_soon_as_a_small_one():
     assert seconds[1] < seconds[0] + 2.0
 
 
-@pytest.mark.slow
 def test_taylor_proofs_and_copies_read_tables():
     scene, _ = block(12, lambda b, p: p.k / 2)
     copy = pickle.loads(pickle.dumps(scene))

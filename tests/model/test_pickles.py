@@ -36,7 +36,6 @@ def in_another_process(scene, run):
     return pickle.loads(end.stdout)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_scenes_and_runs_are_the_same_in_another_process(name):
     scene = importlib.import_module(f"models.{name}").scene()

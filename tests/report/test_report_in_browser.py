@@ -16,7 +16,6 @@ from browser import PROGRAM, Browser
 
 pytestmark = [
     pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),
-    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore::symmb.SymmbWarning"),
 ]
 SCREEN, TELEPHONE, PAPER = 1200, 400, 694

@@ -48,7 +48,6 @@ def test_sensitivities_are_those_of_complex_steps():
     np.testing.assert_allclose(found.values, slopes_by_hand(np.array([1.0, 0.5, 0.3])), rtol=1e-8, atol=1e-8)
 
 
-@pytest.mark.slow
 def test_jax_has_values_and_gradients_of_batches():
     jax = pytest.importorskip("jax")
     jax.config.update("jax_enable_x64", True)
@@ -65,7 +64,6 @@ def test_jax_has_values_and_gradients_of_batches():
         f(np.ones(2))
 
 
-@pytest.mark.slow
 def test_torch_has_values_and_gradients_of_batches():
     torch = pytest.importorskip("torch")
     f = mb.torch_function(pendulum_on_a_spring(), ["a", "l"], solver=TIGHT)
@@ -116,7 +114,6 @@ def curve_by_hand(lengths):
     return np.stack([point.real, point.imag], 1)
 
 
-@pytest.mark.slow
 def test_an_optimiser_of_jax_finds_lengths():
     jax = pytest.importorskip("jax")
     jax.config.update("jax_enable_x64", True)
@@ -127,7 +124,6 @@ def test_an_optimiser_of_jax_finds_lengths():
     np.testing.assert_allclose(found.x, TRUE, atol=1e-6)
 
 
-@pytest.mark.slow
 def test_an_optimiser_of_torch_finds_lengths():
     torch = pytest.importorskip("torch")
     f, curve = mb.torch_function(coupler_curve()), torch.tensor(curve_by_hand(TRUE))

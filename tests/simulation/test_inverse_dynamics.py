@@ -156,7 +156,6 @@ def _cross(a):
     return np.cross(a, -np.eye(3))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("coordinates", ["body", "joint"])
 def test_forces_of_a_stewart_platform_by_newton_and_euler(coordinates):
     scene = replace(stewart_platform.scene(prescribed=True, leg_mass=9.0), coordinates=coordinates)

@@ -10,8 +10,6 @@ from numpy.testing import assert_allclose
 import symmb as mb
 from models import double_pendulum as pendulum
 
-pytestmark = pytest.mark.slow
-
 TIMES = np.linspace(0.0, 0.8, 5)
 DIRECTIONS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.5, -0.7, 0.3]])
 ORDER = 3

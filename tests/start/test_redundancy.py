@@ -11,8 +11,6 @@ from scipy.spatial.transform import Rotation
 
 import symmb as mb
 
-pytestmark = pytest.mark.slow
-
 TIMES = np.linspace(0, 10, 51)
 
 

@@ -140,7 +140,6 @@ def test_a_strut_between_welded_bodies_changes_nothing(pose, coordinates):
     assert not run.doubts
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 3, 4, 5, 11, 72090])
 def test_random_mechanisms_move_as_without_their_redundant_joints(seed):
     """A small draw of tests/benchmarks/redundant_mechanisms.py, in coordinates of joints against those of bodies."""

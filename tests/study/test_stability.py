@@ -16,8 +16,6 @@ from symmb.study import trials as trials_module
 from symmb.study.stress import lighter, slower, stresses
 from symmb.study.trials import Job, run_jobs
 
-pytestmark = pytest.mark.slow
-
 SPRUNG = """
 import numpy as np
 import symmb as mb
