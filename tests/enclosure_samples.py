@@ -216,3 +216,15 @@ def _in_mpmath(f, x, p, t):
         return arguments[0] if code == ca.OP_ASSIGN else EXACT[name](*arguments)
 
     return interpret(f, [list(x), list(p), [mpmath.mpf(t)]], operation, mpmath.mpf)[0]
+
+
+def require_sharp(bounds, runs, error, excess, size=None):
+    """Bounds at all times hold runs (N, n_t, n_y) but for an error, and are wider by an excess at most.
+
+    Both are shares of a size; where none is given, of the largest values of each output.
+    """
+    runs = np.array(runs)
+    size = np.abs(runs).max(axis=(0, 1)) if size is None else size
+    assert np.isfinite(bounds.upper).all(), bounds.doubts
+    assert (np.maximum(bounds.lower - runs, runs - bounds.upper) / size).max() <= error
+    assert ((bounds.upper - bounds.lower - np.ptp(runs, axis=0)) / size).max() < excess

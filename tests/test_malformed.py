@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy
+from faults import refused
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
@@ -53,8 +54,7 @@ def test_a_good_number_that_gives_another_result_would_be_found(monkeypatch):
 
 @pytest.mark.parametrize("value", [0, "x", None, np.array(1.0), ca.MX.sym("x"), sympy.Symbol("x"), lambda: 0])
 def test_initial_of_no_expression(value):
-    with pytest.raises(mb.DeclarationError, match="initial"):
-        mb.initial(value)
+    refused("initial", mb.initial, value)
 
 
 CALLS = {
@@ -150,21 +150,18 @@ def test_numbers_of_options_become_pythons(kind, number):
 @pytest.mark.parametrize("rate", [1e200, 1e304, np.inf])
 def test_rates_whose_squares_are_no_numbers(rate):
     for make in (lambda: mb.Baumgarte(beta=rate), lambda: mb.AugmentedLagrangian(omega=rate)):
-        with pytest.raises(mb.DeclarationError, match=r"at most 1e\+60"):
-            make()
+        refused(r"at most 1e\+60", make)
 
 
 @pytest.mark.parametrize("make", [lambda: mb.IDAS(atol=10**400), lambda: mb.HHT(step=10**400)])
 def test_numbers_beyond_doubles(make):
-    with pytest.raises(mb.DeclarationError, match="must be a number above"):
-        make()
+    refused("must be a number above", make)
 
 
 @pytest.mark.parametrize("make", [mb.PolynomialChaos, mb.PolynomialChaos.paper])
 @pytest.mark.parametrize("nodes", [mb.Sobol(), mb.Random(), mb.LatinHypercube()])
 def test_samplers_are_no_rules(make, nodes):
-    with pytest.raises(mb.DeclarationError, match="nodes"):
-        make(2, nodes=nodes)
+    refused("nodes", make, 2, nodes=nodes)
 
 
 def test_an_order_does_not_overflow():
@@ -182,8 +179,7 @@ def test_an_order_does_not_overflow():
      (mb.Bernstein, "boxes")],
 )  # fmt: skip
 def test_what_is_no_number_is_no_option(kind, name, value):
-    with pytest.raises(mb.DeclarationError, match=name):
-        kind(**{name: value})
+    refused(name, kind, **{name: value})
 
 
 def sampled(period):
@@ -223,14 +219,12 @@ COSTS = {
 @pytest.mark.parametrize("name", COSTS)
 def test_what_cannot_be_afforded_is_told_before_it_starts(name):
     call, text = COSTS[name]
-    with pytest.raises(mb.SymmbError, match=text):
-        call()
+    refused(text, call, error=mb.SymmbError)
 
 
 @pytest.mark.parametrize(("x", "y"), [([0, 1], [-1e308, 1e308]), ([-1e308, 1e308], [0, 1]), ([0, 5e-324], [0, 1])])
 def test_tables_whose_slopes_are_no_numbers(x, y):
-    with pytest.raises(mb.DeclarationError, match="slopes are no numbers"):
-        mb.Table(x, y)
+    refused("slopes are no numbers", mb.Table, x, y)
 
 
 @pytest.mark.parametrize("size", [1e-100, 1.0, 1e100])

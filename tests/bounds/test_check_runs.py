@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from small_scenes import particle
 from unit_functions import unit_function
 
 import symmb as mb
@@ -18,13 +19,8 @@ def function(f, d=2, t=T, **named):
 
 def oscillator(periods, spread=0.05, number=501):
     """x = cos(sqrt(k) t)."""
-    p = mb.Parameters(k=1.0)
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    spring = mb.Force("spring", mass.point(0, 0), (-p.k * mass.x, 0))
     times = np.linspace(0.0, 2 * np.pi * periods, number)
-    return mb.Scene(
-        mb.System(mass, spring, parameters=p), {"mass.x": 1.0}, times, {"x": mass.x}, box=mb.Box.around(p, spread)
-    )
+    return particle(lambda p, mass: -p.k * mass.x, times, {"mass.x": 1.0}, k=(1 - spread, 1 + spread))
 
 
 LONG = [

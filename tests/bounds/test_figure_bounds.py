@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy.stats
+from small_scenes import formulas
 
 import symmb as mb
 
@@ -68,9 +69,8 @@ def test_reports_and_pictures_show_figures(bounds, tmp_path):
 
 
 def test_figures_alone_have_no_times():
-    p = mb.Parameters(a=1.0)
-    peak = mb.maximum(p.a * ca.sin(mb.t), window=(0.0, 3.0))
-    scene = mb.Scene(mb.System(parameters=p), times=[0.0, 4.0], outputs={"peak": peak}, box=mb.Box(a=(0.9, 1.1)))
+    peak = lambda p: {"peak": mb.maximum(p.a * ca.sin(mb.t), window=(0.0, 3.0))}  # noqa: E731
+    scene = formulas(peak, [0.0, 4.0], a=(0.9, 1.1))
     bounds = mb.propagate(scene, mb.PolynomialChaos())
     assert bounds.t.tolist() == [0.0]
     assert bounds["peak"] == pytest.approx((0.9, 1.1), rel=1e-6)
@@ -82,11 +82,8 @@ def hill(t, at):
 
 
 def test_peaks_that_jump_from_hill_to_hill_have_honest_bounds():
-    p = mb.Parameters(a=1.0)
-    peak = p.a * hill(mb.t, 0.5) + (2 - p.a) * hill(mb.t, 1.5)  # max(a, 2 - a)
-    scene = mb.Scene(
-        mb.System(parameters=p), times=[0.0, 2.0], outputs={"peak": mb.maximum(peak)}, box=mb.Box(a=(0.8, 1.3))
-    )
+    peak = lambda p: mb.maximum(p.a * hill(mb.t, 0.5) + (2 - p.a) * hill(mb.t, 1.5))  # noqa: E731
+    scene = formulas(lambda p: {"peak": peak(p)}, [0.0, 2.0], a=(0.8, 1.3))  # max(a, 2 - a)
     bounds = mb.propagate(scene, mb.PolynomialChaos())
     lower, upper = bounds["peak"]
     assert abs(lower - 1.0) <= max(0.01 * 0.3, bounds.estimate[0, 0])
@@ -94,23 +91,16 @@ def test_peaks_that_jump_from_hill_to_hill_have_honest_bounds():
 
 
 def test_a_first_time_that_jumps_is_seen():
-    p = mb.Parameters(a=1.0)
-    height = p.a * hill(mb.t, 0.5) + 2 * hill(mb.t, 1.5)
-    scene = mb.Scene(
-        mb.System(parameters=p),
-        times=[0.0, 2.0],
-        outputs={"first": mb.first_time(height > 1)},
-        box=mb.Box(a=(0.7, 1.6)),
-    )
+    height = lambda p: p.a * hill(mb.t, 0.5) + 2 * hill(mb.t, 1.5)  # noqa: E731
+    scene = formulas(lambda p: {"first": mb.first_time(height(p) > 1)}, [0.0, 2.0], a=(0.7, 1.6))
     bounds = mb.propagate(scene, mb.PolynomialChaos())
     lower, upper = 0.5 - 0.1 * np.sqrt(np.log(1.6)), 1.5 - 0.1 * np.sqrt(np.log(2))
     assert bounds["first"] == pytest.approx((lower, upper), abs=0.01 * (upper - lower))
 
 
 def test_answers_about_figures_tell_no_time():
-    p = mb.Parameters(a=1.0)
-    outputs = {"peak": mb.maximum(p.a * hill(mb.t, 0.5)), "height": p.a * hill(mb.t, 0.5)}
-    scene = mb.Scene(mb.System(parameters=p), times=[0.0, 0.5, 2.0], outputs=outputs, box=mb.Box(a=(0.8, 1.3)))
+    outputs = lambda p: {"peak": mb.maximum(p.a * hill(mb.t, 0.5)), "height": p.a * hill(mb.t, 0.5)}  # noqa: E731
+    scene = formulas(outputs, [0.0, 0.5, 2.0], a=(0.8, 1.3))
     bounds = mb.propagate(scene, mb.PolynomialChaos())
     laws = {"a": scipy.stats.uniform(0.8, 0.5)}
     for answers, times in (("peak", False), ("height", True)):

@@ -5,6 +5,7 @@ import pickle
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from small_scenes import particle
 
 import symmb as mb
 from symmb._doubt import Doubt
@@ -88,11 +89,7 @@ def test_samples_only_violate():
 
 
 def test_enclosures_prove():
-    p = mb.Parameters(k=2.0)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    pull = mb.Force("pull", ball.point(0, 0), (-p.k * ball.x, 0))
-    system = mb.System(ball, pull, parameters=p)
-    scene = mb.Scene(system, {"ball.x": 1.0}, np.linspace(0, 1, 5), {"x": ball.x}, box=mb.Box(k=(1.9, 2.1)))
+    scene = particle(lambda p, mass: -p.k * mass.x, np.linspace(0, 1, 5), {"mass.x": 1.0}, k=(1.9, 2.1))
     bounds = mb.propagate(scene, mb.TaylorModel())
     low = np.cos(np.sqrt(2.1))
     assert bounds.check({"x": (low - 0.01, 1.01)}).kept is True

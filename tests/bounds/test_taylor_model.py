@@ -8,13 +8,22 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from enclosure_samples import require_sharp
 from enclosure_scenes import pendulum, van_der_pol
+from faults import refused
+from small_scenes import formulas, particle, state
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import random_proofs
 
 import symmb as mb
 from models import bouncing_ball, cubic
+
+
+def scanned(scene, points=9):
+    """Bounds (2, n_t, n_y) of what many runs attain."""
+    runs = mb.propagate(scene, mb.Scanning(points), solver=mb.DormandPrince(rtol=1e-12))
+    return runs.lower, runs.upper
 
 
 def test_the_cubic_is_exact():
@@ -43,22 +52,8 @@ def test_times_that_begin_later():
     np.testing.assert_allclose(first.upper, second.upper, rtol=1e-9)
 
 
-def _mass(force):
-    """A mass that starts at 1 m, with a force that depends on a parameter k and its place x."""
-    p = mb.Parameters(k=1.0)
-    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
-    push = mb.Force("push", mass.point(0, 0), (force(p, mass.x), 0))
-    return mb.Scene(
-        mb.System(mass, push, parameters=p),
-        start={"mass.x": 1.0},
-        times=np.linspace(0.0, 3.0, 31),
-        outputs={"x": mass.x},
-        box=mb.Box(k=(0.9, 1.1)),
-    )
-
-
 def test_a_lost_proof_is_doubtful_and_infinite(tmp_path):
-    scene = _mass(lambda p, x: p.k * x**3)
+    scene = particle(lambda p, mass: p.k * mass.x**3, np.linspace(0.0, 3.0, 31), {"mass.x": 1.0}, k=(0.9, 1.1))
     with pytest.warns(mb.SymmbWarning, match=r"proved up to t = 1\.\d+ s only and infinite later.*more boxes"):
         bounds = mb.propagate(scene, mb.TaylorModel(order=4))
     finite = np.isfinite(bounds.upper[:, 0])
@@ -72,32 +67,25 @@ def test_a_lost_proof_is_doubtful_and_infinite(tmp_path):
 
 def test_wide_bounds_are_doubtful():
     """A phase that the parameter moves by 9 rad is beyond the order 2."""
-    p = mb.Parameters(k=1.0)
-    z = mb.State("z", rate=lambda z: ca.cos(30 * p.k * mb.t) * z)
-    scene = mb.Scene(
-        mb.System(z, parameters=p), {"z": 1.0}, np.linspace(0, 3, 7), {"z": z.value}, box=mb.Box(k=(0.9, 1.1))
-    )
+    scene = state(lambda p, z: ca.cos(30 * p.k * mb.t) * z, np.linspace(0, 3, 7), 1.0, k=(0.9, 1.1))
     with pytest.warns(mb.SymmbWarning, match="proved, but wide from t = [012]"):
         bounds = mb.propagate(scene, mb.TaylorModel(order=2))
     assert bounds.upper[-1, 0] > 2.0 and (bounds.upper[:2] < 1.1).all()
 
 
 def test_fast_oscillations_and_outputs_that_are_never_smooth():
-    p = mb.Parameters(k=1.0)
-    outputs = {"f": ca.cos(100 * p.k * mb.t)}
-    scene = mb.Scene(mb.System(parameters=p), outputs=outputs, times=[0.0, 0.5, 1.0], box=mb.Box(k=(0.9, 1.1)))
+    scene = formulas(lambda p: {"f": ca.cos(100 * p.k * mb.t)}, [0.0, 0.5, 1.0], k=(0.9, 1.1))
     bounds = mb.propagate(scene, mb.TaylorModel())
     np.testing.assert_allclose(
         [bounds.lower[:, 0], bounds.upper[:, 0]], [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], atol=1e-6
     )
-    scene = mb.Scene(mb.System(parameters=p), outputs={"f": ca.fabs(p.k - 1)}, box=mb.Box(k=(0.9, 1.1)))
+    scene = formulas(lambda p: {"f": ca.fabs(p.k - 1)}, k=(0.9, 1.1))
     with pytest.warns(mb.SymmbWarning, match="not proved at any time: .* over the box; try smaller intervals"):
         assert np.isinf(mb.propagate(scene, mb.TaylorModel()).upper).all()
 
 
 def test_one_of_two_formulas_that_is_not_smooth():
-    p = mb.Parameters(k=1.0)
-    scene = mb.Scene(mb.System(parameters=p), outputs={"f": ca.fabs(p.k - 1), "g": p.k**2}, box=mb.Box(k=(0.9, 1.1)))
+    scene = formulas(lambda p: {"f": ca.fabs(p.k - 1), "g": p.k**2}, k=(0.9, 1.1))
     with pytest.warns(mb.SymmbWarning, match=r"bounds are infinite for f, .* over the box; try smaller intervals"):
         bounds = mb.propagate(scene, mb.TaylorModel())
     np.testing.assert_allclose(bounds["g"], [[0.81], [1.21]], atol=1e-12)
@@ -132,8 +120,7 @@ def test_errors_of_a_solver_are_no_doubt_about_a_proof():
     ids=["redundant", "impact"],
 )
 def test_what_is_refused(scene, message):
-    with pytest.raises(mb.PropagationError, match=message):
-        mb.propagate(scene(), mb.TaylorModel())
+    refused(message, mb.propagate, scene(), mb.TaylorModel(), error=mb.PropagationError)
 
 
 def _door_on_two_hinges(**box):
@@ -153,8 +140,7 @@ def test_rows_that_vanish_are_left_out():
     """With one hinge more, or without it."""
     scene = _door_on_two_hinges(mass=(1.9, 2.1))
     bounds = mb.propagate(scene, mb.TaylorModel())
-    runs = mb.propagate(scene, mb.Scanning(9), solver=mb.DormandPrince(rtol=1e-12))
-    np.testing.assert_allclose([bounds.lower, bounds.upper], [runs.lower, runs.upper], atol=1e-10)
+    np.testing.assert_allclose([bounds.lower, bounds.upper], scanned(scene), atol=1e-10)
 
 
 def _four_bar(start, box, times=(0.0, 0.1, 0.2), coordinates=None, lengths=(0.3, 0.9, 0.7, 0.8)):
@@ -184,8 +170,7 @@ def test_a_loop_against_runs_in_coordinates_of_bodies(times):
     bounds = mb.propagate(scene, mb.TaylorModel(order=5))
     assert not bounds.doubts
     runs = mb.propagate(in_bodies, mb.Scanning(9), solver=mb.CVODES(rtol=1e-12, atol=1e-13))
-    assert (bounds.lower <= runs.lower + 1e-9).all() and (runs.upper <= bounds.upper + 1e-9).all()
-    assert (bounds.upper - bounds.lower <= runs.upper - runs.lower + 1e-6).all()
+    require_sharp(bounds, [runs.lower, runs.upper], 1e-9, 1e-6, size=1.0)
 
 
 @pytest.mark.parametrize(
@@ -223,22 +208,16 @@ def test_a_spring_that_holds_a_mass_in_equilibrium():
 
 
 def test_an_operation_without_remainder_is_refused_by_name():
-    p = mb.Parameters(x=0.5)
-    scene = mb.Scene(mb.System(parameters=p), outputs={"f": ca.floor(p.x)}, box=mb.Box(x=(0.0, 1.0)))
     with pytest.raises(mb.PropagationError, match="no remainder of floor"):
-        mb.propagate(scene, mb.TaylorModel())
+        mb.propagate(formulas(lambda p: {"f": ca.floor(p.x)}, x=(0.0, 1.0)), mb.TaylorModel())
 
 
 @pytest.mark.parametrize(
     "window", [lambda t: ca.fmod(t, 0.5) - 0.1, lambda t: ca.remainder(t, 0.3), lambda t: t - ca.floor(t) - 0.5]
 )
 def test_a_switch_without_remainder_is_refused_by_name(window):
-    p = mb.Parameters(a=1.0)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    push = mb.Force("push", ball.point(0, 0), (ca.if_else(window(mb.t) > 0, p.a, 0), 0))
-    scene = mb.Scene(mb.System(ball, push, parameters=p), times=[0.0, 1.0], outputs={"x": ball.x}, box=mb.Box(a=(1, 2)))
-    with pytest.raises(mb.PropagationError, match="no remainder of floor"):
-        mb.propagate(scene, mb.TaylorModel())
+    scene = particle(lambda p, mass: ca.if_else(window(mb.t) > 0, p.a, 0), [0.0, 1.0], {}, a=(1, 2))
+    refused("no remainder of floor", mb.propagate, scene, mb.TaylorModel(), error=mb.PropagationError)
 
 
 @pytest.mark.parametrize("formula", [ca.fabs, lambda k: 1 / k, ca.sqrt], ids=["corner", "pole", "root"])
@@ -264,8 +243,7 @@ def test_more_parameters_than_polynomials_have_room_for_are_refused():
 
 @pytest.mark.parametrize("options", [{"order": 0}, {"order": 2.5}, {"boxes": 0}])
 def test_options_out_of_range(options):
-    with pytest.raises(mb.DeclarationError, match="must be an integer of at least 1"):
-        mb.TaylorModel(**options)
+    refused("must be an integer of at least 1", mb.TaylorModel, **options)
 
 
 def test_a_rate_at_the_start_may_follow_a_parameter():
@@ -277,25 +255,18 @@ def test_a_rate_at_the_start_may_follow_a_parameter():
     start, times = {"hinge.angle": 1.0, "hinge.angle_rate": -p.k}, np.linspace(0, 0.5, 3)
     scene = mb.Scene(system, start, times, {"angle": hinge.angle, "rate": hinge.angle_rate}, box=mb.Box(k=(0.9, 1.1)))
     bounds = mb.propagate(scene, mb.TaylorModel())
-    sampled = mb.propagate(scene, mb.Scanning(41), solver=mb.DormandPrince(rtol=1e-12))
-    assert (bounds.lower <= sampled.lower + 1e-11).all() and (sampled.upper <= bounds.upper + 1e-11).all()
-    width = bounds.upper - bounds.lower
-    assert (width <= (sampled.upper - sampled.lower) * 1.01 + 1e-8).all()
+    lower, upper = scanned(scene, 41)
+    assert (bounds.lower <= lower + 1e-11).all() and (upper <= bounds.upper + 1e-11).all()
+    assert (bounds.upper - bounds.lower <= (upper - lower) * 1.01 + 1e-8).all()
 
 
 def test_one_time_is_enough():
-    p = mb.Parameters(k=1.0)
-    z = mb.State("z", rate=lambda z: -p.k * z)
-    scene = mb.Scene(mb.System(z, parameters=p), {"z": 2.0}, [0.0], {"z": z.value}, box=mb.Box(k=(0.9, 1.1)))
-    bounds = mb.propagate(scene, mb.TaylorModel())
+    bounds = mb.propagate(state(lambda p, z: -p.k * z, [0.0], 2.0, k=(0.9, 1.1)), mb.TaylorModel())
     np.testing.assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]], 2.0, rtol=1e-12)
 
 
 def test_infinite_bounds_make_a_comparison_doubtful():
-    p = mb.Parameters(k=1.0)
-    z = mb.State("z", rate=lambda z: p.k * z**2)
-    times = np.linspace(0.0, 1.5, 4)
-    scene = mb.Scene(mb.System(z, parameters=p), {"z": 0.6}, times, {"z": z.value}, box=mb.Box(k=(0.9, 1.1)))
+    scene = state(lambda p, z: p.k * z**2, np.linspace(0.0, 1.5, 4), 0.6, k=(0.9, 1.1))
     with pytest.warns(mb.SymmbWarning, match="not proved|infinite later"):
         found = mb.compare(scene, [mb.TaylorModel(order=2)], reference=mb.Scanning(11))
     assert found.doubts
@@ -326,21 +297,21 @@ def _pair(start, mass=1.0, arm=0.5, end=0.3):
 def test_a_free_body_that_carries_a_hinge(start, mass, arm):
     scene = _pair(start, mass, arm)
     bounds = mb.propagate(scene, mb.TaylorModel(order=4))
-    runs = mb.propagate(scene, mb.Scanning(9), solver=mb.DormandPrince(rtol=1e-12))
     assert not bounds.doubts
-    assert (bounds.lower <= runs.lower + 1e-11).all() and (runs.upper <= bounds.upper + 1e-11).all()
-    assert (bounds.upper - bounds.lower <= runs.upper - runs.lower + 1e-3).all()
+    require_sharp(bounds, scanned(scene), 1e-11, 1e-3, size=1.0)
+
+
+def _steep_rod(upper, times):
+    """A rod whose centre is at a height up to one that it reaches upright: the angle is steep there."""
+    p, rod = mb.Parameters(y=0.47), mb.Body("rod", 1.0, 0.1)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
+    system, guess = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p), {"rod.theta": 0.5}
+    return mb.Scene(system, {"rod.y": p.y}, times, {"x": rod.x}, guess=guess, box=mb.Box(y=(0.45, upper)))
 
 
 @pytest.mark.parametrize(("upper", "boxes", "enough"), [(0.4999, 1, False), (0.499, 8, True), (0.4995, 16, True)])
 def test_a_start_is_proved_in_parts(upper, boxes, enough):
-    """A rod whose centre is at a height that it reaches upright: the angle is steep there."""
-    p = mb.Parameters(y=0.47)
-    rod = mb.Body("rod", 1.0, 0.1)
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
-    system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
-    box, guess = mb.Box(y=(0.45, upper)), {"rod.theta": 0.5}
-    scene = mb.Scene(system, {"rod.y": p.y}, [0.0, 0.05, 0.1], {"x": rod.x}, guess=guess, box=box)
+    scene = _steep_rod(upper, [0.0, 0.05, 0.1])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mb.SymmbWarning)
         bounds = mb.propagate(scene, mb.TaylorModel(order=6, boxes=boxes))
@@ -354,22 +325,15 @@ def test_a_start_is_proved_in_parts(upper, boxes, enough):
 
 
 def test_parameters_without_a_start_need_smaller_intervals():
-    p = mb.Parameters(y=0.47)
-    rod = mb.Body("rod", 1.0, 0.1)
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
-    system = mb.System(rod, hinge, parameters=p)
-    box, guess = mb.Box(y=(0.45, 0.51)), {"rod.theta": 0.5}
-    scene = mb.Scene(system, {"rod.y": p.y}, [0.0, 0.1], {"x": rod.x}, guess=guess, box=box)
+    scene = _steep_rod(0.51, [0.0, 0.1])
     with pytest.warns(mb.SymmbWarning, match="cannot be started; try smaller intervals"):
         assert np.isinf(mb.propagate(scene, mb.TaylorModel(order=4, boxes=8)).upper).all()
 
 
 @pytest.mark.parametrize("operation", [ca.floor, ca.ceil, lambda x: ca.fmod(x, 0.3)], ids=["floor", "ceil", "fmod"])
 def test_an_output_without_a_remainder_leaves_others_their_bounds(operation):
-    p = mb.Parameters(k=1.0)
-    z = mb.State("z", rate=lambda z: -p.k * z)
-    outputs = {"steps": operation(3 * z.value), "z": z.value}
-    scene = mb.Scene(mb.System(z, parameters=p), {"z": 2.0}, [0.0, 1.0], outputs, box=mb.Box(k=(0.9, 1.1)))
+    both = lambda z: {"steps": operation(3 * z), "z": z}  # noqa: E731
+    scene = state(lambda p, z: -p.k * z, [0.0, 1.0], 2.0, both, k=(0.9, 1.1))
     with pytest.warns(mb.SymmbWarning, match=r"are infinite for steps, since \w+ has no remainder\."):
         bounds = mb.propagate(scene, mb.TaylorModel())
     assert np.isinf(bounds.upper[:, 0]).all()
@@ -392,19 +356,15 @@ def test_an_output_without_a_remainder_leaves_others_their_bounds(operation):
 )
 def test_laws_of_time_that_switch(begin, law):
     """Without the law, z = 2 exp(-k t)."""
-    p = mb.Parameters(k=1.0, s=0.6)
-    z = mb.State("z", rate=lambda z: -p.k * z + law(p, mb.t))
     times = np.linspace(begin, begin + 1.0, 21)
-    own = {"s": (0.58, 0.62)} if ca.depends_on(law(p, mb.t), p.s) else {}
-    box = mb.Box(k=(0.9, 1.1), **own)
-    scene = mb.Scene(mb.System(z, parameters=p), {"z": 2.0}, times, {"z": z.value}, box=box)
+    scene = state(lambda p, z: -p.k * z + law(p, mb.t), times, 2.0, k=(0.9, 1.1), s=(0.58, 0.62))
+    if not ca.depends_on(law(scene.system.parameters, mb.t), scene.system.parameters.s):
+        scene = scene.with_box(mb.Box(k=(0.9, 1.1)))
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         bounds = mb.propagate(scene, mb.TaylorModel(order=6, boxes=4))
-    assert not told and np.isfinite(bounds.upper).all()
-    runs = mb.propagate(scene, mb.Scanning(5), solver=mb.DormandPrince(rtol=1e-12))
-    assert (bounds.lower <= runs.lower + 1e-10).all() and (runs.upper <= bounds.upper + 1e-10).all()
-    assert (bounds.upper - bounds.lower <= runs.upper - runs.lower + 1e-4).all()
+    assert not told
+    require_sharp(bounds, scanned(scene, 5), 1e-10, 1e-4, size=1.0)
 
 
 @pytest.mark.parametrize("seed", [3, 4, 9])

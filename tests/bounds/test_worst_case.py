@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 from models import double_pendulum
@@ -74,8 +75,7 @@ def test_files_hold_the_worst_cases_over_all_times(tmp_path):
             again.worst("y").upper.run,
             lambda b=again: b.worst("y").upper.scene,
         ):
-            with pytest.raises(mb.DeclarationError, match="file"):
-                call()
+            refused("file", call)
 
 
 def test_a_run_is_made_where_the_polynomials_have_their_extreme():
@@ -123,11 +123,9 @@ def test_a_run_that_falls_short_of_the_bound_says_so():
 
 def test_what_has_no_worst_case_is_told(tmp_path):
     bounds = mb.propagate(waves(), mb.Scanning(3), BOX)
-    with pytest.raises(mb.DeclarationError, match="no output 'x'"):
-        bounds.worst("x")
+    refused("no output 'x'", bounds.worst, "x")
     for time in (3.0, np.nan, "1"):
-        with pytest.raises(mb.DeclarationError, match="from 0 to 2"):
-            bounds.worst("y", time)
+        refused("from 0 to 2", bounds.worst, "y", time)
     with pytest.raises(mb.DeclarationError, match="pickled bounds keep no worst cases"):
         pickle.loads(pickle.dumps(bounds)).worst("y")
     bounds.save(tmp_path / "a.csv")
@@ -136,5 +134,4 @@ def test_what_has_no_worst_case_is_told(tmp_path):
     scene = double_pendulum.scene().with_times(np.linspace(0, 0.1, 3))
     taylor = mb.propagate(scene, mb.Taylor(2))
     for bounds in (taylor, pickle.loads(pickle.dumps(taylor))):
-        with pytest.raises(mb.DeclarationError, match=r"Taylor\(.*makes no runs that attain its bounds"):
-            bounds.worst("y2")
+        refused(r"Taylor\(.*makes no runs that attain its bounds", bounds.worst, "y2")

@@ -8,7 +8,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from enclosure_samples import ode
+from enclosure_samples import ode, require_sharp
 from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -75,15 +75,6 @@ def test_boxes_with_parameters_without_a_start_are_not_proved(seed):
     assert not found.fault and found.refused, _told(found)
 
 
-def _require_sharp(bounds, runs):
-    """Bounds at all times, which hold runs (N, n_t, n_y) and are hardly wider."""
-    assert np.isfinite(bounds.upper).all(), bounds.doubts
-    size = np.abs(runs).max(axis=(0, 1))
-    off = np.maximum(bounds.lower - runs, runs - bounds.upper) / size
-    assert off.max() <= loop_proofs.INSIDE
-    assert ((bounds.upper - bounds.lower - np.ptp(runs, axis=0)) / size).max() < 1e-5
-
-
 def test_a_pendulum_on_a_distance_turns_over():
     """Neither the velocity along x nor that along y determines the other everywhere. The reference is the angle's."""
     p = mb.Parameters(L=1.0, w=8.0)
@@ -101,7 +92,7 @@ def test_a_pendulum_on_a_distance_turns_over():
         angle, rate = run.y
         runs.append(np.stack([np.sin(angle), -np.cos(angle), rate * np.cos(angle), rate * np.sin(angle)], axis=1))
     assert np.ptp([run[:, 1] for run in runs]) > 1.9  # over the top
-    _require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), np.array(runs))
+    require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), runs, loop_proofs.INSIDE, 1e-5)
 
 
 def test_sliders_on_a_rod_that_turns_evenly():
@@ -122,7 +113,7 @@ def test_sliders_on_a_rod_that_turns_evenly():
         for w in (2.997, 3.0, 3.003):
             turn = 0.4 + w * times
             runs.append(L * np.stack([np.cos(turn), np.sin(turn), -w * np.sin(turn), w * np.cos(turn)], axis=1))
-    _require_sharp(mb.propagate(scene, mb.TaylorModel(order=4)), np.array(runs))
+    require_sharp(mb.propagate(scene, mb.TaylorModel(order=4)), runs, loop_proofs.INSIDE, 1e-5)
 
 
 def _absolute_run(lengths, poses, rates, times, ground=9.81):
@@ -167,4 +158,4 @@ def test_a_four_bar_passes_dead_centres_of_all_of_its_bars():
     lengths = np.array([values[name] for name in "abc"])
     runs = np.array([_absolute_run(lengths, q, along * spin, times) for spin in np.linspace(*box["spin"], 3)])
     scene = replace(case.scene, outputs={name: case.scene.outputs[name] for name in ("theta", "x", "y")})
-    _require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), runs[:, :, [5, 3, 4]])
+    require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), runs[:, :, [5, 3, 4]], loop_proofs.INSIDE, 1e-5)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
+from enclosure_samples import require_sharp
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -15,14 +16,8 @@ import _loops
 import symmb as mb
 
 GROUND = mb.Ground()
-
-
-def _require_sharp(scene, runs, order=5):
-    """Bounds at all times, which hold runs (N, n_t, n_y) and are hardly wider."""
-    bounds = mb.propagate(scene, mb.TaylorModel(order=order))
-    assert np.isfinite(bounds.upper).all(), bounds.doubts
-    assert np.maximum(bounds.lower - runs, runs - bounds.upper).max() <= 1e-11
-    assert (bounds.upper - bounds.lower - np.ptp(runs, axis=0)).max() < 1e-6
+SHARP = {"error": 1e-11, "excess": 1e-6, "size": 1.0}
+"""Of bounds, in units of outputs."""
 
 
 def test_a_mass_on_a_spring_under_a_force_that_grows():
@@ -37,7 +32,7 @@ def test_a_mass_on_a_spring_under_a_force_that_grows():
         for k in np.linspace(*box["k"], 41):
             rate = np.sqrt(k / m)
             runs.append((-9.81 * m + times - np.sin(rate * times) / rate) / k)
-    _require_sharp(scene, np.array(runs)[:, :, None], order=8)
+    require_sharp(mb.propagate(scene, mb.TaylorModel(order=8)), np.array(runs)[:, :, None], **SHARP)
 
 
 def test_a_pendulum_with_a_torsion_spring_under_a_torque_that_grows():
@@ -56,7 +51,7 @@ def test_a_pendulum_with_a_torsion_spring_under_a_torque_that_grows():
                         atol=1e-14, t_eval=times)  # fmt: skip
         found.append(run.y[0])
     scene = mb.Scene(system, times=times, outputs={"angle": arm.theta}, box=mb.Box(k=(2.9, 3.1)), equilibrium=True)
-    _require_sharp(scene, np.array(found)[:, :, None])
+    require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), np.array(found)[:, :, None], **SHARP)
 
 
 def test_a_four_bar_stays_where_its_potential_energy_is_least():
@@ -88,4 +83,4 @@ def test_a_four_bar_stays_where_its_potential_energy_is_least():
         guess=dict(zip(names, at(20.0).tolist(), strict=True)), box=mb.Box(k=(19.0, 21.0)), equilibrium=True,
     )  # fmt: skip
     held = np.array([at(k)[[2, 4]] for k in np.linspace(19.0, 21.0, 21)])
-    _require_sharp(scene, np.repeat(held[:, None], 3, axis=1))
+    require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), np.repeat(held[:, None], 3, axis=1), **SHARP)

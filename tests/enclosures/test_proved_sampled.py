@@ -2,18 +2,10 @@
 
 import numpy as np
 import pytest
+from enclosure_samples import require_sharp
 from scipy.integrate import solve_ivp
 
 import symmb as mb
-
-
-def _require_sharp(scene, runs, order, width):
-    """Bounds at all times, which hold runs (N, n_t, n_y) and are hardly wider."""
-    bounds = mb.propagate(scene, mb.TaylorModel(order=order))
-    assert np.isfinite(bounds.upper).all(), bounds.doubts
-    size = np.abs(runs).max(axis=(0, 1))
-    assert (np.maximum(bounds.lower - runs, runs - bounds.upper) / size).max() <= 1e-10
-    assert ((bounds.upper - bounds.lower - np.ptp(runs, axis=0)) / size).max() < width
 
 
 @pytest.mark.parametrize("begin", [0.0, -0.7, 1.3])
@@ -35,7 +27,7 @@ def test_a_brake_with_a_held_force(begin):
             runs.append(
                 np.stack([v * rest * (1 - k * late), x + v * rest * (late - k * late**2 / 2), -k * v * rest], 1)
             )
-    _require_sharp(scene, np.array(runs), 5, 1e-7)
+    require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), runs, 1e-10, 1e-7)
 
 
 def test_a_pendulum_with_two_controllers_of_different_periods():
@@ -63,4 +55,4 @@ def test_a_pendulum_with_two_controllers_of_different_periods():
                 z = solve_ivp(lambda t, z, u=held: [z[1], (u - 9.81 * 0.5 * np.cos(z[0])) / 0.35], (0, 0.05), z,
                               method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]  # fmt: skip
             runs.append(rows)
-    _require_sharp(scene, np.array(runs), 4, 1e-4)
+    require_sharp(mb.propagate(scene, mb.TaylorModel(order=4)), runs, 1e-10, 1e-4)

@@ -7,6 +7,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from enclosure_samples import require_sharp
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
@@ -26,14 +27,6 @@ def proved(law, start, nominal, box, order=6, times=TIMES):
     return bounds, " ".join(bounds.doubts)
 
 
-def require_sharp(bounds, runs, excess):
-    """Bounds hold runs (N, n_t, n_y), and are wider by a share at most."""
-    runs = np.array(runs)
-    size = np.abs(runs).max(axis=(0, 1))
-    assert (np.maximum(bounds.lower - runs, runs - bounds.upper) / size).max() <= 1e-12
-    assert ((bounds.upper - bounds.lower - np.ptp(runs, axis=0)) / size).max() < excess
-
-
 def test_a_force_that_begins_at_a_place():
     """x = v t up to a / v, and a constant force F from then on."""
 
@@ -47,7 +40,7 @@ def test_a_force_that_begins_at_a_place():
         for F in (1.9, 2.0, 2.1):
             late = np.maximum(TIMES - a / 1.5, 0.0)
             runs.append(np.stack([1.5 * TIMES - F * late**2 / 2, 1.5 - F * late, -F * (late > 0)], 1))
-    require_sharp(bounds, runs, 2e-3)
+    require_sharp(bounds, runs, 1e-12, 2e-3)
 
 
 def test_a_place_that_is_no_polynomial_of_the_parameter():
@@ -72,7 +65,7 @@ def test_friction_that_reverses():
         before, late = np.minimum(TIMES, t0), np.maximum(TIMES - t0, 0.0)
         place = 2.0 * before - (3 + mu) * before**2 / 2 - (3 - mu) * late**2 / 2
         runs.append(np.stack([place, 2.0 - (3 + mu) * before - (3 - mu) * late, -3.0 - mu * np.sign(t0 - TIMES)], 1))
-    require_sharp(bounds, runs, 2e-3)
+    require_sharp(bounds, runs, 1e-12, 2e-3)
 
 
 def test_a_law_of_time_that_parameters_move():
@@ -82,7 +75,7 @@ def test_a_law_of_time_that_parameters_move():
     for s in np.linspace(0.37, 0.42, 101):
         late = np.maximum(TIMES - s, 0.0)
         runs.append(np.stack([late**2 / 2, late, 1.0 * (late > 0)], 1))
-    require_sharp(bounds, runs, 1e-3)
+    require_sharp(bounds, runs, 1e-12, 1e-3)
 
 
 def test_knots_of_a_table():

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from faults import refused
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
@@ -109,20 +110,17 @@ def test_the_errors_of_a_comparison_in_one_axes():
 
 @pytest.mark.parametrize("result", [some_bounds, a_comparison], indirect=True)
 def test_too_few_axes_are_refused(result):
-    with pytest.raises(mb.DeclarationError, match=r"2 outputs .* need as many axes"):
-        result.plot(outputs=["x", "vy"], ax=Figure().subplots())
+    refused(r"2 outputs .* need as many axes", result.plot, outputs=["x", "vy"], ax=Figure().subplots())
 
 
 @RESULTS
 def test_unknown_outputs_are_refused(result):
-    with pytest.raises(mb.DeclarationError, match=r"no output 'forse'.*'force'"):
-        result.plot(outputs="forse")
+    refused(r"no output 'forse'.*'force'", result.plot, outputs="forse")
 
 
 @RESULTS
 def test_what_are_no_axes_is_refused(result):
-    with pytest.raises(mb.DeclarationError, match="ax must be matplotlib Axes"):
-        result.plot(ax=3)
+    refused("ax must be matplotlib Axes", result.plot, ax=3)
 
 
 def test_limits_and_fits_in_given_axes():
@@ -181,8 +179,7 @@ def test_figures_show_themselves_and_can_be_pickled():
 @pytest.mark.parametrize("outputs", [3, {"x": 1}, [3], ["z"]])
 @RESULTS
 def test_malformed_outputs_are_refused(result, outputs):
-    with pytest.raises(mb.DeclarationError, match=r"outputs must be a name|no output"):
-        result.plot(outputs=outputs)
+    refused(r"outputs must be a name|no output", result.plot, outputs=outputs)
 
 
 EVERY_PICTURE = {
@@ -218,8 +215,7 @@ def test_size_and_title_of_every_picture(pictured, tmp_path):
 )
 def test_wrong_sizes_and_titles_are_refused(pictured, wrong):
     owner, result = pictured
-    with pytest.raises(mb.DeclarationError, match=rf"^{owner}\.plot: {next(iter(wrong))} must be [^\n]*$"):
-        result.plot(**wrong)
+    refused(rf"^{owner}\.plot: {next(iter(wrong))} must be [^\n]*$", result.plot, **wrong)
 
 
 @RESULTS
@@ -243,7 +239,6 @@ def test_deviations_from_the_nominal_run():
     np.testing.assert_array_equal(lines[1], some_bounds().upper[:, 0] - some_bounds().nominal[:, 0])
     assert not lines[-1].any()
     unknown = mb.Bounds(a_run().t, ("x",), a_run().values[:, :1], a_run().values[:, :1], "sampled", "Vertex()", 4)
-    with pytest.raises(mb.DeclarationError, match="deviation needs the nominal run"):
-        unknown.plot(deviation=True)
+    refused("deviation needs the nominal run", unknown.plot, deviation=True)
     with pytest.raises(mb.DeclarationError, match="deviation must be True or False"):
         some_bounds().plot(deviation="yes")

@@ -4,9 +4,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from faults import refused
 from structures import frame
 
-from symmb import DeclarationError, Modes
+from symmb import Modes
 
 MODES = frame().modes(clamped=0, count=3, damping=0.01)
 ARRAYS = {field.name: getattr(MODES, field.name) for field in fields(MODES)}
@@ -51,8 +52,7 @@ def test_values_cannot_be_changed():
     ],
 )
 def test_wrong_arrays(change, message):
-    with pytest.raises(DeclarationError, match=message):
-        replace(MODES, **change)
+    refused(message, replace, MODES, **change)
 
 
 @pytest.mark.parametrize(
@@ -67,8 +67,7 @@ def test_wrong_arrays(change, message):
 )
 def test_wrong_files(tmp_path, content, message):
     np.savez(tmp_path / "wrong.npz", **content)
-    with pytest.raises(DeclarationError, match=message):
-        Modes.load(tmp_path / "wrong.npz")
+    refused(message, Modes.load, tmp_path / "wrong.npz")
 
 
 def test_a_file_that_is_no_archive(tmp_path):
@@ -76,7 +75,6 @@ def test_a_file_that_is_no_archive(tmp_path):
     with (tmp_path / "array.npz").open("wb") as file:
         np.save(file, np.zeros(3))
     for name in ("text.npz", "array.npz"):
-        with pytest.raises(DeclarationError, match="does not hold saved Modes"):
-            Modes.load(tmp_path / name)
+        refused("does not hold saved Modes", Modes.load, tmp_path / name)
     with pytest.raises(FileNotFoundError):
         Modes.load(tmp_path / "none.npz")

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from small_scenes import state
 
 import symmb as mb
 from symmb.bounds.method import Method
@@ -16,9 +17,7 @@ BOX = mb.Box(k=(0.9, 1.1))
 
 def _decay():
     """z' = -k z from 2: the true bounds are 2 exp(-1.1 t) and 2 exp(-0.9 t)."""
-    p = mb.Parameters(k=1.0)
-    z = mb.State("z", rate=lambda z: -p.k * z)
-    return mb.Scene(mb.System(z, parameters=p), {"z": 2.0}, T, {"z": z.value}, box=BOX)
+    return state(lambda p, z: -p.k * z, T, 2.0, k=(0.9, 1.1))
 
 
 TRUE = 2 * np.exp(-np.outer(T, [1.1, 0.9]))
@@ -62,21 +61,15 @@ def test_the_reference_is_proved_to_be_near_the_true_bounds(tmp_path):
 
 
 def test_a_reference_ends_where_proved_bounds_end():
-    found = measurement.compare_simulator(_simulator(), [mb.TaylorModel(order=6)], BOX, Claim(off=0.2))
+    found = measurement.compare_simulator(mb.DAESimulator(_decay()), [mb.TaylorModel(order=6)], BOX, Claim(off=0.2))
     np.testing.assert_allclose(np.hstack([found.reference.lower, found.reference.upper]), TRUE, atol=1e-6)
     assert found.reference.proved is None  # what is not attained may miss either way
 
 
 def test_a_reference_must_be_finite():
-    p = mb.Parameters(k=1.0)
-    z = mb.State("z", rate=lambda z: p.k * z**2)
-    scene = mb.Scene(mb.System(z, parameters=p), {"z": 1.0}, [0.0, 0.5, 0.9, 1.0], {"z": z.value}, box=BOX)
+    scene = state(lambda p, z: p.k * z**2, [0.0, 0.5, 0.9, 1.0], 1.0, k=(0.9, 1.1))
     with pytest.raises(mb.PropagationError, match=r"TaylorModel\(order=4\) has infinite bounds of z at t = 0.9 s"):
         mb.compare(scene, [mb.Vertex()], reference=mb.TaylorModel(order=4))
-
-
-def _simulator():
-    return mb.DAESimulator(_decay())
 
 
 def test_runs_outside_of_proved_bounds_are_told():

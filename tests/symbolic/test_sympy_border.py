@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
+from faults import refused
 
 from symmb import DeclarationError
 from symmb.symbolic.sympy_in import from_sympy, is_sympy
@@ -163,10 +164,8 @@ def test_border_loads_without_sympy():
 
 
 def test_faults_going_out():
-    with pytest.raises(DeclarationError, match="not listed: y"):
-        to_sympy(X * Y, [X], ["x"])
-    with pytest.raises(DeclarationError, match="NaN constant"):
-        to_sympy(X * math.nan, [X], ["x"])
+    refused("not listed: y", to_sympy, X * Y, [X], ["x"])
+    refused("NaN constant", to_sympy, X * math.nan, [X], ["x"])
 
 
 def test_unknown_names_are_told_at_once_with_near_misses():
@@ -190,5 +189,4 @@ def test_unknown_names_are_told_at_once_with_near_misses():
     ],
 )
 def test_faults_coming_in(expr, message):
-    with pytest.raises(DeclarationError, match=message):
-        from_sympy(expr, SYMBOLS)
+    refused(message, from_sympy, expr, SYMBOLS)

@@ -1,0 +1,31 @@
+"""Scenes of one mass, one state or formulas alone, whose laws tests write; parameters are given by their intervals."""
+
+import numpy as np
+
+import symmb as mb
+
+
+def _parameters(intervals):
+    return mb.Parameters(**{name: (low + high) / 2 for name, (low, high) in intervals.items()})
+
+
+def particle(law, times, start, outputs=("x",), **intervals):
+    """A mass of 1 kg under a force law(p, mass), along x or in components; nominal values are middles of intervals."""
+    p, mass = _parameters(intervals), mb.Body("mass", 1.0, pose=mb.Particle())
+    force = law(p, mass)
+    push = mb.Force("push", mass.point(0, 0), force if isinstance(force, tuple) else (force, 0))
+    named = {name: getattr(mass, name) for name in outputs}
+    return mb.Scene(mb.System(mass, push, parameters=p), start, times, named, box=mb.Box(**intervals))
+
+
+def state(rate, times, start, outputs=lambda z: {"z": z}, **intervals):
+    """A state z of a given start, whose rate(p, z) is a law."""
+    p = _parameters(intervals)
+    z = mb.State("z", rate=lambda z: rate(p, z))
+    return mb.Scene(mb.System(z, parameters=p), {"z": start}, times, outputs(z.value), box=mb.Box(**intervals))
+
+
+def formulas(outputs, times=(0.0,), **intervals):
+    """Outputs(p) that depend on parameters and time alone."""
+    p = _parameters(intervals)
+    return mb.Scene(mb.System(parameters=p), times=np.array(times), outputs=outputs(p), box=mb.Box(**intervals))
