@@ -1,4 +1,6 @@
-"""Calls that are refused."""
+"""Calls that are refused, and what is told of them."""
+
+from contextlib import contextmanager
 
 import pytest
 
@@ -9,3 +11,11 @@ def refused(match, call, /, *arguments, error=mb.DeclarationError, **options):
     """A call ends by an error whose message matches."""
     with pytest.raises(error, match=match):
         call(*arguments, **options)
+
+
+@contextmanager
+def told_in_a_line(match, error=mb.DeclarationError):
+    """What is run within ends by an error whose message matches, and is one line."""
+    with pytest.raises(error, match=match) as caught:
+        yield
+    assert "\n" not in str(caught.value)

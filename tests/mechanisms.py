@@ -42,7 +42,7 @@ def double_pendulum_by_hand(p, times=TIMES):
         ])  # fmt: skip
         return [wa, wb, *np.linalg.solve(M, f)]
 
-    return _exact(rate, [0.9, -0.4, 1.0, -2.0], times)
+    return exact(rate, [0.9, -0.4, 1.0, -2.0], times)
 
 
 J = np.array([0.02, 0.029, 0.01])
@@ -79,12 +79,18 @@ def spinning_body_by_hand(p, times=TIMES):
         spin = np.linalg.solve(J_tip, torque - np.cross(w, J_tip @ w))
         return [*(0.5 * np.hstack([-e[1:] @ w, e[0] * w + np.cross(e[1:], w)])), *spin]
 
-    z = _exact(rate, [np.cos(0.25), 0, np.sin(0.25), 0, 0.2, -0.5, 15.0], times)
+    z = exact(rate, [np.cos(0.25), 0, np.sin(0.25), 0, 0.2, -0.5, 15.0], times)
     return np.array([[*(rotation(row[:4] / np.linalg.norm(row[:4])) @ arm), *row[4:]] for row in z])
 
 
-def _exact(rate, start, times):
+def exact(rate, start, times):
+    """States (n_t, n) of x' = rate(t, x) from a start."""
     return solve_ivp(rate, (times[0], times[-1]), start, "DOP853", times, rtol=1e-13, atol=1e-13).y.T
+
+
+def swing(k, times, angle=0.0, rate=0.0):
+    """(n_t, 2) angle and rate of a pendulum, angle'' = -k cos(angle)."""
+    return exact(lambda _, z: (z[1], -k * np.cos(z[0])), (angle, rate), times)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,15 @@ import symmb as mb
 from symmb._types import Array
 
 DATA = Path(__file__).parent / "data"
-KNOWN = json.loads((DATA / "problems.json").read_text(encoding="utf-8"))
+
+
+def read(name: str, case: str | None = None) -> dict:
+    """What a file of tests/data holds, or what it holds of a case."""
+    data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+    return data if case is None else data | data["cases"][case]
+
+
+KNOWN = read("problems")
 
 
 @dataclass(frozen=True)
@@ -35,7 +43,7 @@ def model(name: str, **variant: object) -> mb.Scene:
 
 
 def andrews() -> Problem:
-    known = json.loads((DATA / "andrews.json").read_text(encoding="utf-8"))
+    known = read("andrews")
     angles = np.array(known["values"])[:, [known["names"].index(name) for name in ANDREWS]]
     return Problem("Andrews", lambda: _keeping(model("andrews").with_times(known["times"]), ANDREWS), angles)
 
@@ -44,7 +52,7 @@ ANDREWS = ("beta", "Theta", "gamma", "Phi", "delta", "Omega", "epsilon")
 
 
 def car_axis() -> Problem:
-    known = json.loads((DATA / "car_axis.json").read_text(encoding="utf-8"))
+    known = read("car_axis")
     names = tuple(known["names"][:8])
     return Problem(
         "car axis",
@@ -58,7 +66,7 @@ def flexible_crank(semantics: str = "index_2") -> Problem:
 
     index_2 keeps the published start's residual of 2e-10 in the positions; consistent has none.
     """
-    known = json.loads((DATA / "slider_crank_flexible.json").read_text(encoding="utf-8"))
+    known = read("slider_crank_flexible")
     of = known[semantics]
     values = np.array(of["values"])
     largest, first = np.abs(values).max(axis=0), values[0]

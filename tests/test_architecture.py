@@ -15,69 +15,43 @@ import symmb
 
 ROOT = Path(symmb.__file__).parent
 FLOORS = {
-    "_errors": 0,
-    "_types": 0,
-    "_names": 0,
-    "_options": 0,
-    "_specs": 0,
-    "_table": 0,
-    "_doubt": 0,
-    "_html": 0,
-    "_labelled": 0,
-    "_progress": 0,
-    "_cleanup": 0,
-    "_interrupts": 0,
-    "_limits": 0,
-    "_threads": 0,
-    "files": 1,
-    "plot": 1,
-    "structures": 1,
-    "symbolic": 1,
-    "mechanics": 2,
-    "model": 3,
-    "black_boxes": 4,
-    "schemes": 4,
-    "codegen": 5,
-    "start": 6,
-    "events": 7,
-    "integrate": 8,
-    "formulations": 9,
-    "verification": 10,
-    "polynomials": 10,
-    "nodes": 11,
-    "simulation": 11,
-    "linear": 12,
-    "enclosures": 13,
-    "bounds": 14,
-    "study": 15,
-    "drawing": 15,
-    "exchange": 15,
-    "report": 16,
-    "": 17,  # symmb/__init__.py, the public names
-    "models": 18,  # clients of the public names
-    "cli": 18,
-    "__main__": 19,
+    unit: floor
+    for floor, units in enumerate(
+        (
+            "_errors _types _names _options _specs _table _doubt _html _labelled _progress _cleanup _interrupts _limits"
+            " _threads",
+            "files plot structures symbolic",
+            "mechanics",
+            "model",
+            "black_boxes schemes",
+            "codegen",
+            "start",
+            "events",
+            "integrate",
+            "formulations",
+            "verification polynomials",
+            "nodes simulation",
+            "linear",
+            "enclosures",
+            "bounds",
+            "study drawing exchange",
+            "report",
+            "symmb",  # symmb/__init__.py, the public names
+            "models cli",  # clients of the public names
+            "__main__",
+        )
+    )
+    for unit in units.split()
 }
-HEAVY = (
-    "sympy",
-    "fmpy",
-    "matplotlib",
-    "pandas",
-    "xarray",
-    "tqdm",
-    "scipy.sparse",
-    "scipy.stats",
-    "scipy.optimize",
-    "symmb.cli",
-)
+HEAVY = "sympy fmpy matplotlib pandas xarray tqdm scipy.sparse scipy.stats scipy.optimize symmb.cli".split()
 LONGEST = 500
 """Lines of a file. Files of one thought may be long: they take less to read than fragments that call each other."""
 FILES = sorted(path for path in ROOT.rglob("*.py") if "models" not in path.relative_to(ROOT).parts)
 
 
 def unit(module: str) -> str:
-    """The package or module right under symmb that a dotted name belongs to; "" is symmb itself."""
-    return (module.split(".") + [""])[1]
+    """The package or module right under symmb that a dotted name belongs to, or symmb itself."""
+    return (module.split(".") * 2)[1]
 
 
 def module_name(path: Path) -> str:

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 import numpy as np
 import problems
 import pytest
-from test_references import read
+from small_scenes import particle
 
 import symmb as mb
 
@@ -43,10 +43,10 @@ def test_digits(problem, solver, limit):
 
 def test_the_crank_meets_the_published_end():
     """To six digits in every position, as does any solution of index 2 with the published start."""
-    published = np.array(read("slider_crank_flexible")["published_end"])
+    published = np.array(problems.read("slider_crank_flexible")["published_end"])
     problem = problems.flexible_crank()
     run = mb.simulate(problem.make())
-    largest = np.abs(read("slider_crank_flexible")["index_2"]["values"]).max(axis=0)
+    largest = np.abs(problems.read("slider_crank_flexible")["index_2"]["values"]).max(axis=0)
     assert (run.values[-1] * largest)[:6] == pytest.approx(published, rel=1e-6)
 
 
@@ -131,10 +131,7 @@ def test_studies_go_through_singular_positions():
 
 
 def test_what_nothing_gets_through_is_told_with_every_reason():
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    burst = mb.Scene(
-        mb.System(ball, mb.Force("burst", ball.point(0, 0), (2 * ball.vx**2, 0))), {"ball.vx": 1.0}, [0.0, 1]
-    )
+    burst = particle(lambda p, mass: 2 * mass.vx**2, [0.0, 1.0], {"mass.vx": 1.0})
     with pytest.raises(
         mb.SimulationError, match=r"breaks down at t = .*DormandPrince.*breaks down: .*CVODES\(stiff=True"
     ):

@@ -24,6 +24,13 @@ def impatient(monkeypatch):
     monkeypatch.setattr("symmb._progress._PERIOD", 0.01)
 
 
+@pytest.fixture
+def terminal(monkeypatch):
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    return stream
+
+
 def told(stream, text):
     deadline = time.monotonic() + 10.0
     while text not in stream.getvalue() and time.monotonic() < deadline:
@@ -31,30 +38,20 @@ def told(stream, text):
     return text in stream.getvalue()
 
 
-def test_a_terminal_shows_runs_rate_and_time_left(monkeypatch, impatient):
-    stream = Terminal()
-    monkeypatch.setattr(sys, "stderr", stream)
+def test_a_terminal_shows_runs_rate_and_time_left_and_other_work_anew(terminal, impatient):
     with Progress("working") as progress:
-        assert told(stream, "working")
+        assert told(terminal, "working")
         progress("MonteCarlo(100)", 0, 100)
-        assert told(stream, "0 of 100 runs")
+        assert told(terminal, "0 of 100 runs")
         progress("MonteCarlo(100)", 25, 100)
-        assert told(stream, "25 of 100 runs")
-        assert told(stream, "left")
-        assert told(stream, "runs/s")
-    assert stream.getvalue().endswith("\r")  # nothing is left on the line
-    assert not stream.getvalue().splitlines()[-1].strip()
-
-
-def test_other_work_starts_anew(monkeypatch, impatient):
-    stream = Terminal()
-    monkeypatch.setattr(sys, "stderr", stream)
-    with Progress("working") as progress:
-        progress("reference", 90, 100)
-        assert told(stream, "90 of 100 runs")
+        assert told(terminal, "25 of 100 runs")
+        assert told(terminal, "left")
+        assert told(terminal, "runs/s")
         progress("Vertex()", 1, 4)
-        assert told(stream, "Vertex()")
-        assert told(stream, "1 of 4 runs")
+        assert told(terminal, "Vertex()")
+        assert told(terminal, "1 of 4 runs")
+    assert terminal.getvalue().endswith("\r")  # nothing is left on the line
+    assert not terminal.getvalue().splitlines()[-1].strip()
 
 
 def test_what_is_no_terminal_shows_none(monkeypatch, impatient):
@@ -66,12 +63,10 @@ def test_what_is_no_terminal_shows_none(monkeypatch, impatient):
     assert stream.getvalue() == ""
 
 
-def test_what_is_done_at_once_shows_none(monkeypatch):
-    stream = Terminal()
-    monkeypatch.setattr(sys, "stderr", stream)
+def test_what_is_done_at_once_shows_none(terminal):
     with Progress("working"):
         pass
-    assert stream.getvalue() == ""
+    assert terminal.getvalue() == ""
 
 
 def slow(k):
@@ -80,11 +75,10 @@ def slow(k):
 
 
 @pytest.mark.parametrize("own", [False, True])
-def test_bounds_tell_terminals_unless_the_caller_watches(monkeypatch, impatient, own):
-    stream, seen = Terminal(), []
-    monkeypatch.setattr(sys, "stderr", stream)
+def test_bounds_tell_terminals_unless_the_caller_watches(terminal, impatient, own):
+    seen = []
     decay = mb.FunctionSimulator(slow, {"k": 1.0}, TIMES, ["x"])
     watch = (lambda done, total: seen.append((done, total))) if own else None
     mb.propagate(decay, mb.Scanning(20), mb.Box(k=(0.5, 2.0)), progress=watch)
-    assert ("Scanning(20)" in stream.getvalue()) is not own
+    assert ("Scanning(20)" in terminal.getvalue()) is not own
     assert bool(seen) is own

@@ -1,11 +1,8 @@
 """Shipped scenes against digits known to be right; every file of tests/data says where its digits come from."""
 
-import importlib
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
+from problems import model, read
 
 import symmb as mb
 
@@ -33,15 +30,6 @@ CASES = [
 ]
 
 
-def read(name, case=None):
-    data = json.loads((Path(__file__).parent / "data" / f"{name}.json").read_text(encoding="utf-8"))
-    return data if case is None else data | data["cases"][case]
-
-
-def scene(name, **variant):
-    return importlib.import_module(f"models.{name}").scene(**variant)
-
-
 def deviation(values, reference):
     """Largest deviation of each output, relative where the output is larger than 1."""
     values, reference = np.asarray(values), np.asarray(reference)
@@ -51,7 +39,7 @@ def deviation(values, reference):
 @pytest.mark.parametrize(("name", "case", "solver", "tolerance"), CASES)
 def test_states(name, case, solver, tolerance):
     known = read(name, case)
-    run = mb.simulate(scene(name, **known.get("scene", {})), solver, times=known["times"])
+    run = mb.simulate(model(name, **known.get("scene", {})), solver, times=known["times"])
     error = deviation(np.column_stack([run[output] for output in known["names"]]), known["values"])
     assert error.max() < tolerance, dict(zip(known["names"], error, strict=True))
 
@@ -59,14 +47,14 @@ def test_states(name, case, solver, tolerance):
 @pytest.mark.parametrize(("solver", "tolerance"), [(DEFAULT, 1e-6), (TIGHT, 1e-9)])
 def test_multipliers_of_the_double_pendulum(solver, tolerance):
     known = read("double_pendulum")
-    run = mb.simulate(scene("double_pendulum"), solver, times=known["times"])
+    run = mb.simulate(model("double_pendulum"), solver, times=known["times"])
     # The paper's third and fourth row place the second rod against the ground, ours against the first rod.
     shoulder, elbow = np.array(known["multipliers"]).T.reshape(2, 2, -1)
     assert deviation(run.lam, np.vstack([shoulder + elbow, elbow]).T).max() < tolerance
 
 
 def test_andrews_mechanism_starts_with_the_published_multipliers():
-    run = mb.simulate(scene("andrews"), times=[0.0, 1e-6])
+    run = mb.simulate(model("andrews"), times=[0.0, 1e-6])
     assert run.values[0, :2] == pytest.approx([-0.06171389001427645, 0.0], abs=1e-15)
     assert run["lam1"][0] == pytest.approx(98.56687039624114, abs=1e-6)
     assert run["lam2"][0] == pytest.approx(-6.122688344255656, abs=1e-6)
@@ -74,7 +62,7 @@ def test_andrews_mechanism_starts_with_the_published_multipliers():
 
 def test_multipliers_of_the_car_axis():
     known = read("car_axis")
-    run = mb.simulate(scene("car_axis"), times=known["times"])
+    run = mb.simulate(model("car_axis"), times=known["times"])
     for column, name in ((-2, "lam1"), (-1, "lam2")):
         reference = np.array(known["values"])[:, column]
         assert np.abs(run[name] - reference).max() < 1e-5 * np.abs(reference).max()
@@ -82,7 +70,7 @@ def test_multipliers_of_the_car_axis():
 
 def test_car_axis_meets_the_published_solution():
     known = read("car_axis")
-    run = mb.simulate(scene("car_axis"), TIGHT, times=[0.0, 3.0])
+    run = mb.simulate(model("car_axis"), TIGHT, times=[0.0, 3.0])
     assert np.abs(run.values[-1] - known["published"]).max() < 1e-9
 
 
@@ -97,7 +85,7 @@ def euler_zxz(phi, theta, psi):
 @pytest.mark.parametrize("case", ["steady_slow", "loop", "sleeping_perturbed", "slow_spin"])
 def test_attitude_of_the_heavy_top(case):
     known = read("heavy_top", case)
-    run = mb.simulate(scene("heavy_top", **known["scene"]), times=known["times"])
+    run = mb.simulate(model("heavy_top", **known["scene"]), times=known["times"])
     theta, _, phi, psi = np.array(known["values"]).T
     assert deviation(run.values[:, :6], euler_zxz(phi, theta, psi).T).max() < 1e-5
     assert np.abs(run["theta"] - theta).max() < 1e-5

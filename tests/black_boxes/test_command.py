@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from processes import in_time, runs
 
 import symmb as mb
 
@@ -144,19 +145,7 @@ def test_programs_in_the_background_end_with_the_run():
     begin = time.monotonic()
     number = int(script(code).run(np.array([[1.0]])).Y[0, 0, 0])
     assert time.monotonic() - begin < 100
-    for _ in range(50):
-        if not _runs(number):
-            return
-        time.sleep(0.1)
-    pytest.fail("it still runs")
-
-
-def _runs(number):
-    try:
-        state = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
+    assert in_time(lambda: not runs(number), 5)
 
 
 DECLARATIONS = [

@@ -9,10 +9,10 @@ import sys
 import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import in_time, runs
 
 from symmb import DeclarationError, FunctionSimulator, simulate
 from symmb.black_boxes import run_blocks
@@ -181,16 +181,7 @@ def _number(simulator):
 
 
 def _is_gone(number):
-    """Whether a process ends within some seconds."""
-    for _ in range(100):
-        try:
-            os.kill(number, 0)
-            if Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
-                return True
-        except (ProcessLookupError, FileNotFoundError):
-            return True
-        time.sleep(0.05)
-    return False
+    return in_time(lambda: not runs(number), 5)
 
 
 def test_copies_in_a_process_share_that_of_their_calls():

@@ -11,6 +11,7 @@ import types
 import numpy as np
 import pandas
 import pytest
+from faults import told_in_a_line
 from scipy.interpolate import CubicSpline
 
 import symmb as mb
@@ -134,9 +135,8 @@ def test_comments_and_lines_do_not_count():
 def test_what_cannot_be_seen_asks_for_a_version(tmp_path):
     lock = threading.Lock()
     made = mb.FunctionSimulator(closed(lock), {"k": 1.0}, [0.0], ["x"])
-    with pytest.raises(mb.DeclarationError, match="Give version=") as error:
+    with told_in_a_line("Give version="):
         mb.StoredSimulator(made, tmp_path / "runs.db")
-    assert "\n" not in str(error.value)
     told = mb.StoredSimulator(made, tmp_path / "runs.db", version="1").identity
     other = mb.FunctionSimulator(doubled(closed(lock), 2), {"k": 1.0}, [0.0], ["x"])
     assert told != mb.StoredSimulator(other, tmp_path / "runs.db", version="1").identity

@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from unit_functions import unit_function
 
 import symmb as mb
 from models import double_pendulum
@@ -99,12 +100,9 @@ def test_an_output_that_is_noise_takes_no_further_runs():
 
 def test_widths_come_from_runs_where_no_polynomial_is_good():
     """Stairs over five parameters: each alone goes from -3 to 3, all together from -15 to 15."""
-    names = [f"p{i}" for i in range(5)]
-    stairs = mb.FunctionSimulator(
-        lambda **p: [[np.floor(3 * sum(p.values()) + 0.01)]], dict.fromkeys(names, 0.0), [0.0], ["y"]
-    )
+    stairs, box = unit_function(lambda x: np.floor(3 * sum(x) + 0.01), 5)
     with pytest.warns(mb.SymmbWarning):
-        bounds = mb.propagate(stairs, mb.MonteCarlo(30), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        bounds = mb.propagate(stairs, mb.MonteCarlo(30), box)
     found = bounds.contributions()
     assert found.runs > 0
     assert np.allclose(found.alone[0, 0], 6)
@@ -128,8 +126,8 @@ def test_contributions_are_shown_and_labelled(tmp_path):
 
 
 def test_pieces_are_kept_in_files(tmp_path):
-    kink = mb.FunctionSimulator(lambda a, b: [[abs(a - 0.3) + b]], {"a": 0.0, "b": 0.0}, [0.0], ["y"])
-    bounds = mb.propagate(kink, mb.PolynomialChaos(), mb.Box(a=(-1, 1), b=(-1, 1)))
+    kink, box = unit_function(lambda x: abs(x[0] - 0.3) + x[1], 2)
+    bounds = mb.propagate(kink, mb.PolynomialChaos(), box)
     assert len(bounds.surrogate.expansions) > 1
     for suffix in ("npz", "json"):
         bounds.save(tmp_path / f"b.{suffix}")

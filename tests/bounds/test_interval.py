@@ -62,36 +62,19 @@ def test_known_ranges(f, x, expected):
     np.testing.assert_allclose(_bounds(f, x=x), expected, atol=1e-12)
 
 
-UNARY = {
-    "OP_NEG": (-3, 3),
-    "OP_INV": (0.1, 3),
-    "OP_SQ": (-3, 3),
-    "OP_TWICE": (-3, 3),
-    "OP_SQRT": (0, 3),
-    "OP_EXP": (-3, 3),
-    "OP_EXPM1": (-3, 3),
-    "OP_LOG": (0.1, 3),
-    "OP_LOG1P": (-0.9, 3),
-    "OP_SIN": (-9, 9),
-    "OP_COS": (-9, 9),
-    "OP_TAN": (-1.5, 1.5),
-    "OP_ASIN": (-1, 1),
-    "OP_ACOS": (-1, 1),
-    "OP_ATAN": (-3, 3),
-    "OP_SINH": (-3, 3),
-    "OP_COSH": (-3, 3),
-    "OP_TANH": (-3, 3),
-    "OP_ASINH": (-3, 3),
-    "OP_ACOSH": (1, 3),
-    "OP_ATANH": (-0.9, 0.9),
-    "OP_ERF": (-2, 2),
-    "OP_FABS": (-3, 3),
-    "OP_SIGN": (-3, 3),
-    "OP_FLOOR": (-3, 3),
-    "OP_CEIL": (-3, 3),
-    "OP_NOT": (-1, 1),
-    "OP_ASSIGN": (-1, 1),
+RANGES = {
+    (-3, 3): "NEG SQ TWICE EXP EXPM1 ATAN SINH COSH TANH ASINH FABS SIGN FLOOR CEIL",
+    (-1, 1): "ASIN ACOS NOT ASSIGN",
+    (-9, 9): "SIN COS",
+    (0.1, 3): "INV LOG",
+    (0, 3): "SQRT",
+    (1, 3): "ACOSH",
+    (-0.9, 3): "LOG1P",
+    (-0.9, 0.9): "ATANH",
+    (-1.5, 1.5): "TAN",
+    (-2, 2): "ERF",
 }
+UNARY = {f"OP_{name}": ends for ends, names in RANGES.items() for name in names.split()}
 NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
 BINARY = [NAMES[code] for code in EXTENSIONS if NAMES[code] not in UNARY]
 WIDER = {"OP_FMOD", "OP_REMAINDER", "OP_COPYSIGN", "OP_ATAN2", "OP_EQ", "OP_NE", "OP_DIV", "OP_POW", "OP_CONSTPOW"}

@@ -35,6 +35,12 @@ def study(f, box, times=T, method=None):
     return bounds, calls
 
 
+def unit_study(f, d, times=T, method=None):
+    """The same of f(x) -> (n_t,) for d parameters x (d,) from -1 to 1."""
+    box = {f"x{i}": (-1.0, 1.0) for i in range(d)}
+    return study(lambda **p: f(np.array(list(p.values()))), box, times, method)
+
+
 def around(nominal, share):
     return {name: ((1 - share) * value, (1 + share) * value) for name, value in nominal.items()}
 
@@ -80,10 +86,7 @@ def test_studies_of_formulas_end_with_the_bounds_of_corners(f, nominal, share):
 @pytest.mark.parametrize("f", [lambda s: np.arctan(3 * s), lambda s: 1 / (2.5 + s), lambda s: abs(s - 0.2)])
 def test_studies_make_no_more_runs_than_their_budget(f, budget):
     shapes = np.stack([np.cos((i + 1) * T + i) for i in range(5)]) / 5**0.5
-    box = dict.fromkeys("abcde", (-1.0, 1.0))
-    bounds, calls = study(
-        lambda **p: f(np.array(list(p.values())) @ shapes), box, method=mb.PolynomialChaos(budget=budget)
-    )
+    bounds, calls = unit_study(lambda x: f(x @ shapes), 5, method=mb.PolynomialChaos(budget=budget))
     assert calls == bounds.evaluations <= budget
 
 
@@ -118,9 +121,7 @@ def test_monotone_motions_are_bounded_by_their_corners(d, law):
     w = swinging(d) / d**0.5
     reach = np.abs(w).sum(axis=0)
     patterns = np.unique(np.concatenate([np.sign(w.T), -np.sign(w.T)]), axis=0)
-    bounds, calls = study(
-        lambda **p: law(np.array(list(p.values())) @ w), dict.fromkeys("abcdefghi"[:d], (-1.0, 1.0)), LONG
-    )
+    bounds, calls = unit_study(lambda x: law(x @ w), d, LONG)
     width = (law(reach) - law(-reach)).max()
     np.testing.assert_allclose(bounds.lower[:, 0], law(-reach), atol=3e-3 * width)
     np.testing.assert_allclose(bounds.upper[:, 0], law(reach), atol=3e-3 * width)
@@ -129,16 +130,15 @@ def test_monotone_motions_are_bounded_by_their_corners(d, law):
 
 def test_expansions_of_monotone_motions_have_moments():
     w = swinging(5) / 5
-    bounds, _ = study(lambda **p: np.exp(np.array(list(p.values())) @ w), dict.fromkeys("abcde", (-1.0, 1.0)), LONG)
+    bounds, _ = unit_study(lambda x: np.exp(x @ w), 5, LONG)
     mean = np.prod(np.sinh(w) / w, axis=0)
     np.testing.assert_allclose(bounds.moments().mean[:, 0], mean, rtol=1e-2)
 
 
 def test_a_study_without_time_ends_and_says_so():
     """A step along no axis, of which no surface is sure; the first round is all that there is time for."""
-    box = dict.fromkeys("abcd", (-1.0, 1.0))
-    f = lambda **p: np.array([float(np.sin(7 * sum(p.values())) > 0.3)])  # noqa: E731
-    bounds, calls = study(f, box, T[:1], mb.PolynomialChaos(budget=2000, seconds=1e-6))
+    method = mb.PolynomialChaos(budget=2000, seconds=1e-6)
+    bounds, calls = unit_study(lambda x: np.array([float(np.sin(7 * sum(x)) > 0.3)]), 4, T[:1], method)
     assert calls < 100
     assert any("PolynomialChaos(seconds=...) allows more" in doubt for doubt in bounds.doubts)
 
@@ -154,8 +154,7 @@ def test_seconds_are_a_number_above_0(seconds):
 def test_noise_as_large_as_the_response_is_doubtful(d, share):
     """There was no bound but a fault of an empty sequence."""
     rng = np.random.default_rng(d)
-    box = dict.fromkeys("abcde"[:d], (-1.0, 1.0))
-    bounds, _ = study(lambda **p: np.array([sum(p.values()) / d + share * rng.normal()]), box, T[:1])
+    bounds, _ = unit_study(lambda x: np.array([sum(x) / d + share * rng.normal()]), d, T[:1])
     assert bounds.doubts
 
 
@@ -207,13 +206,12 @@ def test_a_range_beyond_what_runs_attain_is_checked(kinds, d):
     weights = rng.uniform(-1, 1, (d, 1)) * np.cos(rng.uniform(0, 8, (d, 1)) * t + rng.uniform(-1, 1, (d, 1)))
     half = [np.abs(part).sum(axis=0) for part in (weights[:3], weights[3:])]
 
-    def f(**p):
-        x = np.array(list(p.values()))
+    def f(x):
         return np.sin(steepness * x[:3] @ weights[:3] + phase) + x[3:] @ weights[3:]
 
     values = np.sin(steepness * np.linspace(-1, 1, 2001)[:, None] * half[0] + phase)
     lower, upper = values.min(axis=0) - half[1], values.max(axis=0) + half[1]
-    bounds, _ = study(f, {f"x{i}": (-1.0, 1.0) for i in range(d)}, t)
+    bounds, _ = unit_study(f, d, t)
     error = np.maximum(np.abs(bounds.lower[:, 0] - lower), np.abs(bounds.upper[:, 0] - upper))
     assert error.max() < 0.02 * (upper - lower).max() and not bounds.doubts
 
@@ -229,9 +227,7 @@ def test_rough_responses_are_bounded_by_what_runs_attain(number):
         return np.abs(s - middle) if number % 2 else 1 / (1 + (steepness * (s - middle)) ** 2)
 
     values = law(np.linspace(-1, 1, 4001)[:, None] * np.abs(weights).sum(axis=0))
-    bounds, _ = study(
-        lambda **p: law(np.array(list(p.values())) @ weights), {f"x{i}": (-1.0, 1.0) for i in range(d)}, t
-    )
+    bounds, _ = unit_study(lambda x: law(x @ weights), d, t)
     lower, upper = values.min(axis=0), values.max(axis=0)
     error = np.maximum(np.abs(bounds.lower[:, 0] - lower), np.abs(bounds.upper[:, 0] - upper))
     assert np.sqrt(np.mean(error**2)) < 0.05 * (upper - lower).max()

@@ -23,6 +23,12 @@ def simulator(f, noise=None, outputs=("x", "other")):
     return mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, T, outputs, noise=noise)
 
 
+def estimated(estimate, upper=None):
+    """Bounds from 0 up to 1, or to other ends, of an output at times 0, 1, 2, ... s with an estimated error."""
+    upper = np.ones_like(estimate) if upper is None else upper
+    return mb.Bounds(np.arange(float(len(estimate))), ("x",), 0 * upper, upper, "estimate", "", 1, estimate)
+
+
 @pytest.mark.parametrize("noise", [None, {"other": 1e-13}], ids=["measured", "told"])
 def test_an_output_of_rounding_noise_costs_nothing_and_is_not_doubtful(noise):
     def f(a, b):
@@ -92,10 +98,9 @@ def test_malformed_noise_is_refused(noise):
 
 
 def test_a_pulse_is_doubtful_in_its_window():
-    lower, upper = np.zeros((200, 1)), np.ones((200, 1))
     estimate = np.full((200, 1), 1e-3)
     estimate[100:104] = 0.3
-    bounds = mb.Bounds(np.arange(200.0), ("x",), lower, upper, "estimate", "", 1, estimate)
+    bounds = estimated(estimate)
     (window,) = bounds.doubtful_windows()
     assert window[0] == "x" and 97 <= window[1] <= 100 and 103 <= window[2] <= 106
     assert not bounds.doubtful()
@@ -115,19 +120,17 @@ def test_what_has_died_out_is_not_doubtful():
 
 def test_a_doubt_names_no_time_at_which_bounds_have_no_error():
     """The width and the error are 0 up to 1 s, as at a start that is known."""
-    t = np.arange(4.0)
-    upper, error = np.array([[0.0], [0.0], [1.0], [1.0]]), np.array([[0.0], [0.0], [0.5], [0.5]])
-    bounds = mb.Bounds(t, ("x",), 0 * upper, upper, "estimate", "", 1, error)
+    upper = np.array([[0.0], [0.0], [1.0], [1.0]])
+    bounds = estimated(upper / 2, upper)
     assert bounds.doubts == ("The estimated error is above 10 % of the width: x from 2 s.",)
 
 
 @pytest.mark.parametrize(("first", "text"), [(40, "x from 3. to 6. s"), (150, "x from 0 s")])
 def test_a_doubt_names_the_window_in_which_the_error_is_large(first, text):
-    lower, upper = np.zeros((200, 1)), np.ones((200, 1))
     estimate = np.full((200, 1), 1e-3)
     estimate[first : first + 20] = 1.0
     estimate[-10:] = 1e-3 if first == 40 else 1.0
-    bounds = mb.Bounds(np.arange(200.0), ("x",), lower, upper, "estimate", "", 1, estimate)
+    bounds = estimated(estimate)
     assert bounds.doubtful() == {"x": 0.0}
     assert re.fullmatch(f"The estimated error is above 10 % of the width: {text}.", bounds.doubts[0])
 

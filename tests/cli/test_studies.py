@@ -5,9 +5,9 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
+from processes import in_time, runs
 
 from symmb.cli.main import main
 
@@ -82,13 +82,13 @@ def test_workers_and_their_programs_end_with_the_command(tmp_path, number):
     path.write_text(SLOW)
     command = [sys.executable, "-m", "symmb.cli", "compare", str(path), "--methods", "mc:20", "--workers", "2"]
     process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    assert _in_time(lambda: pids.exists() and len(pids.read_text().split()) >= 4, 60)
+    assert in_time(lambda: pids.exists() and len(pids.read_text().split()) >= 4, 60)
     if number == signal.SIGINT:
         os.killpg(process.pid, number)  # as a terminal does
     else:
         process.send_signal(number)
     assert process.wait(10) == (-number if number == signal.SIGKILL else 130)
-    assert _in_time(lambda: not any(_runs(pid) for pid in pids.read_text().split()), 10)
+    assert in_time(lambda: not any(runs(pid) for pid in pids.read_text().split()), 10)
 
 
 ENDED = """
@@ -123,19 +123,7 @@ def test_a_process_that_ends_while_it_starts_a_program_ends_the_program(end):
     )
     assert begun.returncode == 1 and begun.stderr == ""
     (program,) = begun.stdout.split()
-    assert _in_time(lambda: not _runs(program), 5)
-
-
-def _in_time(holds, seconds):
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline and not holds():
-        time.sleep(0.05)
-    return holds()
-
-
-def _runs(pid):
-    found = subprocess.run(["ps", "-o", "stat=", "-p", pid], capture_output=True, text=True).stdout.strip()
-    return found and not found.startswith("Z")
+    assert in_time(lambda: not runs(program), 5)
 
 
 def test_spread_is_around_nominal_values_of_the_simulator(study, capsys):
@@ -143,7 +131,7 @@ def test_spread_is_around_nominal_values_of_the_simulator(study, capsys):
     assert "box: k [0.8, 1.2]" in capsys.readouterr().out
 
 
-def test_a_scene_keeps_its_runs(tmp_path, capsys):
+def test_a_scene_keeps_itsruns(tmp_path, capsys):
     for _ in range(2):
         assert (
             main(["compare", "cubic", "--methods", "pce:2:paper", "taylor:1", "--store", str(tmp_path / "c.db")]) == 0

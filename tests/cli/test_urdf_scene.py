@@ -42,18 +42,8 @@ def test_simulate_with_numbers_of_the_file(pendulum, tmp_path, capsys):
 
 def test_compare_over_uncertain_numbers(pendulum, tmp_path, capsys):
     out = tmp_path / "bounds.json"
-    arguments = [
-        "--spread",
-        "5%",
-        "--uncertain",
-        "rod.mass",
-        "hinge.damping",
-        "--methods",
-        "vertex",
-        "--json",
-        str(out),
-    ]
-    assert main(["compare", pendulum, *arguments]) == 0
+    arguments = "--spread 5% --uncertain rod.mass hinge.damping --methods vertex --json".split()
+    assert main(["compare", pendulum, *arguments, str(out)]) == 0
     box = json.loads(out.read_text())["box"]
     assert box == {"rod_mass": pytest.approx([1.9, 2.1]), "hinge_damping": pytest.approx([0.095, 0.105])}
 

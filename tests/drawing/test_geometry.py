@@ -14,6 +14,7 @@ from symmb.drawing import draw
 FILES = Path(__file__).parents[1] / "data" / "urdf"
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [0.1, 0.1, 0.1]])
 """Corners, and a point inside."""
+FACETS = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [0, 1, 4]])
 
 
 def drawing_of(robot):
@@ -51,25 +52,14 @@ def with_mesh(tmp_path):
     mesh = '<mesh filename="package://arm/meshes/hand.stl" scale="1 2 1"/>'
     path = tmp_path / "arm" / "arm.urdf"
     path.write_text(text.replace('<sphere radius="0.04"/>', mesh))
-    (tmp_path / "arm" / "meshes" / "hand.stl").write_text(_stl(TETRAHEDRON))
+    (tmp_path / "arm" / "meshes" / "hand.stl").write_text(_stl())
     return path
 
 
-def _stl(points):
-    facets = (points[[0, 2, 1]], points[[0, 1, 3]], points[[0, 3, 2]], points[[1, 2, 3]], points[[0, 1, 4]])
-    lines = ["solid hand"]
-    for corners in facets:
-        lines += [
-            "facet normal 0 0 0",
-            "outer loop",
-            *("vertex {} {} {}".format(*p) for p in corners),
-            "endloop",
-            "endfacet",
-        ]
-    return "\n".join([*lines, "endsolid hand"])
-
-
-FACETS = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [0, 1, 4]])
+def _stl():
+    corners = (" ".join("vertex {} {} {}".format(*p) for p in TETRAHEDRON[facet]) for facet in FACETS)
+    facets = (f"facet normal 0 0 0 outer loop {three} endloop endfacet" for three in corners)
+    return "\n".join(["solid hand", *facets, "endsolid hand"])
 
 
 def mesh_is_drawn(path, page):
@@ -100,15 +90,14 @@ def as_obj(path):
     return path
 
 
-def test_another_mesh_by_trimesh(with_mesh, monkeypatch):
-    """As trimesh would read it: all corners of the file, in a class of its own."""
-    mesh = SimpleNamespace(vertices=TETRAHEDRON, faces=FACETS)
-    monkeypatch.setitem(sys.modules, "trimesh", SimpleNamespace(load=lambda path, force: mesh))
-    mesh_is_drawn(as_obj(with_mesh), with_mesh.with_suffix(".html"))
-
-
-def test_a_mesh_by_trimesh(with_mesh):
-    pytest.importorskip("trimesh")
+@pytest.mark.parametrize("is_own", [True, False], ids=["installed", "its interface"])
+def test_another_mesh_by_trimesh(with_mesh, monkeypatch, is_own):
+    """As trimesh reads it: all corners of the file, in a class of its own."""
+    if is_own:
+        pytest.importorskip("trimesh")
+    else:
+        mesh = SimpleNamespace(vertices=TETRAHEDRON, faces=FACETS)
+        monkeypatch.setitem(sys.modules, "trimesh", SimpleNamespace(load=lambda path, force: mesh))
     mesh_is_drawn(as_obj(with_mesh), with_mesh.with_suffix(".html"))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from faults import refused
+from small_scenes import particle
 
 import symmb as mb
 from models import artillery, double_pendulum
@@ -46,12 +47,7 @@ def test_one_simulator_makes_the_nominal_run_and_the_ghosts(monkeypatch):
 
 def test_a_nominal_run_that_fails_is_told():
     """It is lost at 0.6 s. Those at the ends of the box are at rest."""
-    p = mb.Parameters(a=0.0)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    force = mb.Force("force", ball.point(0, 0), (50 * (1 - p.a**2) * ball.x**2, 0))
-    scene = mb.Scene(
-        mb.System(ball, force, parameters=p), {"ball.x": 1.0}, [0.0, 1.0], {"x": ball.x}, mb.Box(a=(-1, 1))
-    )
+    scene = particle(lambda p, mass: 50 * (1 - p.a**2) * mass.x**2, [0.0, 1.0], {"mass.x": 1.0}, a=(-1.0, 1.0))
     bounds = mb.propagate(scene, mb.Vertex())
     refused(r"breaks down|not finite|does not start", of_bounds, bounds, "x", 1.0, None, error=mb.SimulationError)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from enclosure_samples import EXACT
 
-from symmb.enclosures import discs, points
+from symmb.enclosures import discs, points, taylor_models
 from symmb.enclosures.errors import ProofError
 
 mpmath.mp.dps = 40
@@ -182,8 +182,9 @@ def test_conditions_that_may_vanish_are_not_decided(name, arguments):
         points.OPERATIONS[code](*map(points.point, arguments))
 
 
-def test_the_three_arithmetics_know_the_same_operations():
-    assert points.OPERATIONS.keys() == points.PLAIN.keys() == discs.OPERATIONS.keys()
+def test_the_arithmetics_know_the_same_operations():
+    known = points.OPERATIONS.keys()
+    assert known == points.PLAIN.keys() == discs.OPERATIONS.keys() == taylor_models.OPERATIONS.keys()
 
 
 EXTREME = (1e-300, -1e-300, 1e-200, 3e-155, 1e-17, -1e-17, 1e155, -1e200, 1e300, 1 + 1e-12, 1 - 1e-12, -1 + 1e-9, 700.0,

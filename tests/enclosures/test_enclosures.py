@@ -51,21 +51,10 @@ def test_samples_of_scenes_lie_inside_and_reach_the_bounds(make):
     ids=["double pendulum", "heavy top"],
 )  # fmt: skip
 def test_samples_of_shipped_models_lie_inside(scene, spread, order):
-    scene = mb.Scene(**{**_parts(scene), "box": mb.Box.around(scene.system.parameters, spread, names=scene.box.names)})
-    problem, found = _enclosed(scene, order)
+    box = mb.Box.around(scene.system.parameters, spread, names=scene.box.names)
+    problem, found = _enclosed(scene.with_box(box), order)
     result = check(problem, found)
     assert not found.why and result.outside <= INSIDE and result.filled > 0.6
-
-
-def _parts(scene):
-    return {
-        "system": scene.system,
-        "start": scene.start,
-        "guess": scene.guess,
-        "times": scene.times,
-        "outputs": scene.outputs,
-        "name": scene.name,
-    }
 
 
 def _random_ode(seed):

@@ -11,7 +11,6 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import loop_proofs
 
-from symmb.enclosures import discs
 from symmb.enclosures import taylor_models as tm
 
 ONE = {
@@ -114,10 +113,6 @@ def test_a_model_that_may_vanish_has_no_inverse():
     assert np.isinf(tm.OPERATIONS[ca.OP_INV](tm.Model(c, np.zeros(1), basis)).radius).all()
     c[2] = 0.3
     assert np.isfinite(tm.OPERATIONS[ca.OP_INV](tm.Model(c, np.zeros(1), basis)).radius).all()
-
-
-def test_the_arithmetics_know_the_same_operations():
-    assert tm.OPERATIONS.keys() == discs.OPERATIONS.keys()
 
 
 def test_coefficients_of_chebyshev_polynomials():

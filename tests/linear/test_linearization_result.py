@@ -5,21 +5,13 @@ import json
 import numpy as np
 import pytest
 from scipy.signal import lsim
+from small_scenes import pushing_oscillator
 
 import symmb as mb
 
 
-def oscillators() -> mb.Scene:
-    """Two masses on springs, of which the second one is also pulled by the damped first one."""
-    p = mb.Parameters(k=4.0)
-    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
-    on_a = mb.Force("on_a", a.point(0, 0, 0), (-p.k * a.x - 0.4 * a.vx, 0, 0))
-    on_b = mb.Force("on_b", b.point(0, 0, 0), (0, -9 * b.y + 2 * a.vx, 0))
-    return mb.Scene(mb.System(a, b, on_a, on_b, parameters=p), outputs={"x": a.x, "y": b.y}, name="oscillators")
-
-
 def test_lines_tell_amplitudes_and_phases():
-    lin = mb.linearize(oscillators())
+    lin = mb.linearize(pushing_oscillator())
     eigenvalue = -0.2 + 1j * np.sqrt(3.96)
     b = 2 * eigenvalue / (eigenvalue**2 + 9)  # of b over a, from b'' + 9 b = 2 a'
     assert lin.modes[0].text == f"a.x, b.y {abs(b):.2g} at {np.degrees(np.angle(b)):.0f} deg"
@@ -29,7 +21,7 @@ def test_lines_tell_amplitudes_and_phases():
 
 
 def test_state_spaces_of_scipy_and_of_control():
-    lin = mb.linearize(oscillators(), inputs=["k"])
+    lin = mb.linearize(pushing_oscillator(), inputs=["k"])
     t = np.linspace(0.0, 2.0, 11)
     start = np.zeros(len(lin.states))
     start[lin.states.index("b.y")] = 0.1
@@ -40,15 +32,15 @@ def test_state_spaces_of_scipy_and_of_control():
     np.testing.assert_array_equal(system.A, lin.A)
     for method in (mb.Linearization.to_scipy, mb.Linearization.to_control):
         with pytest.raises(mb.DeclarationError, match=r"without inputs. Give linearize\(inputs=\[...\]\)"):
-            method(mb.linearize(oscillators()))
+            method(mb.linearize(pushing_oscillator()))
 
 
 def test_a_damaged_file(tmp_path):
     path = tmp_path / "lin.json"
-    mb.linearize(oscillators()).save(path)
+    mb.linearize(pushing_oscillator()).save(path)
     entries = json.loads(path.read_text())
     path.write_text(json.dumps(entries | {"A": entries["A"][1:]}))
     with pytest.raises(mb.DeclarationError, match=r"does not hold what Linearization.save writes: A must be an array"):
         mb.Linearization.load(path)
     with pytest.raises(mb.DeclarationError, match="json"):
-        mb.linearize(oscillators()).save(tmp_path / "lin.csv")
+        mb.linearize(pushing_oscillator()).save(tmp_path / "lin.csv")

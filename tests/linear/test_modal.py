@@ -2,23 +2,19 @@
 
 import numpy as np
 import pytest
+from small_scenes import particle, two_masses
 
 import symmb as mb
 
 
 def coupled(coupling: float) -> mb.Scene:
     """Two oscillators of 1 kg whose stiffnesses cross inside the box, with a spring between them [N/m]."""
-    p = mb.Parameters(k1=100.0, k2=104.0)
-    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
-    pull = coupling * (a.x - b.x)
-    system = mb.System(
-        a,
-        b,
-        mb.Force("on_a", a.point(0, 0, 0), (-p.k1 * a.x - pull, 0, 0)),
-        mb.Force("on_b", b.point(0, 0, 0), (-p.k2 * b.x + pull, 0, 0)),
-        parameters=p,
-    )
-    return mb.Scene(system, box=mb.Box.around(p, 0.1))
+
+    def law(p, a, b):
+        pull = coupling * (a.x - b.x)
+        return (-p.k1 * a.x - pull, 0, 0), (-p.k2 * b.x + pull, 0, 0)
+
+    return two_masses(law, box=mb.Box(k1=(90.0, 110.0), k2=(93.6, 114.4)), k1=100.0, k2=104.0)
 
 
 def frequencies(P: np.ndarray, coupling: float) -> np.ndarray:
@@ -62,10 +58,8 @@ def test_bounds_of_modes_that_veer(coupling):
 
 
 def test_damping_and_a_mode_that_ends():
-    p = mb.Parameters(c=0.2, k=4.0)
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    law = mb.Force("law", mass.point(0, 0, 0), (-p.k * mass.x - p.c * mass.vx, 0, 0))
-    modal = mb.ModalSimulator(mb.Scene(mb.System(mass, law, parameters=p)))
+    law = lambda p, mass: (-p.k * mass.x - p.c * mass.vx, 0, 0)  # noqa: E731
+    modal = mb.ModalSimulator(particle(law, [0.0], {}, c=(0.1, 0.3), k=(3.0, 5.0)))
     assert modal.outputs == ("f1", "zeta1")
     assert modal.units == ("Hz", "1")
     samples = modal.run(np.array([[0.2, 4.0], [1.0, 9.0], [5.0, 4.0]]))
@@ -92,10 +86,8 @@ def test_faults():
 
 
 def test_the_box_of_the_scene_is_taken():
-    p = mb.Parameters(k=100.0, c=1.0)
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    force = mb.Force("force", mass.point(0, 0, 0), (-p.k * mass.x - p.c * mass.vx, 0, 0))
-    scene = mb.Scene(mb.System(mass, force, parameters=p), box=mb.Box(k=(81.0, 121.0), c=(-1.0, 1.0)))
+    force = lambda p, mass: (-p.k * mass.x - p.c * mass.vx, 0, 0)  # noqa: E731
+    scene = particle(force, [0.0], {}, k=(81.0, 121.0), c=(-1.0, 1.0))
     bounds = mb.propagate(mb.ModalSimulator(scene), mb.Vertex())
     assert 2 * np.pi * np.ravel(bounds["f1"]) == pytest.approx([9.0, 11.0])
     assert mb.critical(scene, "c", (-1.0, 1.5)).box == mb.Box(k=(81.0, 121.0))

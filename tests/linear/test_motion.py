@@ -2,22 +2,15 @@
 
 import numpy as np
 import pytest
+from small_scenes import pushing_oscillator
 
 import symmb as mb
 from models import four_bar
 from symmb.cli.main import main
 
 
-def damped() -> mb.Scene:
-    """A damped mass on a spring whose speed pushes a second one: b'' + 9 b = 2 a'."""
-    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
-    on_a = mb.Force("on_a", a.point(0, 0, 0), (-4 * a.x - 0.4 * a.vx, 0, 0))
-    on_b = mb.Force("on_b", b.point(0, 0, 0), (0, -9 * b.y + 2 * a.vx, 0))
-    return mb.Scene(mb.System(a, b, on_a, on_b), name="masses")
-
-
 def test_phases_of_a_complex_mode():
-    lin = mb.linearize(damped())
+    lin = mb.linearize(pushing_oscillator(name="masses"))
     run = lin.motion(0)
     eigenvalue = -0.2 + 1j * np.sqrt(3.96)
     ratio = 2 * eigenvalue / (eigenvalue**2 + 9)
@@ -66,7 +59,7 @@ def test_joints_of_loops_stay_closed():
 
 
 def test_files(tmp_path, capsys):
-    lin = mb.linearize(damped())
+    lin = mb.linearize(pushing_oscillator(name="masses"))
     for name in ("mode.html", "mode.png"):
         mb.view(lin.motion(1), tmp_path / name)
         assert (tmp_path / name).stat().st_size > 10_000
@@ -84,7 +77,7 @@ def test_files(tmp_path, capsys):
 
 
 def test_refusals(tmp_path):
-    lin = mb.linearize(damped())
+    lin = mb.linearize(pushing_oscillator(name="masses"))
     for number in (-1, 2, 0.0, True):
         with pytest.raises(mb.DeclarationError, match=r"masses has no mode .*\. Its modes are 0 to 1"):
             lin.motion(number)

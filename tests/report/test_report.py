@@ -52,6 +52,13 @@ def headings(path):
     return re.findall(r"<h2>(.*?)</h2>", path.read_text())
 
 
+def reported(result, folder, *limits):
+    """The text, the headings and the page of a report."""
+    path = folder / "r.html"
+    result.report(path, *limits)
+    return text_of(path), headings(path), path.read_text()
+
+
 @pytest.fixture(scope="module")
 def scene_report(tmp_path_factory):
     bounds, path = mb.propagate(rolling(), mb.PolynomialChaos()), tmp_path_factory.mktemp("report") / "r.html"
@@ -127,12 +134,10 @@ def test_nothing_is_loaded_from_elsewhere(scene_report):
 def test_a_black_box_has_neither_drawing_nor_equations(tmp_path):
     simulator, box = decay()
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
-    bounds.report(tmp_path / "r.html")
-    page = (tmp_path / "r.html").read_text()
+    text, found, page = reported(bounds, tmp_path)
     assert "<iframe" not in page and "<details" not in page
-    assert "The mechanism" not in headings(tmp_path / "r.html") and "Limits" not in headings(tmp_path / "r.html")
-    assert "What each parameter contributes" in headings(tmp_path / "r.html")
-    assert "Bounds of FunctionSimulator(<lambda>)" in text_of(tmp_path / "r.html")
+    assert not {"The mechanism", "Limits"} & {*found} and "What each parameter contributes" in found
+    assert "Bounds of FunctionSimulator(<lambda>)" in text
 
 
 @pytest.mark.parametrize(
@@ -151,8 +156,7 @@ def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
     with np.errstate(divide="ignore"):
         bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
         made = len(calls)
-        bounds.report(tmp_path / "r.html", {"x": (None, 4)})
-    text = text_of(tmp_path / "r.html")
+        text, *_ = reported(bounds, tmp_path, {"x": (None, 4)})
     assert len(calls) == made
     assert ("no further runs" in text) == is_shown
     assert ("`bounds.contributions()` takes further runs" in text) != is_shown
@@ -165,12 +169,11 @@ def test_contributions_are_at_the_least_margin(tmp_path):
         lambda k, m: np.stack([[k, 5 + m, 3 * k + m], [k, m, 2 * m]], 1), {"k": 1.0, "m": 1.0}, t, ["x", "y"]
     )
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
-    bounds.report(tmp_path / "r.html", {"x": (None, 7)})
-    text = text_of(tmp_path / "r.html")
+    text, *_ = reported(bounds, tmp_path, {"x": (None, 7)})
     assert "x at 1 s alone" in text and "x at 2 s alone" not in text and "y at 2 s alone" in text
     assert "at the time of their least margin" in text
-    bounds.report(tmp_path / "r.html")
-    assert "x at 2 s alone" in text_of(tmp_path / "r.html") and "least margin" not in text_of(tmp_path / "r.html")
+    text, *_ = reported(bounds, tmp_path)
+    assert "x at 2 s alone" in text and "least margin" not in text
 
 
 def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
@@ -181,8 +184,7 @@ def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
     for kind in (mb.Bounds, mb.Contributions):
         own = kind.plot
         monkeypatch.setattr(kind, "plot", lambda self, *a, _own=own, **k: drawn.append(k) or _own(self, *a, **k))
-    bounds.report(tmp_path / "r.html", {"y8": (None, 9)})
-    text = text_of(tmp_path / "r.html")
+    text, *_ = reported(bounds, tmp_path, {"y8": (None, 9)})
     assert re.findall(r"(y\d) at 1 s alone", text) == ["y8", "y0", "y1", "y2", "y3", "y4"]
     assert "3 of 9 outputs are left out: `print(bounds.contributions())` shows them." in text
     assert "Curves 6 of 9 outputs." in text
@@ -193,9 +195,8 @@ def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
 def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     bounds = mb.propagate(rolling(), mb.PolynomialChaos())
     bounds.save(tmp_path / f"b{suffix}")
-    mb.Bounds.load(tmp_path / f"b{suffix}").report(tmp_path / "r.html", {"x": (None, 2)})
-    text, found = text_of(tmp_path / "r.html"), headings(tmp_path / "r.html")
-    assert "<iframe" not in (tmp_path / "r.html").read_text() and "The mechanism" not in found
+    text, found, page = reported(mb.Bounds.load(tmp_path / f"b{suffix}"), tmp_path, {"x": (None, 2)})
+    assert "<iframe" not in page and "The mechanism" not in found
     assert {"Limits", "Bounds", "Curves", "What is assumed"} <= {*found}
     assert ("Worst cases" in found) == ("What each parameter contributes" in found) == (suffix != ".csv")
     assert (f"Worst case: {words(bounds.check({'x': (None, 2)}).worst)}" in text) == (suffix != ".csv")
@@ -206,8 +207,7 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
 
 def test_large_numbers_are_powers_of_ten(tmp_path):
     simulator = mb.FunctionSimulator(lambda E, n: T / E + n, {"E": 2e9, "n": 1234567.0}, T, ["x"])
-    mb.propagate(simulator, mb.Vertex(), mb.Box(E=(2e9, 2.25e9))).report(tmp_path / "r.html")
-    text = text_of(tmp_path / "r.html")
+    text, *_ = reported(mb.propagate(simulator, mb.Vertex(), mb.Box(E=(2e9, 2.25e9))), tmp_path)
     assert "E 2e9 2.25e9 2e9" in text and "n 1234567" in text
 
 
@@ -216,9 +216,8 @@ def test_methods_without_contributions_or_runs(tmp_path, method):
     """No study is added, and the mechanism moves all the same. The seed stands there."""
     scene = rolling()
     bounds = mb.propagate(scene, method)
-    bounds.report(tmp_path / "r.html")
-    text, found = text_of(tmp_path / "r.html"), headings(tmp_path / "r.html")
-    assert "What each parameter contributes" not in found and "<iframe" in (tmp_path / "r.html").read_text()
+    text, found, page = reported(bounds, tmp_path)
+    assert "What each parameter contributes" not in found and "<iframe" in page
     assert ("keeps no runs that attain its bounds" in text) == (bounds.attaining is None)
     seed = {"MonteCarlo": "0", "Swarm": "4"}.get(type(method).__name__)
     assert (f"seed {seed} solver" in text) if seed else "seed" not in text
@@ -228,8 +227,7 @@ def test_doubts_stand_above_the_answers(tmp_path):
     simulator, box = decay()
     bounds = mb.propagate(simulator, mb.MonteCarlo(2), box)
     assert bounds.doubts and bounds.remarks
-    bounds.report(tmp_path / "r.html", {"x": (0, None)})
-    page, text = (tmp_path / "r.html").read_text(), text_of(tmp_path / "r.html")
+    text, _, page = reported(bounds, tmp_path, {"x": (0, None)})
     assert page.count('<p class="doubt">') == len(bounds.doubts)
     assert page.rindex('<p class="doubt">') < page.index('<p class="remark">') < page.index("Limits</h2>")
     assert all(f"Doubtful: {words(doubt)}" in text for doubt in bounds.doubts)
@@ -257,15 +255,13 @@ def test_names_are_no_markup(tmp_path, subject):
 def test_comparisons(tmp_path):
     simulator, box = decay()
     comparison = mb.compare(simulator, [mb.MonteCarlo(2), mb.Vertex()], box, reference=mb.Scanning(5))
-    comparison.report(tmp_path / "r.html")
-    text = text_of(tmp_path / "r.html")
+    text, found, _ = reported(comparison, tmp_path)
     table = str(comparison).split("---\n")[-1].splitlines()[:2]
     assert all(words(row) in text for row in table) and "seeds 0 of MonteCarlo(2)" in text
-    assert headings(tmp_path / "r.html") == ["Methods", "What is assumed", "What it cost", "To repeat it"]
+    assert found == ["Methods", "What is assumed", "What it cost", "To repeat it"]
     assert "The methods: 4 runs" in text and f"The reference: {comparison._reference()}" in text
     comparison.save(tmp_path / "c.json")
-    mb.Comparison.load(tmp_path / "c.json").report(tmp_path / "again.html")
-    assert text_of(tmp_path / "again.html") == text
+    assert reported(mb.Comparison.load(tmp_path / "c.json"), tmp_path)[0] == text
 
 
 @pytest.mark.parametrize(
@@ -294,8 +290,7 @@ def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
     simulator, box = decay()
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
     monkeypatch.setattr(mb.Bounds, "contributions", fails)
-    bounds.report(tmp_path / "r.html")
-    assert "What each parameter contributes 3 of 4 runs failed. Curves" in text_of(tmp_path / "r.html")
+    assert "What each parameter contributes 3 of 4 runs failed. Curves" in reported(bounds, tmp_path)[0]
 
 
 SCENE = """

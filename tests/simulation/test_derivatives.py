@@ -1,11 +1,14 @@
 """Gradients of runs by JAX and PyTorch, against complex steps through equations by hand and closed forms."""
 
+from functools import partial
+
 import casadi as ca
 import numpy as np
 import pytest
 from faults import refused
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
+from small_scenes import particle
 
 import symmb as mb
 
@@ -142,26 +145,22 @@ def test_an_optimiser_of_torch_finds_lengths():
 
 
 def test_jumps_whose_time_moves_are_told():
-    p = mb.Parameters(F=2.0, a=0.5)
-    bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    law = lambda jump: mb.Force("f", bob.point(0, 0), (jump, 0))  # noqa: E731
     times = np.linspace(0.0, 1.0, 5)
-    scene = lambda f: mb.Scene(mb.System(bob, law(f), parameters=p), {"bob.vx": 1.0}, times, {"v": bob.vx})  # noqa: E731
+    scene = partial(particle, times=times, start={"mass.vx": 1.0}, outputs=("vx",), F=(1.0, 3.0), a=(0.0, 1.0))
     with pytest.warns(mb.SymmbWarning, match="Derivatives for a are not valid from t = 0.5 s on: they leave out the"):
-        mb.sensitivities(scene(ca.if_else(bob.x > p.a, -p.F, 0)))
-    slopes = mb.sensitivities(scene(-p.F * ca.fmax(bob.x - p.a, 0)))  # v = cos(w t) with w^2 = F and x = a at t = a
+        mb.sensitivities(scene(lambda p, mass: ca.if_else(mass.x > p.a, -p.F, 0)))
+    slopes = mb.sensitivities(
+        scene(lambda p, mass: -p.F * ca.fmax(mass.x - p.a, 0))
+    )  # v = cos(w t) with w^2 = F and x = a at t = a
     w, late = np.sqrt(2.0), np.maximum(times - 0.5, 0.0)
-    np.testing.assert_allclose(slopes["v", "a"], w * np.sin(w * late), atol=1e-6)
-    np.testing.assert_allclose(slopes["v", "F"], -late * np.sin(w * late) / (2 * w), atol=1e-6)
+    np.testing.assert_allclose(slopes["vx", "a"], w * np.sin(w * late), atol=1e-6)
+    np.testing.assert_allclose(slopes["vx", "F"], -late * np.sin(w * late) / (2 * w), atol=1e-6)
 
 
 def test_jumps_away_from_the_nominal_parameters_are_told_as_well():
     jax = pytest.importorskip("jax")
-    p = mb.Parameters(a=0.4)
-    bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    force = mb.Force("f", bob.point(0, 0), (ca.if_else(bob.x > p.a, -3.0, 0.0), 0))
-    times = np.linspace(0.0, 0.25, 6)
-    f = mb.jax_function(mb.Scene(mb.System(bob, force, parameters=p), {"bob.vx": 1.5}, times, {"x": bob.x}))
+    law = lambda p, mass: ca.if_else(mass.x > p.a, -3.0, 0.0)  # noqa: E731
+    f = mb.jax_function(particle(law, np.linspace(0.0, 0.25, 6), {"mass.vx": 1.5}, a=(0.3, 0.5)))
     last = jax.grad(lambda u: f(u)[-1, 0])
     assert last(np.array([0.39])) == 0.0  # the run ends before
     with pytest.warns(mb.SymmbWarning, match="Derivatives for a are not valid from t = 0.13"):

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from small_scenes import particle
 
 import symmb as mb
 from symmb.formulations import formulation
@@ -77,14 +78,11 @@ def test_a_second_run_derives_and_compiles_nothing(solver, monkeypatch):
 
 
 def test_runs_with_other_pulses_take_other_steps():
-    p = mb.Parameters(width=0.5)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    pulse = ca.exp(-(((mb.t - 0.5) / p.width) ** 2)) / (np.sqrt(np.pi) * p.width)
-    system = mb.System(ball, mb.Force("push", ball.point(0, 0), (pulse, 0)), parameters=p)
-    scene = mb.Scene(system, times=[0.0, 100.0], outputs={"v": ball.vx})
+    pulse = lambda p, _: ca.exp(-(((mb.t - 0.5) / p.width) ** 2)) / (np.sqrt(np.pi) * p.width)  # noqa: E731
+    scene = particle(pulse, [0.0, 100.0], {}, ("vx",), width=(0.1, 0.9))
     for solver in (mb.DormandPrince(), mb.CVODES()):
-        assert mb.simulate(scene, solver)["v"][-1] == pytest.approx(0.921350, abs=1e-5)  # (1 + erf(1)) / 2
-        assert mb.simulate(scene, solver, {"width": 0.1})["v"][-1] == pytest.approx(1.0, abs=1e-6)
+        assert mb.simulate(scene, solver)["vx"][-1] == pytest.approx(0.921350, abs=1e-5)  # (1 + erf(1)) / 2
+        assert mb.simulate(scene, solver, {"width": 0.1})["vx"][-1] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_solvers_are_chosen_when_a_simulator_is_made(monkeypatch):

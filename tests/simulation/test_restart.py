@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from faults import refused
+from small_scenes import particle
 
 import symmb as mb
 from models import bouncing_ball, double_pendulum, flexible_pendulum, four_bar, heavy_top, rolling_disc, stick_slip
@@ -118,10 +119,7 @@ def test_a_restart_of_a_restart_goes_on_with_the_same_instants():
 
 
 def test_the_times_and_the_parameters_are_those_of_the_end():
-    p = mb.Parameters(k=4.0)
-    cart = mb.Body("cart", mass=1.0, pose=mb.Particle())
-    pull = mb.Force("pull", cart.point(0, 0, 0), (-p.k * cart.x + ca.cos(mb.t), 0, 0))
-    scene = mb.Scene(mb.System(cart, pull, parameters=p), times=np.linspace(0, 2, 21), outputs={"x": cart.x})
+    scene = particle(lambda p, mass: -p.k * mass.x + ca.cos(mb.t), np.linspace(0, 2, 21), {}, k=(3.0, 5.0))
     again = scene.starting_at(mb.simulate(scene, TIGHT, {"k": 9.0}))
     assert (again.times[0], again.times[-1], again.system.parameters["k"]) == (2.0, 4.0, 9.0)
     assert scene.system.parameters["k"] == 4.0

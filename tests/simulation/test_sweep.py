@@ -77,11 +77,8 @@ def test_sweeps_become_labelled_arrays_tables_and_pictures(tmp_path):
     frame = runs.to_pandas()
     row = frame[(frame.k == 6.0) & (frame.a == 0.3) & (frame.output == "x")]
     np.testing.assert_array_equal(row["value"], runs["x"][1, 1])
-    assert mb.simulate(oscillator(), parameters=[{}, {"k": 5.0}]).to_xarray()["value"].dims == (
-        "sample",
-        "time",
-        "output",
-    )
+    some = mb.simulate(oscillator(), parameters=[{}, {"k": 5.0}]).to_xarray()
+    assert some["value"].dims == ("sample", "time", "output")
     figure = runs.plot(tmp_path / "a.png", outputs=["x"])
     assert len(figure.axes) == 1 and len(figure.axes[0].lines) == 6 and (tmp_path / "a.png").stat().st_size > 5000
     _, axes = plt.subplots()

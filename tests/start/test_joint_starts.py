@@ -1,6 +1,7 @@
 """Coordinates of joints in start and guess: forward kinematics as the oracle, on trees and in loops."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -297,75 +298,49 @@ def test_springs_and_gears_count_the_turns_of_listed_angles():
     assert_allclose(run.energy.potential[0], (12.0 - 5.0) ** 2, atol=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("turns", "tilt"),
-    [pytest.param(-3, -0.4668, marks=pytest.mark.long), (1, 3.0), pytest.param(2, -2.9, marks=pytest.mark.long)],
-)
-def test_listed_angles_beyond_half_a_turn_keep_the_assembly_of_loops(turns, tilt):
-    """A crank that is turned by whole turns is where it was. The assembly is that of the guess, in closed form."""
-    p, ground, length = mb.Parameters(b=0.9), mb.Ground(), 0.45
-    crank, coupler, rocker = (
-        mb.Body(name, 1.0, (0.01, 0.05, 0.05), mb.Spatial()) for name in ("crank", "coupler", "rocker")
-    )
-    hinge = mb.Revolute("O", ground.point(0, 0, 0), crank.point(-length / 2, 0, 0))
-    joints = [
-        hinge,
-        mb.Revolute("A", crank.point(length / 2, 0, 0), coupler.point(-p.b / 2, 0, 0)),
-        mb.Revolute("C", coupler.point(p.b / 2, 0, 0), rocker.point(0.45, 0, 0)),
-        mb.Revolute("D", ground.point(0.95, 0, 0), rocker.point(-0.45, 0, 0)),
-    ]
-    system = mb.System(crank, coupler, rocker, *joints, mb.Gravity(0, -9.81, 0), parameters=p)
-    pin = length * np.array([np.cos(tilt), np.sin(tilt)])
-    apart = np.array([0.95, 0.0]) - pin
-    side, half = np.array([-apart[1], apart[0]]) / np.linalg.norm(apart), np.linalg.norm(apart) / 2
-    tip = pin + apart / 2 + np.sqrt(0.9**2 - half**2) * side
-    angles = {
-        "crank": tilt,
-        "coupler": np.arctan2(*(tip - pin)[::-1]),
-        "rocker": np.arctan2(*(tip - (0.95, 0.0))[::-1]),
-    }
-    middles = {"crank": pin / 2, "coupler": (pin + tip) / 2, "rocker": ((0.95, 0.0) + tip) / 2}
-    guess = {f"{name}.rotation": mb.rotation((0, 0, 1), angle) for name, angle in angles.items()}
-    guess |= {f"{name}.{axis}": at for name, place in middles.items() for axis, at in zip("xy", place, strict=True)}
-    start = {"O.angle": tilt + 2 * np.pi * turns, "O.angle_rate": -1.4}
-    outputs = {"x": coupler.x, "y": coupler.y, "turned": hinge.angle}
-    scene = mb.Scene(system, start, [0.0, 0.05], outputs, guess=guess, box=mb.Box(b=(0.899, 0.901)))
-    study = mb.propagate(scene, mb.Vertex())
-    expected = [*middles["coupler"], tilt + 2 * np.pi * turns]
-    for at in (study.lower[0], study.upper[0], mb.simulate(scene).values[0]):
-        np.testing.assert_allclose(at, expected, atol=2e-3)
+LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize(
-    ("turns", "begin"), [(0, 4.2), *(pytest.param(*case, marks=pytest.mark.long) for case in ((2, -2.5), (-1, 0.5)))]
+    ("is_driven", "turns", "begin"),
+    [
+        (False, 1, 3.0),
+        *(pytest.param(False, *case, marks=LONG) for case in ((-3, -0.4668), (2, -2.9))),
+        (True, 0, 4.2),
+        *(pytest.param(True, *case, marks=LONG) for case in ((2, -2.5), (-1, 0.5))),
+    ],
 )
-def test_drives_beyond_half_a_turn_keep_the_assembly_of_loops(turns, begin):
-    """The law of a crank is at any angle when it starts, and the guess has the rotation alone."""
-    p, ground, a, b, c, d = mb.Parameters(b=0.9), mb.Ground(), 0.4, 0.9, 0.9, 0.95
-    names = ("crank", "coupler", "rocker")
-    crank, coupler, rocker = (mb.Body(name, 1.0, (0.01, 0.05, 0.05), mb.Spatial()) for name in names)
+def test_angles_and_drives_beyond_half_a_turn_keep_the_assembly_of_loops(is_driven, turns, begin):
+    """A crank that is turned by whole turns is where it was. The assembly is that of the guess, in closed form.
+
+    The angle is listed; or the law of a drive is there when it starts, and the guess has the rotation alone.
+    """
+    a, side = (0.4, -1) if is_driven else (0.45, 1)
+    names, foot, p, ground = ("crank", "coupler", "rocker"), np.array([0.95, 0.0]), mb.Parameters(b=0.9), mb.Ground()
+    crank, coupler, rocker = bodies = [mb.Body(name, 1.0, (0.01, 0.05, 0.05), mb.Spatial()) for name in names]
     hinge = mb.Revolute("O", ground.point(0, 0, 0), crank.point(-a / 2, 0, 0))
     joints = [
         hinge,
         mb.Revolute("A", crank.point(a / 2, 0, 0), coupler.point(-p.b / 2, 0, 0)),
-        mb.Revolute("C", coupler.point(p.b / 2, 0, 0), rocker.point(c / 2, 0, 0)),
-        mb.Revolute("D", ground.point(d, 0, 0), rocker.point(-c / 2, 0, 0)),
+        mb.Revolute("C", coupler.point(p.b / 2, 0, 0), rocker.point(0.45, 0, 0)),
+        mb.Revolute("D", ground.point(*foot, 0), rocker.point(-0.45, 0, 0)),
     ]
-    drive = mb.Motion("drive", hinge.angle, begin + 2 * np.pi * turns + 2 * mb.t)
-    system = mb.System(crank, coupler, rocker, *joints, drive, mb.Gravity(0, -9.81, 0), parameters=p)
     pin = a * np.array([np.cos(begin), np.sin(begin)])
-    apart = np.array([d, 0.0]) - pin
-    side, half = np.array([-apart[1], apart[0]]) / np.linalg.norm(apart), np.linalg.norm(apart) / 2
-    tip = pin + apart / 2 - np.sqrt(b**2 - half**2) * side
-    angles = (begin, np.arctan2(*(tip - pin)[::-1]), np.arctan2(*(tip - (d, 0.0))[::-1]))
-    middles = (pin / 2, (pin + tip) / 2, ((d, 0.0) + tip) / 2)
+    apart = foot - pin
+    across, half = np.array([-apart[1], apart[0]]) / np.linalg.norm(apart), np.linalg.norm(apart) / 2
+    tip = pin + apart / 2 + side * np.sqrt(0.9**2 - half**2) * across
+    angles = (begin, np.arctan2(*(tip - pin)[::-1]), np.arctan2(*(tip - foot)[::-1]))
+    middles = (pin / 2, (pin + tip) / 2, (foot + tip) / 2)
     guess = {f"{name}.rotation": mb.rotation((0, 0, 1), at) for name, at in zip(names, angles, strict=True)}
     guess |= {f"{name}.{axis}": at[k] for name, at in zip(names, middles, strict=True) for k, axis in enumerate("xy")}
+    angle = begin + 2 * np.pi * turns
+    drive = [mb.Motion("drive", hinge.angle, angle + 2 * mb.t)] if is_driven else []
+    start = {} if is_driven else {"O.angle": angle, "O.angle_rate": -1.4}
+    system = mb.System(*bodies, *joints, *drive, mb.Gravity(0, -9.81, 0), parameters=p)
     outputs = {"x": coupler.x, "y": coupler.y, "turned": hinge.angle}
-    scene = mb.Scene(system, {}, [0.0, 0.05], outputs, guess=guess, box=mb.Box(b=(0.899, 0.901)))
-    expected = [*middles[1], begin + 2 * np.pi * turns]
-    for coordinates in ("body", "joint"):
-        own = mb.Scene(system, {}, [0.0, 0.05], outputs, guess=guess, box=scene.box, coordinates=coordinates)
+    scene = mb.Scene(system, start, [0.0, 0.05], outputs, guess=guess, box=mb.Box(b=(0.899, 0.901)))
+    for coordinates in ("body", "joint") if is_driven else (None,):
+        own = replace(scene, coordinates=coordinates)
         study = mb.propagate(own, mb.Vertex())
         for at in (study.lower[0], study.upper[0], mb.simulate(own).values[0]):
-            np.testing.assert_allclose(at, expected, atol=2e-3)
+            np.testing.assert_allclose(at, [*middles[1], angle], atol=2e-3)

@@ -6,6 +6,7 @@ import pytest
 from joints import numbers
 from mechanisms import four_bar
 from numpy.testing import assert_allclose, assert_array_equal
+from test_start_velocities import cart
 
 import symmb as mb
 
@@ -101,10 +102,7 @@ def test_what_is_left_free_is_told_where_assembly_put_it():
 
 def test_velocities_are_told_as_positions_are():
     """A rod on a cart: nothing determines its rate, and the rail and the pin determine all others."""
-    cart, rod = mb.Body("cart", 1.0, 1.0), mb.Body("rod", 1.0, 0.1)
-    rail = mb.Prismatic("rail", GROUND.point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
-    system = mb.System(cart, rod, rail, mb.Revolute("pin", cart.point(0, 0), rod.point(0, 0.5)))
-    run = mb.simulate(mb.Scene(system, {"cart.x": 0.0, "cart.vx": 1.0, "rod.theta": 0.3}))
+    run = mb.simulate(mb.Scene(cart(), {"cart.x": 0.0, "cart.vx": 1.0, "rod.theta": 0.3}))
     line = next(line for line in str(run).split("\n") if line.startswith("  start"))
     assert "held cart.x, cart.vx, rod.theta; solved for" in line
     assert line.endswith("rod.y, cart.vy, cart.omega, rod.vx, rod.vy; left free rod.omega = 0")
@@ -123,22 +121,6 @@ def test_masses_and_lengths_must_be_positive_for_every_sample():
     assert "Distance 'rope': length is -1, not positive" in ensemble.messages[0]
     with pytest.raises(mb.DeclarationError, match=r"box: Body 'ball': mass is -1, not positive, at m = -1"):
         scene.with_box(mb.Box(m=(-1, 3)))
-
-
-def test_relative_rates_left_free_are_zero():
-    """A bar whose left end is fixed to a slider that moves at 1 m/s: nothing makes it turn."""
-    slider, bar = mb.Body("slider", 1.0, 1.0, mb.Planar()), mb.Body("bar", 1.0, 0.1, mb.Planar())
-    system = mb.System(
-        slider, bar,
-        mb.Prismatic("guide", GROUND.point(0, 0), slider.point(0, 0), axis=(1, 0, 0)),
-        mb.Revolute("pin", slider.point(0, 0), bar.point(0, 1)),
-    )  # fmt: skip
-    _, x = started(mb.Scene(system, {"slider.vx": 1.0, "bar.omega": 0.0}))
-    assert_allclose([x["slider.vx"][0], x["bar.vx"][0], x["bar.omega"][0]], [1, 1, 0], atol=1e-14)
-    _, x = started(mb.Scene(system, {"slider.vx": 1.0}))
-    assert_allclose([x["slider.vx"][0], x["bar.vx"][0], x["bar.omega"][0]], [1, 1, 0], atol=1e-14)
-    _, x = started(mb.Scene(system))
-    assert all(x[name][0] == 0 for name in ("slider.vx", "bar.vx", "bar.omega"))
 
 
 def test_rotations_and_spins_may_depend_on_parameters():

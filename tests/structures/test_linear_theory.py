@@ -25,18 +25,22 @@ def quiet(scene: mb.Scene) -> mb.Trajectory:
         return mb.simulate(scene)
 
 
+def welded(modes: mb.Modes, load, at: float = 1.0, **options) -> mb.Scene:
+    """A rod that is welded to the ground, in equilibrium under a load across its end [N]."""
+    rod = mb.FlexibleBody("rod", modes, mb.Planar())
+    tip = rod.point(at, 0)
+    weld, force = mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), mb.Force("F", tip, (0, load))
+    system = mb.System(rod, weld, force, **options)
+    return mb.Scene(system, times=[0, 0.01], outputs={"x": tip.x, "y": tip.y}, equilibrium=True)
+
+
 @pytest.mark.parametrize("stiffening", [False, True])
 @pytest.mark.parametrize("load", [0.05, 0.3, 0.8, 3.0, 10.0])
 def test_deflections_that_are_too_large_are_told(load: float, stiffening: bool) -> None:
     length = 0.7
     mesh, EI = beam(length, 0.002)
     modes = mesh.modes(clamped=0, interfaces=[10], count=6, planar=True, stiffening=stiffening)
-    rod = mb.FlexibleBody("rod", modes, mb.Planar())
-    tip = rod.point(length, 0)
-    system = mb.System(
-        rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), mb.Force("F", tip, (0, -load * EI / length**2))
-    )
-    run = quiet(mb.Scene(system, times=[0, 0.01], outputs={"x": tip.x, "y": tip.y}, equilibrium=True))
+    run = quiet(welded(modes, -load * EI / length**2, length))
     off = np.abs(np.array([run["x"][0], -run["y"][0]]) / length - np.abs(elastica(load))).max()
     told = any("'rod'" in doubt and "rad" in doubt for doubt in run.doubts)
     assert told == (load > 0.6)  # half of it is the rotation of the end
@@ -46,10 +50,8 @@ def test_deflections_that_are_too_large_are_told(load: float, stiffening: bool) 
 
 def test_a_study_of_solvers_tells_what_none_of_them_cures() -> None:
     mesh, EI = beam(elements=4)
-    rod = mb.FlexibleBody("rod", mesh.modes(clamped=0, interfaces=[4], count=3, planar=True, damping=0.1), mb.Planar())
-    push = mb.Force("F", rod.point(1, 0), (0, -2.0 * EI))
-    system = mb.System(rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), push)
-    found = mb.stability(mb.Scene(system, times=[0, 0.01], equilibrium=True), seconds=1.0)
+    modes = mesh.modes(clamped=0, interfaces=[4], count=3, planar=True, damping=0.1)
+    found = mb.stability(welded(modes, -2.0 * EI), seconds=1.0)
     assert found.advice.splitlines()[-1].startswith("FlexibleBody 'rod': its cross sections turn")
 
 
@@ -72,10 +74,7 @@ def test_modes_without_static_shapes_are_told_with_what_they_lack(count: int | N
     """A cantilever of free modes: the share that the doubt tells is that by which its deflection is too small."""
     mesh, EI = beam()
     modes = mesh.modes(count=count, planar=True) if count else mesh.modes(interfaces=[0, 10], planar=True)
-    rod = mb.FlexibleBody("rod", modes, mb.Planar())
-    tip = rod.point(1, 0)
-    system = mb.System(rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), mb.Force("F", tip, (0, -0.1)))
-    scene = mb.Scene(system, times=[0, 0.01], outputs={"y": tip.y}, equilibrium=True)
+    scene = welded(modes, -0.1)
     run = quiet(scene)
     off = 1 - run["y"][0] / (-0.1 / 3 / EI)
     (doubt,) = run.doubts if told else ("",)
@@ -87,12 +86,8 @@ def test_modes_without_static_shapes_are_told_with_what_they_lack(count: int | N
 
 def test_a_study_tells_what_only_its_corners_ask() -> None:
     mesh, EI = beam()
-    rod = mb.FlexibleBody("rod", mesh.modes(clamped=0, interfaces=[10], count=2, planar=True), mb.Planar())
-    p, tip = mb.Parameters(load=0.3), rod.point(1, 0)
-    system = mb.System(
-        rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), mb.Force("F", tip, (0, -p.load * EI)), parameters=p
-    )
-    scene = mb.Scene(system, times=[0, 0.01], outputs={"y": tip.y}, equilibrium=True)
+    p, modes = mb.Parameters(load=0.3), mesh.modes(clamped=0, interfaces=[10], count=2, planar=True)
+    scene = welded(modes, -p.load * EI, parameters=p)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mb.SymmbWarning)
         wide = mb.propagate(scene, mb.Vertex(), mb.Box(load=(0.2, 0.9)))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bernoulli import AREA, DENSITY, HEIGHT, I_Y, LENGTH, E, free_beam
-from faults import refused
+from faults import refused, told_in_a_line
 from numpy.testing import assert_allclose
 from scipy.io import mmwrite
 from scipy.linalg import eigh
@@ -152,9 +152,8 @@ FAULTS = {
 def test_faults_of_matrices_are_one_sentence(case, tmp_path):
     text, message = FAULTS[case]
     (tmp_path / "K.pch").write_text(text)
-    with pytest.raises(mb.DeclarationError, match=message) as caught:
+    with told_in_a_line(rf"{message}(.|\n)*\.$"):
         mb.FiniteElements.matrices(POSITIONS, tmp_path / "K.pch", M)
-    assert str(caught.value).endswith(".") and "\n" not in str(caught.value)
 
 
 GRIDS = {

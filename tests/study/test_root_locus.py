@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from faults import refused
 from matplotlib.figure import Figure
+from small_scenes import two_masses
 
 import symmb as mb
 from models import bicycle
@@ -11,11 +12,8 @@ from models import bicycle
 
 def oscillators() -> mb.Scene:
     """Two masses of 1 kg on springs and dampers that do not act on each other."""
-    p = mb.Parameters(k1=100.0, c1=0.0, k2=104.0, c2=0.5)
-    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
-    on_a = mb.Force("on_a", a.point(0, 0, 0), (-p.k1 * a.x - p.c1 * a.vx, 0, 0))
-    on_b = mb.Force("on_b", b.point(0, 0, 0), (-p.k2 * b.x - p.c2 * b.vx, 0, 0))
-    return mb.Scene(mb.System(a, b, on_a, on_b, parameters=p), box=mb.Box(k1=(90.0, 110.0)), name="oscillators")
+    law = lambda p, a, b: ((-p.k1 * a.x - p.c1 * a.vx, 0, 0), (-p.k2 * b.x - p.c2 * b.vx, 0, 0))  # noqa: E731
+    return two_masses(law, box=mb.Box(k1=(90.0, 110.0)), k1=100.0, c1=0.0, k2=104.0, c2=0.5)
 
 
 def test_frequencies_cross_over_the_parameter():
