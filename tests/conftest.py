@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Most of a test's time would be the compiler's. Benchmarks, and a stage of continuous integration, compile as users do.
 os.environ.setdefault("SYMMB_CFLAGS", "-O0")
+sys.path.append(str(Path(__file__).parent / "benchmarks"))  # of which tests make a small draw
 
 from joints import ALL_JOINTS as ALL_JOINTS
 from joints import ALL_POSES as ALL_POSES

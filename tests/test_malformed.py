@@ -1,11 +1,9 @@
 """Malformed calls of the API and of the command line are told in sentences: a tenth of the benchmark's."""
 
 import random
-import sys
 import warnings
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -16,8 +14,6 @@ from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
 from symmb._options import numbers_of
-
-sys.path.insert(0, str(Path(__file__).parent / "benchmarks"))
 
 
 @cache

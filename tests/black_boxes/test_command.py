@@ -6,15 +6,13 @@ import sys
 import time
 from pathlib import Path
 
+import external_program
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from processes import in_time, runs
 
 import symmb as mb
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import external_program
 
 
 @pytest.fixture(scope="module")

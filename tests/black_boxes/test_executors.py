@@ -10,17 +10,14 @@ import sys
 import time
 from concurrent.futures import Future, InvalidStateError, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
+from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
 from faults import told_in_a_line
 
 import symmb as mb
 from symmb.black_boxes import executors, open_run_database, run_blocks
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
 
 TIMES = np.linspace(0.0, 1.0, 11)
 SAMPLES = np.linspace(0.5, 1.5, 40)[:, None]

@@ -7,8 +7,8 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from pathlib import Path
 
+import kill_studies
 import numpy as np
 import pytest
 from faults import told_in_a_line
@@ -17,9 +17,6 @@ import symmb as mb
 from models import double_pendulum
 from symmb.black_boxes import run_blocks
 from symmb.cli.main import main
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import kill_studies
 
 TIMES = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))

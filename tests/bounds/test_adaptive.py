@@ -1,13 +1,12 @@
 """Growing grids, their estimated errors, and bounds that choose their own runs."""
 
-import json
 import tracemalloc
 from contextlib import nullcontext
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from problems import read
 from unit_functions import unit_function
 
 import symmb as mb
@@ -21,7 +20,7 @@ from symmb.polynomials.ranges.dense import dense_extremes
 from symmb.study.metrics import Yardstick
 
 RNG = np.random.default_rng(7)
-DATA = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
+DATA = read("double_pendulum_bounds")
 
 
 def grown(d, indices):

@@ -1,16 +1,14 @@
 """The paper's double pendulum: its bounds by each method and the true ones, against independent computations."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
+from problems import read
 
 import symmb as mb
 from models.double_pendulum import scene
 from symmb.study.metrics import Yardstick
 
-DATA = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
+DATA = read("double_pendulum_bounds")
 TIMES = np.array(DATA["times"])
 PAPER, TAYLOR = mb.PolynomialChaos.paper(order=2), mb.Taylor(order=2)
 

@@ -5,16 +5,13 @@ import subprocess
 import sys
 import warnings
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-import symmb as mb
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from _directions import directions
 from _engineering import cases, monotone_series
+
+import symmb as mb
 
 T = np.linspace(0.0, 5.0, 11)
 

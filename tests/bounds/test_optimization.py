@@ -1,12 +1,11 @@
 """Optimisation of the responses: quadratics against brute force, bounds against closed forms and the pendulum's."""
 
-import json
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from oscillators import BOX, TIMES, Wave, wave_bounds
+from problems import read
 
 import symmb as mb
 from models.double_pendulum import scene
@@ -160,7 +159,7 @@ def test_a_budget_below_one_run_with_derivatives():
 
 
 def test_bounds_of_the_double_pendulum():
-    data = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
+    data = read("double_pendulum_bounds")
     true = data["cases"]["5%"]["true"]
     lower, upper = np.array(true["lower"]).T, np.array(true["upper"]).T
     simulator = mb.DAESimulator(scene().with_times(data["times"]), mb.CVODES(rtol=1e-8))

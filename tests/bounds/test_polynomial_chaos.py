@@ -4,24 +4,11 @@ import numpy as np
 import pytest
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 
-from symmb import (
-    Box,
-    ClenshawCurtis,
-    FunctionSimulator,
-    Gauss,
-    LegendreInclusion,
-    PolynomialChaos,
-    PropagationError,
-    SparseGrid,
-    SymmbWarning,
-    TensorDegree,
-    TotalDegree,
-    propagate,
-)
+import symmb as mb
 from symmb.nodes.fit import Fit
 from symmb.polynomials.legendre import basis_ranges, basis_values, total_degree, univariate_minimum
 
-CUBIC = FunctionSimulator(lambda x: [[x**3 - 2 * x**2 + x]], {"x": 0.5}, [0.0], ["f"])
+CUBIC = mb.FunctionSimulator(lambda x: [[x**3 - 2 * x**2 + x]], {"x": 0.5}, [0.0], ["f"])
 
 
 def _coefficients(fit, f):
@@ -52,32 +39,34 @@ def test_equation_21_number_of_terms():
     assert [len(total_degree(d, p)) for d, p in [(1, 3), (2, 2), (3, 2), (6, 4)]] == [4, 6, 10, 210]
 
 
-@pytest.mark.parametrize("nodes", [Gauss(), ClenshawCurtis(), SparseGrid(), SparseGrid(ClenshawCurtis())], ids=repr)
+@pytest.mark.parametrize(
+    "nodes", [mb.Gauss(), mb.ClenshawCurtis(), mb.SparseGrid(), mb.SparseGrid(mb.ClenshawCurtis())], ids=repr
+)
 def test_equation_25_coefficients(nodes):
-    coefficients = _coefficients(Fit.of(nodes, TotalDegree(), 1, 3), lambda xi: CUBIC.run((xi + 1) / 2).Y[:, :, 0])
+    coefficients = _coefficients(Fit.of(nodes, mb.TotalDegree(), 1, 3), lambda xi: CUBIC.run((xi + 1) / 2).Y[:, :, 0])
     np.testing.assert_allclose(coefficients[:, 0], [1 / 12, -1 / 20, -1 / 12, 1 / 20], atol=1e-14)
 
 
 def test_paper_preset_is_what_it_says():
-    assert PolynomialChaos.paper(order=2) == PolynomialChaos(
-        order=2, nodes=Gauss(), basis=TotalDegree(), range=LegendreInclusion()
+    assert mb.PolynomialChaos.paper(order=2) == mb.PolynomialChaos(
+        order=2, nodes=mb.Gauss(), basis=mb.TotalDegree(), range=mb.LegendreInclusion()
     )
-    assert propagate(Wave(), PolynomialChaos.paper(order=2), BOX).evaluations == 9
+    assert mb.propagate(Wave(), mb.PolynomialChaos.paper(order=2), BOX).evaluations == 9
 
 
 # -- Nodes -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("rule", "total"), [(Gauss(), 681), (ClenshawCurtis(), 34)])
+@pytest.mark.parametrize(("rule", "total"), [(mb.Gauss(), 681), (mb.ClenshawCurtis(), 34)])
 def test_sparse_grid_weights_of_six_parameters(rule, total):
-    nodes, weights = SparseGrid(rule).points(6, 4)
+    nodes, weights = mb.SparseGrid(rule).points(6, 4)
     assert round(np.abs(weights).sum()) == total and weights.sum() == pytest.approx(1)
     assert len(np.unique(nodes.round(12), axis=0)) == len(nodes)
 
 
 def test_basis_beyond_the_nodes_is_refused():
-    with pytest.raises(PropagationError, match="do not determine the 16 polynomials of TensorDegree"):
-        propagate(Wave(), PolynomialChaos(order=3, nodes=SparseGrid()), BOX)
+    with pytest.raises(mb.PropagationError, match="do not determine the 16 polynomials of TensorDegree"):
+        mb.propagate(Wave(), mb.PolynomialChaos(order=3, nodes=mb.SparseGrid()), BOX)
 
 
 # -- Procedures --------------------------------------------------------------------------------------------
@@ -85,8 +74,8 @@ def test_basis_beyond_the_nodes_is_refused():
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_lockstep_gives_the_bounds_of_single_runs(order):
-    together = propagate(Wave(), PolynomialChaos.paper(order, lockstep=True), BOX)
-    single = propagate(Wave(), PolynomialChaos.paper(order), BOX)
+    together = mb.propagate(Wave(), mb.PolynomialChaos.paper(order, lockstep=True), BOX)
+    single = mb.propagate(Wave(), mb.PolynomialChaos.paper(order), BOX)
     np.testing.assert_allclose(together.lower, single.lower, atol=1e-14)
     np.testing.assert_allclose(together.upper, single.upper, atol=1e-14)
     np.testing.assert_array_equal(together.inner, single.inner)
@@ -105,9 +94,9 @@ def _breaks_at_three(amplitude, w):
 
 @pytest.mark.parametrize(("f", "time"), [(_breaks, 0.0), (_breaks_at_three, 3.0)])
 def test_fit_around_a_failed_node(f, time):
-    simulator = FunctionSimulator(f, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
-    with pytest.warns(SymmbWarning, match="1 of 9 runs failed"):
-        result = propagate(simulator, PolynomialChaos(order=2, nodes=Gauss(), basis=TotalDegree()), BOX)
+    simulator = mb.FunctionSimulator(f, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
+    with pytest.warns(mb.SymmbWarning, match="1 of 9 runs failed"):
+        result = mb.propagate(simulator, mb.PolynomialChaos(order=2, nodes=mb.Gauss(), basis=mb.TotalDegree()), BOX)
     (failure,) = result.failed
     assert failure.parameters == pytest.approx({"amplitude": 1 + 0.1 * 0.6**0.5, "w": 1 + 0.05 * 0.6**0.5})
     assert failure.time == time
@@ -116,22 +105,22 @@ def test_fit_around_a_failed_node(f, time):
 
 
 @pytest.mark.parametrize(
-    "method", [PolynomialChaos(order=2), PolynomialChaos.paper(order=2, nodes=SparseGrid())], ids=repr
+    "method", [mb.PolynomialChaos(order=2), mb.PolynomialChaos.paper(order=2, nodes=mb.SparseGrid())], ids=repr
 )
 def test_too_few_nodes_left_is_an_error_that_lists_them(method):
-    simulator = FunctionSimulator(_breaks, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
-    box = Box(amplitude=(0.8, 1.2), w=(0.8, 1.2))
+    simulator = mb.FunctionSimulator(_breaks, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
+    box = mb.Box(amplitude=(0.8, 1.2), w=(0.8, 1.2))
     with pytest.raises(
-        PropagationError, match=r"failed(.|\n)*  RuntimeError: no convergence \(amplitude=1\.\d+, w=1\.\d+\)"
+        mb.PropagationError, match=r"failed(.|\n)*  RuntimeError: no convergence \(amplitude=1\.\d+, w=1\.\d+\)"
     ):
-        propagate(simulator, method, box)
+        mb.propagate(simulator, method, box)
 
 
 def test_all_nodes_failed():
-    simulator = FunctionSimulator(lambda x: 1 / 0, {"x": 1.0}, [0.0], ["f"])
-    with pytest.raises(PropagationError, match="3 of 3 nodes failed"):
-        propagate(simulator, PolynomialChaos.paper(order=2), Box(x=(0, 1)))
+    simulator = mb.FunctionSimulator(lambda x: 1 / 0, {"x": 1.0}, [0.0], ["f"])
+    with pytest.raises(mb.PropagationError, match="3 of 3 nodes failed"):
+        mb.propagate(simulator, mb.PolynomialChaos.paper(order=2), mb.Box(x=(0, 1)))
 
 
 def test_tensor_basis_keeps_the_constant_first():
-    assert TensorDegree().indices(3, 2)[0].tolist() == [0, 0, 0]
+    assert mb.TensorDegree().indices(3, 2)[0].tolist() == [0, 0, 0]

@@ -10,22 +10,6 @@ import scipy.stats
 from oscillators import BOX, TIMES, Wave, wave
 
 import symmb as mb
-from symmb import (
-    Bounds,
-    Box,
-    DeclarationError,
-    FunctionSimulator,
-    LatinHypercube,
-    MonteCarlo,
-    PolynomialChaos,
-    PropagationError,
-    Random,
-    Scanning,
-    Sobol,
-    SymmbWarning,
-    Vertex,
-    propagate,
-)
 from symmb.bounds.failures import Failure
 
 
@@ -35,17 +19,18 @@ def _fails_above(amplitude, w):
     return wave(amplitude, w)
 
 
-FAILING = FunctionSimulator(_fails_above, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
+FAILING = mb.FunctionSimulator(_fails_above, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
 
 
 @pytest.mark.parametrize(
-    ("simulator", "method"), [(Wave(), PolynomialChaos()), (Wave(), PolynomialChaos(order=3)), (FAILING, Scanning(5))]
+    ("simulator", "method"),
+    [(Wave(), mb.PolynomialChaos()), (Wave(), mb.PolynomialChaos(order=3)), (FAILING, mb.Scanning(5))],
 )
 @pytest.mark.filterwarnings("ignore:.*runs failed:symmb.SymmbWarning")
 def test_save_and_load(tmp_path, simulator, method):
-    bounds = propagate(simulator, method, BOX)
+    bounds = mb.propagate(simulator, method, BOX)
     bounds.save(tmp_path / "wave.npz")
-    loaded = Bounds.load(tmp_path / "wave.npz")
+    loaded = mb.Bounds.load(tmp_path / "wave.npz")
     for name in ("t", "lower", "upper", "estimate", "inner"):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(bounds, name))
     for name in ("names", "kind", "method", "evaluations", "failed", "seconds", "doubts"):
@@ -55,33 +40,33 @@ def test_save_and_load(tmp_path, simulator, method):
 def test_outputs_are_doubtful_from_where_the_error_outgrows_the_width():
     t, width = np.linspace(0.0, 10.0, 11), np.ones((11, 3))
     estimate = np.column_stack([np.full(11, 0.05), np.where(t < 6, 0.01, 0.2), np.where(t < 6, 0.2, 0.0)])
-    bounds = Bounds(t, ("good", "late", "early"), -width / 2, width / 2, "estimate", "test", 1, estimate)
+    bounds = mb.Bounds(t, ("good", "late", "early"), -width / 2, width / 2, "estimate", "test", 1, estimate)
     assert bounds.doubtful() == {"late": 0.0, "early": 0.0}
     assert bounds.doubtful(0.15) == {"late": 3.0}
     doubt = "The estimated error is above 10 % of the width: late from 0 s, early from 0 to 5 s."
     assert bounds.doubts == (doubt,) and f"doubtful     {doubt}" in str(bounds)
-    assert Bounds(t, ("x",), width[:, :1], width[:, :1], "sampled", "test", 1).doubtful() == {}
+    assert mb.Bounds(t, ("x",), width[:, :1], width[:, :1], "sampled", "test", 1).doubtful() == {}
 
 
 def test_outer_is_wider_by_the_estimate():
-    bounds = propagate(Wave(), PolynomialChaos(), BOX)
+    bounds = mb.propagate(Wave(), mb.PolynomialChaos(), BOX)
     np.testing.assert_array_equal(bounds.outer[0], bounds.lower - bounds.estimate)
     np.testing.assert_array_equal(bounds.outer[1], bounds.upper + bounds.estimate)
-    fixed = propagate(Wave(), PolynomialChaos(order=2), BOX)
+    fixed = mb.propagate(Wave(), mb.PolynomialChaos(order=2), BOX)
     assert fixed.outer[0] is fixed.lower and fixed.outer[1] is fixed.upper
 
 
 def test_outputs_go_by_name_and_the_text_says_the_kind():
-    bounds = propagate(Wave(), Vertex(), BOX)
+    bounds = mb.propagate(Wave(), mb.Vertex(), BOX)
     np.testing.assert_array_equal(bounds["x"], (bounds.lower[:, 0], bounds.upper[:, 0]))
-    with pytest.raises(DeclarationError, match="no output 'y'"):
+    with pytest.raises(mb.DeclarationError, match="no output 'y'"):
         bounds["y"]
     assert repr(bounds) == str(bounds)
     assert "sampled (attained by runs" in str(bounds) and "evaluations  4, none failed" in str(bounds)
 
 
 def test_print_tells_kind_cost_extremes_and_widths():
-    bounds = propagate(Wave(), PolynomialChaos(), BOX)
+    bounds = mb.propagate(Wave(), mb.PolynomialChaos(), BOX)
     lines = str(bounds).splitlines()
     assert lines[0] == "Bounds by PolynomialChaos(), 61 times from 0 to 6 s"
     assert lines[1].split()[:2] == ["kind", "estimate"]
@@ -102,7 +87,7 @@ def test_print_tells_kind_cost_extremes_and_widths():
     ]
     np.testing.assert_allclose([float(n) for n in numbers[:8]], expected, rtol=1e-5)
     assert float(numbers[8]) == pytest.approx(bounds.estimate.max(), rel=0.05)
-    assert str(propagate(Wave(), Vertex(), BOX)).endswith("–")
+    assert str(mb.propagate(Wave(), mb.Vertex(), BOX)).endswith("–")
 
 
 def test_print_tells_the_nominal_run_of_a_scene_beside_the_extremes():
@@ -110,7 +95,7 @@ def test_print_tells_the_nominal_run_of_a_scene_beside_the_extremes():
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     start, box = {"ball.vx": p.speed}, mb.Box(speed=(1.5, 3.0))
     scene = mb.Scene(mb.System(ball, parameters=p), start, [0.0, 1.0, 2.0], {"x": ball.x}, box=box)
-    bounds = propagate(scene, Vertex())
+    bounds = mb.propagate(scene, mb.Vertex())
     np.testing.assert_allclose(bounds.nominal, [[0], [2], [4]], atol=1e-9)
     assert [f"{float(n):g}" for n in str(bounds).splitlines()[-1].split()[1:9]] == "0 0 0 6 2 4 3 2".split()
     assert str(bounds).splitlines()[-2].count("nominal then") == 2
@@ -124,7 +109,7 @@ def test_a_run_of_a_black_box_at_the_nominal_parameters_is_kept(name):
     simulator = mb.FunctionSimulator(lambda k, m: calls.append(k) or np.exp(k * t) + m, {"k": 0.7, "m": 1.0}, t, ["x"])
     method = mb.Vertex() if name == "corners" else mb.PolynomialChaos()
     with ThreadPoolExecutor(2) as pool:
-        bounds = propagate(simulator, method, mb.Box(k=(0.6, 0.8)), executor=pool if name == "threads" else None)
+        bounds = mb.propagate(simulator, method, mb.Box(k=(0.6, 0.8)), executor=pool if name == "threads" else None)
     if name == "corners":
         assert bounds.nominal is None
         with pytest.raises(mb.DeclarationError, match="nominal parameters are in the middle"):
@@ -137,9 +122,9 @@ def test_a_run_of_a_black_box_at_the_nominal_parameters_is_kept(name):
 
 def test_rounding_is_printed_as_0():
     lower, upper = np.array([[-1e-16], [1.0]]), np.array([[3e-13], [2.0]])
-    bounds = Bounds(np.array([0.0, 1.0]), ("x",), lower, upper, "sampled", "Vertex()", 4, nominal=lower)
+    bounds = mb.Bounds(np.array([0.0, 1.0]), ("x",), lower, upper, "sampled", "Vertex()", 4, nominal=lower)
     assert str(bounds).splitlines()[-1].split() == ["x", "0", "0", "0", "2", "1", "1", "1", "1", "–"]
-    tiny = Bounds(np.array([0.0]), ("x",), lower[:1], -lower[:1], "sampled", "Vertex()", 4)
+    tiny = mb.Bounds(np.array([0.0]), ("x",), lower[:1], -lower[:1], "sampled", "Vertex()", 4)
     assert str(tiny).splitlines()[-1].split()[1:3] == ["-1e-16", "1e-16"]
 
 
@@ -150,23 +135,23 @@ def test_a_failed_run_tells_its_parameters_and_time_once():
 
 
 def test_the_picture(tmp_path):
-    bounds = propagate(Wave(), PolynomialChaos(), BOX)
+    bounds = mb.propagate(Wave(), mb.PolynomialChaos(), BOX)
     (axes,) = bounds.plot(tmp_path / "b.png").axes
     assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
     curves = [*(bounds.lower, bounds.upper), *bounds.outer, *bounds.inner, bounds.nominal]
     for line, curve in zip(axes.lines, curves, strict=True):
         np.testing.assert_array_equal(line.get_ydata(), curve[:, 0])
-    (sampled,) = propagate(Wave(), Vertex(), BOX).plot().axes
+    (sampled,) = mb.propagate(Wave(), mb.Vertex(), BOX).plot().axes
     assert len(sampled.lines) == 2
 
 
 def test_failed_samples_are_told_and_the_others_count():
-    with pytest.warns(SymmbWarning, match="5 of 25 runs failed: the bounds are those of the others"):
-        bounds = propagate(FAILING, Scanning(5), BOX)
+    with pytest.warns(mb.SymmbWarning, match="5 of 25 runs failed: the bounds are those of the others"):
+        bounds = mb.propagate(FAILING, mb.Scanning(5), BOX)
     assert bounds.evaluations == 25 and len(bounds.failed) == 5
     assert bounds.failed[0].parameters == pytest.approx({"amplitude": 0.9, "w": 1.05})
     assert "RuntimeError: blew up" in bounds.failed[0].message
-    fine = propagate(Wave(), Scanning(5), Box(amplitude=(0.9, 1.1), w=(0.95, 1.05)))
+    fine = mb.propagate(Wave(), mb.Scanning(5), mb.Box(amplitude=(0.9, 1.1), w=(0.95, 1.05)))
     assert np.isfinite(bounds.lower).all() and (bounds.lower >= fine.lower).all()
     lines = str(bounds).splitlines()
     assert lines[2:4] == ["  evaluations  25, 5 failed:", "    RuntimeError: blew up (amplitude=0.9, w=1.05)"]
@@ -174,11 +159,11 @@ def test_failed_samples_are_told_and_the_others_count():
 
 
 def test_all_samples_failed():
-    with pytest.raises(PropagationError, match=r"all 4 runs failed(.|\n)*blew up"):
-        propagate(FAILING, Vertex(), Box(w=(1.041, 1.05), amplitude=(1, 1)))
+    with pytest.raises(mb.PropagationError, match=r"all 4 runs failed(.|\n)*blew up"):
+        mb.propagate(FAILING, mb.Vertex(), mb.Box(w=(1.041, 1.05), amplitude=(1, 1)))
 
 
-@pytest.mark.parametrize("sampler", [Random(), Sobol(), LatinHypercube()], ids=repr)
+@pytest.mark.parametrize("sampler", [mb.Random(), mb.Sobol(), mb.LatinHypercube()], ids=repr)
 def test_samplers_fill_the_box_and_repeat_by_seed(sampler):
     points = sampler.points(300, 3, seed=5)
     assert points.shape == (300, 3) and np.abs(points).max() <= 1
@@ -189,36 +174,36 @@ def test_samplers_fill_the_box_and_repeat_by_seed(sampler):
 
 
 def test_latin_hypercube_has_one_point_a_slice():
-    slices = np.floor((LatinHypercube().points(50, 2, 0) + 1) * 25)
+    slices = np.floor((mb.LatinHypercube().points(50, 2, 0) + 1) * 25)
     assert (np.sort(slices, axis=0) == np.arange(50)[:, None]).all()
 
 
 @pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
 def test_same_seed_same_bounds():
-    first, second = (propagate(Wave(), MonteCarlo(50, seed=3), BOX) for _ in range(2))
+    first, second = (mb.propagate(Wave(), mb.MonteCarlo(50, seed=3), BOX) for _ in range(2))
     np.testing.assert_array_equal(first.lower, second.lower)
-    assert (propagate(Wave(), MonteCarlo(50, seed=4), BOX).lower != first.lower).any()
+    assert (mb.propagate(Wave(), mb.MonteCarlo(50, seed=4), BOX).lower != first.lower).any()
 
 
 @pytest.mark.parametrize(
     ("f", "noise", "method"),
     [
-        (lambda a, b: np.exp(a * b), None, PolynomialChaos(tolerance=1e-300, budget=300)),
-        (lambda a, b: np.exp(a * b), None, PolynomialChaos(tolerance=1e-9)),
-        (lambda a, b: abs(a - 0.3 * b + 0.1) + a, None, PolynomialChaos(tolerance=1e-4, budget=100)),
-        (lambda a, b: np.sin(a + b), {"x": 1e-3}, PolynomialChaos(tolerance=1e-5)),
+        (lambda a, b: np.exp(a * b), None, mb.PolynomialChaos(tolerance=1e-300, budget=300)),
+        (lambda a, b: np.exp(a * b), None, mb.PolynomialChaos(tolerance=1e-9)),
+        (lambda a, b: abs(a - 0.3 * b + 0.1) + a, None, mb.PolynomialChaos(tolerance=1e-4, budget=100)),
+        (lambda a, b: np.sin(a + b), {"x": 1e-3}, mb.PolynomialChaos(tolerance=1e-5)),
     ],
 )
 def test_a_tolerance_that_is_not_reached_is_told(tmp_path, f, noise, method):
-    simulator = FunctionSimulator(lambda a, b: [f(a, b)], {"a": 0.0, "b": 0.0}, [0.0], ["x"], noise=noise)
-    box = Box(a=(-1.0, 1.0), b=(-1.0, 1.0))
-    bounds = propagate(simulator, method, box)
+    simulator = mb.FunctionSimulator(lambda a, b: [f(a, b)], {"a": 0.0, "b": 0.0}, [0.0], ["x"], noise=noise)
+    box = mb.Box(a=(-1.0, 1.0), b=(-1.0, 1.0))
+    bounds = mb.propagate(simulator, method, box)
     (remark,) = bounds.remarks
     assert remark.startswith(f"The tolerance {method.tolerance:g} was not reached: the estimated error is ")
     assert float(remark.split()[-4]) > method.tolerance and remark in str(bounds)
     bounds.save(tmp_path / "b.json")
-    assert Bounds.load(tmp_path / "b.json").remarks == bounds.remarks
-    assert propagate(simulator, PolynomialChaos(tolerance=0.1), box).remarks == ()
+    assert mb.Bounds.load(tmp_path / "b.json").remarks == bounds.remarks
+    assert mb.propagate(simulator, mb.PolynomialChaos(tolerance=0.1), box).remarks == ()
 
 
 @pytest.mark.parametrize(
@@ -234,13 +219,13 @@ def test_a_tolerance_that_is_not_reached_is_told(tmp_path, f, noise, method):
 )
 def test_bounds_tell_whose_range_they_are(tmp_path, f, d, n_t, name):
     times, names = np.linspace(1.0, 2.0, n_t), [f"p{i}" for i in range(d)]
-    simulator = FunctionSimulator(lambda **p: f(list(p.values()), times), dict.fromkeys(names, 0.0), times, ["x"])
+    simulator = mb.FunctionSimulator(lambda **p: f(list(p.values()), times), dict.fromkeys(names, 0.0), times, ["x"])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        bounds = propagate(simulator, PolynomialChaos(), Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
     assert re.fullmatch(name, bounds.range_of) and bounds.range_of in str(bounds)
     bounds.save(tmp_path / "b.json")
-    assert Bounds.load(tmp_path / "b.json").range_of == bounds.range_of
+    assert mb.Bounds.load(tmp_path / "b.json").range_of == bounds.range_of
 
 
 @pytest.mark.parametrize(("time", "is_told"), [(0.0, False), (2.0, True)])

@@ -1,20 +1,16 @@
 """TaylorModel: proved bounds of scenes, what it refuses, and what it says where a proof ends."""
 
 import itertools
-import sys
 import warnings
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+import random_proofs
 from enclosure_samples import require_sharp
 from enclosure_scenes import pendulum, van_der_pol
 from faults import refused
 from small_scenes import formulas, particle, state
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import random_proofs
 
 import symmb as mb
 from models import bouncing_ball, cubic

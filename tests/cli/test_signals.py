@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import casadi as ca
+import interrupts
 import numpy as np
 import pytest
 from mechanisms import double_pendulum
@@ -20,9 +21,6 @@ from symmb import _cleanup
 from symmb._interrupts import kept_interrupts
 from symmb.cli.main import main
 from symmb.study import measurement
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import interrupts
 
 T = np.linspace(0.0, 1.0, 5)
 

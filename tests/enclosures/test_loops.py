@@ -1,19 +1,15 @@
 """Proofs of mechanisms with loops against closed forms, and what proofs of starts and of frames rest on."""
 
-import sys
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import casadi as ca
+import loop_proofs
 import numpy as np
 import pytest
+from _loops import FINE
 from enclosure_samples import ode, require_sharp
 from scipy.integrate import solve_ivp
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import loop_proofs
-from _loops import FINE
 
 import symmb as mb
 from symmb.enclosures.curves import TimeStep

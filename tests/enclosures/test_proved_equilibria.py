@@ -1,17 +1,13 @@
 """Proofs of motions that start in static equilibrium, against closed forms and roots of them."""
 
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
+import _loops
 import casadi as ca
 import numpy as np
 from enclosure_samples import require_sharp
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import _loops
 
 import symmb as mb
 

@@ -1,19 +1,15 @@
 """Motions that pass switches of the state, against closed forms and SciPy's integrators that restart at each pass."""
 
-import sys
 import warnings
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+import switch_proofs
 from enclosure_samples import require_sharp
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import switch_proofs
 
 TIMES = np.linspace(0.0, 1.0, 21)
 

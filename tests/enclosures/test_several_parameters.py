@@ -1,15 +1,10 @@
 """Proofs over three parameters and more, and the arithmetic of Taylor models, against mpmath in 40 digits."""
 
-import sys
-from pathlib import Path
-
 import casadi as ca
+import loop_proofs
 import mpmath
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import loop_proofs
 
 from symmb.enclosures import taylor_models as tm
 

@@ -1,33 +1,21 @@
 """Exact ranges against dense grids, closed forms and each other."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
+from problems import read
 
-from symmb import (
-    Box,
-    ClenshawCurtis,
-    DeclarationError,
-    Exact,
-    FunctionSimulator,
-    PolynomialChaos,
-    Scanning,
-    TensorDegree,
-    propagate,
-)
+import symmb as mb
 from symmb.nodes.fit import Fit
 from symmb.polynomials.legendre import basis_values, tensor_degree, total_degree
 
-CASES = json.loads((Path(__file__).parents[1] / "data" / "interval_functions.json").read_text())["cases"]
+CASES = read("interval_functions")["cases"]
 
 
 def _range_of(f, d, order, tolerance=1e-6):
-    fit = Fit.of(ClenshawCurtis(), TensorDegree(), d, order)
+    fit = Fit.of(mb.ClenshawCurtis(), mb.TensorDegree(), d, order)
     y = f(*fit.nodes.T)[:, None]
     coefficients = fit.coefficients(fit.functionals @ y, np.ones(len(y), bool))
-    low, high = Exact(tolerance).bounds(fit.alpha, coefficients)
+    low, high = mb.Exact(tolerance).bounds(fit.alpha, coefficients)
     return low[0], high[0]
 
 
@@ -39,7 +27,7 @@ def test_contains_dense_grids_and_is_hardly_wider(d, order, grid):
     line = np.cos(np.linspace(0, np.pi, grid))
     values = basis_values(alpha, np.stack(np.meshgrid(*[line] * d), axis=-1).reshape(-1, d)) @ coefficients
     low, high = values.min(axis=0), values.max(axis=0)
-    lower, upper = Exact(1e-3).bounds(alpha, coefficients)
+    lower, upper = mb.Exact(1e-3).bounds(alpha, coefficients)
     width = high - low
     assert (lower <= low + 1e-12).all() and (upper >= high - 1e-12).all()
     # The tolerance, and what the grid misses: (order pi / grid)^2 / 2 of the half width for each parameter.
@@ -51,8 +39,8 @@ def test_contains_dense_grids_and_is_hardly_wider(d, order, grid):
 def test_finer_tolerance_stays_within_the_coarser(tolerance):
     alpha = total_degree(3, 4)
     coefficients = np.random.default_rng(0).normal(size=(len(alpha), 30))
-    fine = Exact(1e-8).bounds(alpha, coefficients)
-    coarse = Exact(tolerance).bounds(alpha, coefficients)
+    fine = mb.Exact(1e-8).bounds(alpha, coefficients)
+    coarse = mb.Exact(tolerance).bounds(alpha, coefficients)
     width = fine[1] - fine[0]
     for excess in (fine[0] - coarse[0], coarse[1] - fine[1]):
         assert (excess >= -1e-8 * width).all() and (excess <= 1.01 * tolerance * width).all()
@@ -89,7 +77,7 @@ def test_flat_and_degenerate_polynomials(f, expected):
 )
 def test_closed_form_ranges(name, f, order, share):
     case = CASES[name]
-    box = Box(**{"xyz"[k]: ends for k, ends in enumerate(case["box"])})
+    box = mb.Box(**{"xyz"[k]: ends for k, ends in enumerate(case["box"])})
     low, high = case["range"]
     lower, upper = _range_of(lambda *xi: f(*box.from_unit(np.stack(xi, axis=1)).T), len(box), order)
     assert abs(lower - low) < share * (high - low) and abs(upper - high) < share * (high - low)
@@ -98,14 +86,14 @@ def test_closed_form_ranges(name, f, order, share):
 def test_closed_form_of_the_oscillator_over_ten_seconds():
     case = CASES["oscillator"]
     t = np.array(case["t"])
-    simulator = FunctionSimulator(lambda w: np.cos(w * t), {"w": 1.0}, t, ["x"])
-    box = Box(w=(0.9, 1.1))
+    simulator = mb.FunctionSimulator(lambda w: np.cos(w * t), {"w": 1.0}, t, ["x"])
+    box = mb.Box(w=(0.9, 1.1))
     for method, error in [
-        (PolynomialChaos(order=8), 1e-3),
-        (PolynomialChaos(tolerance=1e-3), 1e-3),
-        (Scanning(201), 2e-4),
+        (mb.PolynomialChaos(order=8), 1e-3),
+        (mb.PolynomialChaos(tolerance=1e-3), 1e-3),
+        (mb.Scanning(201), 2e-4),
     ]:
-        result = propagate(simulator, method, box)
+        result = mb.propagate(simulator, method, box)
         assert np.abs(result.lower[:, 0] - case["lower"]).max() < error
         assert np.abs(result.upper[:, 0] - case["upper"]).max() < error
 
@@ -113,14 +101,14 @@ def test_closed_form_of_the_oscillator_over_ten_seconds():
 def test_many_polynomials_at_once_equal_single_ones():
     alpha = tensor_degree(2, 3)
     coefficients = np.random.default_rng(5).normal(size=(len(alpha), 3000)) ** 3
-    low, high = Exact().bounds(alpha, coefficients)
+    low, high = mb.Exact().bounds(alpha, coefficients)
     picked = [0, 1234, 2999]
-    single = [Exact().bounds(alpha, coefficients[:, [k]]) for k in picked]
+    single = [mb.Exact().bounds(alpha, coefficients[:, [k]]) for k in picked]
     np.testing.assert_allclose(low[picked], [pair[0][0] for pair in single], rtol=1e-12)
     np.testing.assert_allclose(high[picked], [pair[1][0] for pair in single], rtol=1e-12)
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, float("nan")])
 def test_tolerance_out_of_range(tolerance):
-    with pytest.raises(DeclarationError, match="at least 1e-12 and below 1"):
-        Exact(tolerance)
+    with pytest.raises(mb.DeclarationError, match="at least 1e-12 and below 1"):
+        mb.Exact(tolerance)

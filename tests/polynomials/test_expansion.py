@@ -6,19 +6,7 @@ import pytest
 from oscillators import BOX, TIMES, Wave
 from unit_functions import unit_function
 
-from symmb import (
-    Box,
-    ClenshawCurtis,
-    FunctionSimulator,
-    Gauss,
-    Leja,
-    MonteCarlo,
-    PolynomialChaos,
-    PropagationError,
-    SparseGrid,
-    Vertex,
-    propagate,
-)
+import symmb as mb
 
 
 def ishigami_bounds(method, a=7.0, b=0.1):
@@ -28,11 +16,13 @@ def ishigami_bounds(method, a=7.0, b=0.1):
         y = np.sin(x1) + a * np.sin(x2) ** 2 + b * x3**4 * np.sin(x1)
         return [[y, 5 - 2 * y]]
 
-    simulator = FunctionSimulator(f, {"x1": 0.0, "x2": 0.0, "x3": 0.0}, [0.0], ["y", "z"])
-    return propagate(simulator, method, Box(**dict.fromkeys(("x1", "x2", "x3"), (-np.pi, np.pi))))
+    simulator = mb.FunctionSimulator(f, {"x1": 0.0, "x2": 0.0, "x3": 0.0}, [0.0], ["y", "z"])
+    return mb.propagate(simulator, method, mb.Box(**dict.fromkeys(("x1", "x2", "x3"), (-np.pi, np.pi))))
 
 
-@pytest.mark.parametrize(("nodes", "error"), [(Gauss(), 1e-6), (ClenshawCurtis(), 1e-5), (Leja(), 2e-5)], ids=repr)
+@pytest.mark.parametrize(
+    ("nodes", "error"), [(mb.Gauss(), 1e-6), (mb.ClenshawCurtis(), 1e-5), (mb.Leja(), 2e-5)], ids=repr
+)
 def test_ishigami(nodes, error):
     """Sobol' and Levitan (1999): variances of the parts of the function of Ishigami and Homma (1990)."""
     a, b = 7.0, 0.1
@@ -40,7 +30,7 @@ def test_ishigami(nodes, error):
     alone2 = a**2 / 8
     with3 = 8 * b**2 * np.pi**8 / 225
     variance = alone1 + alone2 + with3
-    found = ishigami_bounds(PolynomialChaos(order=12, nodes=nodes)).moments()
+    found = ishigami_bounds(mb.PolynomialChaos(order=12, nodes=nodes)).moments()
     np.testing.assert_allclose(found.mean[0], [a / 2, 5 - a], rtol=error)
     np.testing.assert_allclose(found.variance[0], [variance, 4 * variance], rtol=error)
     for k in range(2):
@@ -53,7 +43,7 @@ def test_ishigami(nodes, error):
 
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_an_oscillator_over_time(lockstep):
-    bounds = propagate(Wave(), PolynomialChaos.paper(order=8, lockstep=lockstep), BOX)
+    bounds = mb.propagate(Wave(), mb.PolynomialChaos.paper(order=8, lockstep=lockstep), BOX)
     found = bounds.moments()
     (a_low, a_high), (w_low, w_high) = BOX.bounds
     t = TIMES[1:]
@@ -81,7 +71,7 @@ def test_moments_are_chaospy_s(d, order):
     nodes, weights = chaospy.generate_quadrature(order, distribution, rule="gaussian")
     theirs = chaospy.fit_quadrature(chaospy.generate_expansion(order, distribution), nodes, weights, f(nodes.T))
     simulator, box = unit_function(lambda x: f(x[None]), d, outputs=["a", "b", "c"])
-    found = PolynomialChaos.paper(order).bounds(simulator, box).moments()
+    found = mb.PolynomialChaos.paper(order).bounds(simulator, box).moments()
     np.testing.assert_allclose(found.mean[0], chaospy.E(theirs, distribution), atol=1e-10)
     np.testing.assert_allclose(found.variance[0], chaospy.Var(theirs, distribution), atol=1e-10)
     np.testing.assert_allclose(found.first[:, 0], chaospy.Sens_m(theirs, distribution), atol=1e-10)
@@ -92,27 +82,27 @@ def test_no_variance_no_indices():
     def f(x, y):
         return [[2.0, 0.0, x / 3 * 3 - x + 5, x + 1e3, y], [2.0, 1.0, 5.0, 1e-9 * x, 0.0]]
 
-    simulator = FunctionSimulator(f, {"x": 0.0, "y": 0.0}, [0.0, 1.0], ["two", "step", "five", "falls", "y"])
-    for method in (PolynomialChaos(order=4), PolynomialChaos.paper(order=3, nodes=SparseGrid())):
-        found = propagate(simulator, method, Box(x=(0.1, 0.7), y=(0, 1))).moments()
+    simulator = mb.FunctionSimulator(f, {"x": 0.0, "y": 0.0}, [0.0, 1.0], ["two", "step", "five", "falls", "y"])
+    for method in (mb.PolynomialChaos(order=4), mb.PolynomialChaos.paper(order=3, nodes=mb.SparseGrid())):
+        found = mb.propagate(simulator, method, mb.Box(x=(0.1, 0.7), y=(0, 1))).moments()
         assert np.isnan(found.first[:, :, :3]).all() and np.isnan(found.total[:, :, :3]).all()
         np.testing.assert_allclose(found.first[:, :, 3], [[1, np.nan], [0, np.nan]], atol=1e-9)
         np.testing.assert_allclose(found.total[:, :, 4], [[0, np.nan], [1, np.nan]], atol=1e-9)
         np.testing.assert_allclose(found.mean[:, 2], 5, rtol=1e-14)
 
 
-@pytest.mark.parametrize("method", [MonteCarlo(20), Vertex()], ids=repr)
+@pytest.mark.parametrize("method", [mb.MonteCarlo(20), mb.Vertex()], ids=repr)
 def test_bounds_without_an_expansion_have_no_moments(method):
-    with pytest.raises(PropagationError, match=r"hold no expansion .* Use PolynomialChaos\(order=4\)"):
-        propagate(Wave(), method, BOX).moments()
+    with pytest.raises(mb.PropagationError, match=r"hold no expansion .* Use PolynomialChaos\(order=4\)"):
+        mb.propagate(Wave(), method, BOX).moments()
 
 
 def test_moments_print_as_a_table_of_shares():
     """2 + 3 a + 4 a b over [-1, 1]: a alone explains 3, the product 16 / 9 of the variance; nothing of a constant."""
-    simulator = FunctionSimulator(
+    simulator = mb.FunctionSimulator(
         lambda a, b: [[2 + 3 * a + 4 * a * b, 1.0]] * 2, {"a": 0.0, "b": 0.0}, [0.0, 1.0], ["f", "one"]
     )
-    found = propagate(simulator, PolynomialChaos(order=2), Box(a=(-1.0, 1.0), b=(-1.0, 1.0))).moments()
+    found = mb.propagate(simulator, mb.PolynomialChaos(order=2), mb.Box(a=(-1.0, 1.0), b=(-1.0, 1.0))).moments()
     assert repr(found) == "Moments(2 outputs x 2 times, 2 parameters)"
     assert str(found).split("\n")[1:] == [
         "                 a              b",
@@ -122,7 +112,7 @@ def test_moments_print_as_a_table_of_shares():
 
 
 def test_boxes_cut_into_pieces_leave_no_moments():
-    simulator = FunctionSimulator(lambda x: [[float(x > 0.123)]], {"x": 0.0}, [0.0], ["f"])
-    bounds = propagate(simulator, PolynomialChaos(), Box(x=(-1.0, 1.0)))
-    with pytest.raises(PropagationError, match="kinks or jumps"):
+    simulator = mb.FunctionSimulator(lambda x: [[float(x > 0.123)]], {"x": 0.0}, [0.0], ["f"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(x=(-1.0, 1.0)))
+    with pytest.raises(mb.PropagationError, match="kinks or jumps"):
         bounds.moments()

@@ -2,17 +2,13 @@
 
 import base64
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import PROGRAM, Browser
 
 import symmb as mb
 from models import double_pendulum
-
-sys.path.append(str(Path(__file__).parents[1] / "drawing"))
-from browser import PROGRAM, Browser
 
 pytestmark = [
     pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),

@@ -1,8 +1,5 @@
 """Structures that several tests of flexible bodies share."""
 
-import json
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 from scipy.linalg import eigh
@@ -12,11 +9,6 @@ from symmb import Beam, FiniteElements, Material, Section
 STEEL = Material(E=2.1e11, nu=0.3, density=7850.0)
 LIGHT = Material(E=1e10, G=1e10, density=1.0)  # with SLENDER: EI = 1, ρA = 1, rotary inertia 1e-10
 SLENDER = Section(area=1.0, Iy=1e-10, Iz=1e-10, J=2e-10)
-DATA = Path(__file__).parents[1] / "data"
-
-
-def data(name):
-    return json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
 
 
 def cantilever(elements=8, section=SLENDER, material=LIGHT, end=(1.0, 0.0, 0.0), **options):

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from structures import LIGHT, SLENDER, STEEL, cantilever, data, dofs, frame, frequencies, slope
+from problems import read
+from structures import LIGHT, SLENDER, STEEL, cantilever, dofs, frame, frequencies, slope
 
 from symmb import Beam, FiniteElements, Section
 
-BETA = data("beam_modes")
+BETA = read("beam_modes")
 MESHES = (8, 12, 16, 24)
 
 

@@ -1,14 +1,13 @@
 """Flexible bodies in a floating frame against particles by virtual power, rigid bodies, closed forms, invariants."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 from bricks import bar
 from particles import accelerations, particle_modes
+from problems import read
 
 import symmb as mb
 
@@ -153,7 +152,7 @@ def test_reaction_of_a_hinge_at_a_node_balances_gravity_and_momentum() -> None:
 
 def test_a_tumbling_bar_moves_as_in_exudyn() -> None:
     """The same elements and modes in another program's floating frame (tests/benchmarks/flexible.py), over 4 m."""
-    known = json.loads((Path(__file__).parents[1] / "data" / "tumbling_bar.json").read_text(encoding="utf-8"))
+    known = read("tumbling_bar")
     positions, K, M = bar()
     body = mb.FlexibleBody("bar", mb.FiniteElements.matrices(positions, K, M).modes(count=known["modes"]))
     corner = body.node(len(positions) - 1)

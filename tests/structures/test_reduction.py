@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from problems import read
 from scipy.linalg import eigh
-from structures import STEEL, cantilever, data, dofs, frame, frequencies, lattice
+from structures import STEEL, cantilever, dofs, frame, frequencies, lattice
 
 from symmb import Beam, FiniteElements, Section
 
@@ -137,14 +138,14 @@ def spun():
     return cantilever(16).modes(clamped=0, count=24, stiffening=True)
 
 
-@pytest.mark.parametrize("speed", list(data("rotating_cantilever")["speeds"]))
+@pytest.mark.parametrize("speed", list(read("rotating_cantilever")["speeds"]))
 def test_rotating_cantilever(spun, speed):
     """About z: stiffness less Ω² J2_zz, out of plane where J2_zz holds no mass, in plane where it does."""
     stiffness = np.diag(spun.stiffness) - float(speed) ** 2 * spun.J2[:, :, 2, 2]
     for axis, name in ((2, "flap"), (1, "lag")):
         kept = np.flatnonzero(np.abs(spun.shapes[-1, axis]) > 1e-3)
         found = np.sqrt(np.linalg.eigvalsh(stiffness[np.ix_(kept, kept)]))[:4]
-        assert found == pytest.approx(data("rotating_cantilever")["speeds"][speed][name], rel=2e-4)
+        assert found == pytest.approx(read("rotating_cantilever")["speeds"][speed][name], rel=2e-4)
 
 
 def test_stiffening_turns_with_the_body():

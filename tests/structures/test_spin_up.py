@@ -1,15 +1,13 @@
 """The spin-up beam against a geometrically exact one, and what its modes can show at best."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
+from problems import read
 
 import symmb as mb
 from models import spin_up_beam
 
-KNOWN = json.loads((Path(__file__).parents[1] / "data" / "spin_up_beam.json").read_text(encoding="utf-8"))
+KNOWN = read("spin_up_beam")
 
 
 @pytest.mark.parametrize(("count", "largest"), [(3, 1e-3), (5, 1e-3)])

@@ -10,22 +10,11 @@ import pytest
 from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 
 import symmb as mb
-from symmb import (
-    Box,
-    DeclarationError,
-    FunctionSimulator,
-    MonteCarlo,
-    PolynomialChaos,
-    PropagationError,
-    Scanning,
-    Taylor,
-    Vertex,
-)
 from symmb.study import measurement as compare
 from symmb.study.measurement import compare_simulator, default_methods
 
 T = np.linspace(0.0, 1.0, 11)
-BOX = Box(k=(0.5, 1.5))
+BOX = mb.Box(k=(0.5, 1.5))
 
 
 @dataclass
@@ -41,11 +30,11 @@ class Counted:
 
 
 def simulator(f):
-    return FunctionSimulator(f, {"k": 1.0}, T, ["y"])
+    return mb.FunctionSimulator(f, {"k": 1.0}, T, ["y"])
 
 
 def test_every_method_is_scored_and_timed():
-    result = compare_simulator(simulator(lambda k: k * T), [Vertex(), MonteCarlo(20)], BOX, scene="line")
+    result = compare_simulator(simulator(lambda k: k * T), [mb.Vertex(), mb.MonteCarlo(20)], BOX, scene="line")
     vertex, random = result.rows
     assert (vertex.name, vertex.kind, vertex.evaluations, vertex.failed) == ("Vertex()", "sampled", 2, 0)
     assert vertex.score.error == pytest.approx([0.0], abs=1e-14)
@@ -55,7 +44,7 @@ def test_every_method_is_scored_and_timed():
 
 def test_the_reference_runs_on_the_tighter_simulator_only():
     plain, tight = Counted(offset=0.1), Counted()
-    result = compare_simulator(simulator(plain), [Vertex()], BOX, Scanning(5), tighter=simulator(tight))
+    result = compare_simulator(simulator(plain), [mb.Vertex()], BOX, mb.Scanning(5), tighter=simulator(tight))
     own = 3  # the solver's own error is taken at the centre and two corners
     assert tight.runs == 5 + own
     assert plain.runs >= 4 * 2 + own  # one cold and three warm rounds over two vertices
@@ -65,11 +54,11 @@ def test_the_reference_runs_on_the_tighter_simulator_only():
 
 
 def test_without_a_tighter_simulator_its_own_error_is_not_known():
-    assert compare_simulator(simulator(lambda k: k * T), [Vertex()], BOX).solver_error is None
+    assert compare_simulator(simulator(lambda k: k * T), [mb.Vertex()], BOX).solver_error is None
 
 
 def test_a_method_that_cannot_run_gives_its_reason_and_the_others_go_on():
-    result = compare_simulator(simulator(lambda k: k * T), [Taylor(2), Vertex()], BOX)
+    result = compare_simulator(simulator(lambda k: k * T), [mb.Taylor(2), mb.Vertex()], BOX)
     assert [row.name for row in result.rows] == ["Vertex()"]
     assert result.not_run[0].name == "Taylor(order=2)"
     assert "derivatives" in result.not_run[0].reason
@@ -77,42 +66,42 @@ def test_a_method_that_cannot_run_gives_its_reason_and_the_others_go_on():
 
 
 def test_reasons_name_their_method_once():
-    result = compare_simulator(simulator(lambda k: k * T), [PolynomialChaos(budget=1), Vertex()], BOX)
+    result = compare_simulator(simulator(lambda k: k * T), [mb.PolynomialChaos(budget=1), mb.Vertex()], BOX)
     assert result.not_run[0].reason.startswith("the first level takes")
-    with pytest.raises(PropagationError, match=r"run\. PolynomialChaos\(budget=1\): the first level takes"):
-        compare_simulator(simulator(lambda k: k * T), [PolynomialChaos(budget=1)], BOX)
+    with pytest.raises(mb.PropagationError, match=r"run\. PolynomialChaos\(budget=1\): the first level takes"):
+        compare_simulator(simulator(lambda k: k * T), [mb.PolynomialChaos(budget=1)], BOX)
 
 
 def test_a_single_method_need_not_be_in_a_list():
-    assert [row.name for row in mb.compare(simulator(lambda k: k * T), Vertex(), BOX).rows] == ["Vertex()"]
+    assert [row.name for row in mb.compare(simulator(lambda k: k * T), mb.Vertex(), BOX).rows] == ["Vertex()"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (([Vertex], BOX), r"compare: got the class Vertex; call it"),
-        ((Vertex, BOX), r"compare: got the class Vertex; call it"),
+        (([mb.Vertex], BOX), r"compare: got the class Vertex; call it"),
+        ((mb.Vertex, BOX), r"compare: got the class Vertex; call it"),
         (("vertex", BOX), r"compare: expected a method .* got 'vertex'"),
-        (([Vertex()], {"k": (0.5, 1.5)}), r"box: \{'k': .* is not a Box.*Box\(\*\*intervals\)"),
-        (([Vertex()], BOX, Scanning), r"reference: got the class Scanning"),
-        (([Vertex()], BOX, None, "cvodes"), r"solver: 'cvodes' is not a Solver; give an object such as CVODES"),
-        (([Vertex()], BOX, None, mb.CVODES), r"solver: got the class CVODES; call it"),
+        (([mb.Vertex()], {"k": (0.5, 1.5)}), r"box: \{'k': .* is not a Box.*Box\(\*\*intervals\)"),
+        (([mb.Vertex()], BOX, mb.Scanning), r"reference: got the class Scanning"),
+        (([mb.Vertex()], BOX, None, "cvodes"), r"solver: 'cvodes' is not a Solver; give an object such as CVODES"),
+        (([mb.Vertex()], BOX, None, mb.CVODES), r"solver: got the class CVODES; call it"),
     ],
 )
 def test_slips_are_told_before_anything_runs(arguments, message):
     f = Counted()
-    with pytest.raises(DeclarationError, match=message):
+    with pytest.raises(mb.DeclarationError, match=message):
         mb.compare(simulator(f), *arguments)
     assert f.runs == 0
 
 
 def test_no_method_that_can_run_is_an_error():
-    with pytest.raises(PropagationError, match=r"None of the methods.*Taylor\(order=1\).*derivatives"):
-        compare_simulator(simulator(lambda k: k * T), [Taylor(1)], BOX)
+    with pytest.raises(mb.PropagationError, match=r"None of the methods.*Taylor\(order=1\).*derivatives"):
+        compare_simulator(simulator(lambda k: k * T), [mb.Taylor(1)], BOX)
 
 
 def test_threads_change_nothing_but_the_time():
-    sim, methods = simulator(lambda k: np.sin(k * T)), [MonteCarlo(300), PolynomialChaos(order=3)]
+    sim, methods = simulator(lambda k: np.sin(k * T)), [mb.MonteCarlo(300), mb.PolynomialChaos(order=3)]
     alone = compare_simulator(sim, methods, BOX)
     with ThreadPoolExecutor(2) as pool:
         together = compare_simulator(sim, methods, BOX, executor=pool, threads=2)
@@ -126,9 +115,9 @@ def test_progress_of_adaptive_methods_counts_all_runs_and_tells_the_error():
     seen = []
     compare_simulator(
         simulator(lambda k: np.abs(k * T - 0.4)),
-        [PolynomialChaos()],
+        [mb.PolynomialChaos()],
         BOX,
-        Vertex(),
+        mb.Vertex(),
         progress=lambda *told: seen.append(told),
     )
     done = [k for label, k, _ in seen if label.startswith("PolynomialChaos()")]
@@ -138,7 +127,7 @@ def test_progress_of_adaptive_methods_counts_all_runs_and_tells_the_error():
 def test_progress_names_what_runs():
     seen = []
     compare_simulator(
-        simulator(lambda k: k * T), [Scanning(4)], BOX, Vertex(), progress=lambda *told: seen.append(told)
+        simulator(lambda k: k * T), [mb.Scanning(4)], BOX, mb.Vertex(), progress=lambda *told: seen.append(told)
     )
     assert ("reference", 2, 2) in seen
     assert ("Scanning(4)", 4, 4) in seen
@@ -173,30 +162,30 @@ def test_default_methods_suit_the_simulator():
 
 def test_default_grids_stay_affordable_in_many_parameters():
     names = {f"k{i}": (0.5, 1.5) for i in range(6)}
-    methods = default_methods(simulator(lambda **k: T), Box(**names))
-    assert [method for method in methods if isinstance(method, Scanning)] == [Scanning(3)]
-    assert PolynomialChaos.paper(2) in methods
-    assert PolynomialChaos.paper(3) not in methods
+    methods = default_methods(simulator(lambda **k: T), mb.Box(**names))
+    assert [method for method in methods if isinstance(method, mb.Scanning)] == [mb.Scanning(3)]
+    assert mb.PolynomialChaos.paper(2) in methods
+    assert mb.PolynomialChaos.paper(3) not in methods
     assert mb.Vertex() in methods
     many = {f"k{i}": (0.5, 1.5) for i in range(11)}
-    assert mb.Vertex() not in default_methods(simulator(lambda **k: T), Box(**many))
+    assert mb.Vertex() not in default_methods(simulator(lambda **k: T), mb.Box(**many))
 
 
-class WithJets(FunctionSimulator):
+class WithJets(mb.FunctionSimulator):
     def jets(self, p0, directions, order):
         raise NotImplementedError
 
 
 def test_taylor_joins_where_there_are_jets():
     sim = WithJets(lambda k: k * T, {"k": 1.0}, T, ["y"])
-    assert [m for m in default_methods(sim, BOX) if isinstance(m, Taylor)] == [Taylor(2), Taylor(3)]
+    assert [m for m in default_methods(sim, BOX) if isinstance(m, mb.Taylor)] == [mb.Taylor(2), mb.Taylor(3)]
     assert mb.Optimization() in default_methods(sim, BOX)
 
 
 def test_the_first_run_that_fails_is_told():
     """v = 1 / (1 - a t) ends at t = 1/a."""
     with pytest.warns(mb.SymmbWarning, match="Runs failed: 1 of the reference, 1 of Scanning"):
-        found = mb.compare(explosion(), [Scanning(3)], Box(a=(0.2, 0.6)), reference=Scanning(5))
+        found = mb.compare(explosion(), [mb.Scanning(3)], mb.Box(a=(0.2, 0.6)), reference=mb.Scanning(5))
     assert len(found.doubts) == 1
     told = " ".join(str(found).split())
     assert found.rows[0].failed == 1
@@ -205,7 +194,7 @@ def test_the_first_run_that_fails_is_told():
 
 def test_a_comparison_announces_its_runs(caplog):
     caplog.set_level("INFO", logger="symmb")
-    compare_simulator(simulator(lambda k: k * T), [Vertex(), PolynomialChaos(order=3), PolynomialChaos()], BOX)
+    compare_simulator(simulator(lambda k: k * T), [mb.Vertex(), mb.PolynomialChaos(order=3), mb.PolynomialChaos()], BOX)
     (told,) = caplog.messages
     assert "3002 runs for the reference, 6 for the methods, as many as they choose for PolynomialChaos()." in told
     assert "Each method runs 3 times or more for its run time, and once if it takes 10 s." in told
@@ -218,7 +207,7 @@ def test_the_reference_of_slow_runs_is_smaller(caplog):
         time.sleep(0.2 if k == 1.0 else 0.0)
         return k * T
 
-    result = compare_simulator(simulator(slow), [Vertex()], BOX)
+    result = compare_simulator(simulator(slow), [mb.Vertex()], BOX)
     (told,) = caplog.messages
     assert result.reference.evaluations < 1000
     assert f"{result.reference.evaluations} runs for the reference" in told
@@ -238,10 +227,10 @@ def test_the_reference_of_slow_runs_is_smaller(caplog):
     ids=repr,
 )
 def test_the_solvers_own_error_is_known_where_output_times_limit_its_steps(solver, number):
-    scene = double_pendulum(np.linspace(0.0, 3.0, number), box=Box(l1=(0.95, 1.05), l2=(0.76, 0.84)))
+    scene = double_pendulum(np.linspace(0.0, 3.0, number), box=mb.Box(l1=(0.95, 1.05), l2=(0.76, 0.84)))
     precise = isinstance(solver, mb.Rosenbrock)
     with nullcontext() if precise else pytest.warns(mb.SymmbWarning, match="exceed a thousandth of their range"):
-        found = mb.compare(scene, [Vertex()], reference=Vertex(), solver=solver)
+        found = mb.compare(scene, [mb.Vertex()], reference=mb.Vertex(), solver=solver)
     points = np.array([found.box.center, found.box.lower, found.box.upper])
     exact = np.array([double_pendulum_by_hand(p, scene.times) for p in points])
     own = mb.DAESimulator(scene, solver).run(points).Y
@@ -253,6 +242,6 @@ def test_the_solvers_own_error_is_known_where_output_times_limit_its_steps(solve
 def test_a_motion_that_every_setting_follows_exactly_has_no_solver_error():
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     p = mb.Parameters(a=1.0)
-    scene = mb.Scene(mb.System(ball, parameters=p), {"ball.x": p.a}, T, {"x": ball.x}, box=Box(a=(0.5, 1.5)))
+    scene = mb.Scene(mb.System(ball, parameters=p), {"ball.x": p.a}, T, {"x": ball.x}, box=mb.Box(a=(0.5, 1.5)))
     for solver in (mb.RungeKutta(steps=1), mb.DormandPrince(), mb.CVODES()):
-        assert mb.compare(scene, [Vertex()], reference=Vertex(), solver=solver).solver_error == [0.0]
+        assert mb.compare(scene, [mb.Vertex()], reference=mb.Vertex(), solver=solver).solver_error == [0.0]
