@@ -20,20 +20,15 @@ def pendulum(spread=0.02, end=1.0):
 def van_der_pol(spread=0.05, end=4.0):
     """x'' = mu (1 - x^2) x' - x as a mass on a line."""
     p = mb.Parameters(mu=1.0)
-    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
-    force = mb.Force("force", mass.point(0, 0), (p.mu * (1 - mass.x**2) * mass.vx - mass.x, 0))
-    system = mb.System(mass, force, parameters=p)
-    return _scene("van der Pol", system, {"mass.x": 1.5}, {"x": mass.x, "v": mass.vx}, end, mb.Box.around(p, spread))
+    law = lambda mass: p.mu * (1 - mass.x**2) * mass.vx - mass.x  # noqa: E731
+    return _on_a_line("van der Pol", p, law, 1.5, end, spread)
 
 
 def duffing(spread=0.05, end=4.0):
     """A driven oscillator with a cubic spring."""
     p = mb.Parameters(a=1.0, d=0.1)
-    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
-    law = -mass.x - p.a * mass.x**3 - p.d * mass.vx + 0.3 * ca.cos(1.2 * mb.t)
-    system = mb.System(mass, mb.Force("force", mass.point(0, 0), (law, 0)), parameters=p)
-    start = {"mass.x": 1.0 + 0.1 * p.a}
-    return _scene("Duffing", system, start, {"x": mass.x, "v": mass.vx}, end, mb.Box.around(p, spread))
+    law = lambda mass: -mass.x - p.a * mass.x**3 - p.d * mass.vx + 0.3 * ca.cos(1.2 * mb.t)  # noqa: E731
+    return _on_a_line("Duffing", p, law, 1.0 + 0.1 * p.a, end, spread)
 
 
 def spherical_pendulum(spread=0.02, end=0.5):
@@ -101,16 +96,9 @@ def driven_cart(spread=0.03, end=0.8):
     rod = mb.Body("rod", mass=p.mass, inertia=0.02, pose=mb.Planar())
     rail = mb.Prismatic("rail", mb.Ground().point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
     hinge = mb.Revolute("hinge", cart.point(0, 0), rod.point(0, 0.5))
-    system = mb.System(
-        cart,
-        rod,
-        rail,
-        hinge,
-        mb.TorsionSpring("coil", cart, rod, stiffness=2.0, damping=0.1),
-        mb.Force("push", cart.point(0, 0), (p.push * ca.sin(p.beat * mb.t), 0)),
-        mb.Gravity(0, -9.81),
-        parameters=p,
-    )
+    coil = mb.TorsionSpring("coil", cart, rod, stiffness=2.0, damping=0.1)
+    push = mb.Force("push", cart.point(0, 0), (p.push * ca.sin(p.beat * mb.t), 0))
+    system = mb.System(cart, rod, rail, hinge, coil, push, mb.Gravity(0, -9.81), parameters=p)
     outputs = {"place": cart.x, "angle": rod.theta, "rate": rod.omega, "tip": rod.point(0, -0.5).x}
     return _scene("driven cart", system, {"rod.theta": 0.4}, outputs, end, mb.Box.around(p, spread))
 
@@ -128,6 +116,13 @@ def two_tanks(spread=0.05, end=2.0):
 
 def _scene(name, system, start, outputs, end, box):
     return mb.Scene(system, start=start, times=np.linspace(0.0, end, 21), outputs=outputs, box=box, name=name)
+
+
+def _on_a_line(name, p, law, start, end, spread):
+    """A mass of 1 kg that starts at a place."""
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    system = mb.System(mass, mb.Force("force", mass.point(0, 0), (law(mass), 0)), parameters=p)
+    return _scene(name, system, {"mass.x": start}, {"x": mass.x, "v": mass.vx}, end, mb.Box.around(p, spread))
 
 
 SCENES = (pendulum, van_der_pol, duffing, spherical_pendulum, chain_of_four, lagging_motor)

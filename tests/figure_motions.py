@@ -44,22 +44,13 @@ class Motion:
             events = None
             if self.gap is not None:
 
-                def event(t, y):
+                def event(t, y, k, c):
                     return self.gap(y)
 
                 event.terminal, event.direction = True, -side
                 events = [event]
-            run = solve_ivp(
-                lambda t, y: self.rates(t, y, k, c),
-                (t, SPAN),
-                y,
-                "DOP853",
-                rtol=rtol,
-                atol=1e-13,
-                dense_output=True,
-                events=events,
-                max_step=0.1,
-            )
+            exact = {"method": "DOP853", "rtol": rtol, "atol": 1e-13, "max_step": 0.1}
+            run = solve_ivp(self.rates, (t, SPAN), y, dense_output=True, events=events, args=(k, c), **exact)
             pieces.append((t, run.t[-1], run.sol))
             t, y = run.t[-1], run.y[:, -1]
             if run.status == 1:

@@ -72,13 +72,8 @@ def flexible_crank(semantics: str = "index_2") -> Problem:
     largest, first = np.abs(values).max(axis=0), values[0]
 
     def make() -> mb.Scene:
-        scene = model(
-            "slider_crank_flexible",
-            published=True,
-            amplitudes=tuple(first[2:]),
-            rates=tuple(of["rates"]),
-            offset=0.45 + first[5] - first[1],
-        )
+        start = {"amplitudes": tuple(first[2:]), "rates": tuple(of["rates"]), "offset": 0.45 + first[5] - first[1]}
+        scene = model("slider_crank_flexible", published=True, **start)
         shares = {name: scene.outputs[name] / size for name, size in zip(known["names"], largest, strict=True)}
         return scene.with_times(known["times"]).with_outputs(shares)
 

@@ -59,6 +59,11 @@ def mechanism(seed: int) -> Mechanism:
     )
 
 
+def _options(name: str, coordinates: Any) -> dict[str, Any]:
+    """What all scenes have."""
+    return {"times": TIMES, "coordinates": coordinates, "box": mb.Box(m=(0.9, 1.1), L=(0.97, 1.03)), "name": name}
+
+
 def _unit(rng: np.random.Generator) -> Vector:
     v = rng.normal(size=3)
     return v / np.linalg.norm(v)
@@ -85,15 +90,10 @@ class _Tree:
         common = _unit(rng)
         for k in range(count):
             com = rng.uniform(-0.3, 0.3, 2 if flat else 3)
-            mass = float(rng.uniform(0.5, 2))
-            body = mb.Body(
-                f"b{k}",
-                mass * self.p.m,
-                mass * 0.08 if flat else tuple(mass * rng.uniform(0.05, 0.08, 3)),
-                mb.Planar() if flat else mb.Spatial(),
-                com=tuple(float(x) * self.p.L for x in com),
-            )
-            self.bodies.append(body)
+            mass, pose = float(rng.uniform(0.5, 2)), mb.Planar() if flat else mb.Spatial()
+            inertia = mass * 0.08 if flat else tuple(mass * rng.uniform(0.05, 0.08, 3))
+            place = tuple(float(x) * self.p.L for x in com)
+            self.bodies.append(mb.Body(f"b{k}", mass * self.p.m, inertia, pose, com=place))
             carrier = int(rng.integers(-1, k))
             joint = str(rng.choice(list(table)))
             if extra == "chain in a plane" and not flat:
@@ -111,15 +111,7 @@ class _Tree:
         last = self.bodies[-1]
         outputs = {f"{body.name}.{c}": getattr(body, c) for body in self.bodies for c in "xyz"[: 2 if flat else 3]}
         outputs |= {"speed": last.vx, "acceleration": self.system.ddt(last.vy)}
-        self.scene = mb.Scene(
-            self.system,
-            start=self.start,
-            times=TIMES,
-            outputs=outputs,
-            coordinates=coordinates,
-            box=mb.Box(m=(0.9, 1.1), L=(0.97, 1.03)),
-            name="redundant",
-        )
+        self.scene = mb.Scene(self.system, self.start, outputs=outputs, **_options("redundant", coordinates))
 
     @property
     def system(self) -> mb.System:
@@ -297,16 +289,9 @@ def _four_bar(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
     along = [sum(float(R[i, k]) * place[i] for i in range(3)) if spatial else place[k] for k in range(2)]
     # The crank's rotation is listed, so that both start alike whatever the size.
     held = {"crank.rotation": guess.pop("crank.rotation")} if spatial else {"crank.theta": guess.pop("crank.theta")}
-    return mb.Scene(
-        system,
-        start=held | {"A.angle_rate": float(rate)},
-        guess=guess,
-        times=TIMES,
-        outputs={"x": along[0], "y": along[1], "rate": foot.angle_rate},
-        coordinates=coordinates,
-        box=mb.Box(m=(0.9, 1.1), L=(0.97, 1.03)),
-        name="four-bar",
-    )
+    outputs = {"x": along[0], "y": along[1], "rate": foot.angle_rate}
+    start = held | {"A.angle_rate": float(rate)}
+    return mb.Scene(system, start, guess=guess, outputs=outputs, **_options("four-bar", coordinates))
 
 
 def _cranks(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
@@ -319,7 +304,7 @@ def _cranks(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
     angle, rate = float(rng.uniform(-3, 3)), float(rng.uniform(-3, 3))
     pins, pull = rng.uniform(-1, 1, (3, 2)), np.array([*rng.uniform(-9, 9, 2), 0.0])
     inertia = crank * length**2 / 12 * p.m * p.L**2
-    more = {"times": TIMES, "coordinates": coordinates, "box": mb.Box(m=(0.9, 1.1), L=(0.97, 1.03)), "name": "cranks"}
+    more = _options("cranks", coordinates)
     if not spatial:
         mass, arm = 3 * crank + plate, length * (1.5 * crank + plate) / (3 * crank + plate)
         whole = length**2 * (3 * crank / 3 + plate) - mass * arm**2
@@ -334,20 +319,13 @@ def _cranks(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
     along = length * np.array([np.cos(angle), np.sin(angle), 0.0])
     guess |= {f"table.{c}": float(v) for c, v in zip("xyz", R @ along, strict=True)}
     for i, pin in enumerate(pins):
-        foot = R @ [*pin, 0.0]
+        foot, half = R @ [*pin, 0.0], length / 2 * p.L
+        feet = ground.point(*(float(v) * p.L for v in foot))
         bar = mb.Body(f"c{i}", crank * p.m, (0.1 * inertia, inertia, inertia), mb.Spatial())
         elements += [
             bar,
-            mb.Revolute(
-                f"A{i}",
-                ground.point(*(float(v) * p.L for v in foot)),
-                bar.point(-length / 2 * p.L, 0, 0),
-                axis=tuple(R[:, 2]),
-                axis_b=(0, 0, 1),
-            ),
-            mb.Revolute(
-                f"B{i}", bar.point(length / 2 * p.L, 0, 0), table.point(*(float(v) * p.L for v in (*pin, 0.0)))
-            ),
+            mb.Revolute(f"A{i}", feet, bar.point(-half, 0, 0), axis=tuple(R[:, 2]), axis_b=(0, 0, 1)),
+            mb.Revolute(f"B{i}", bar.point(half, 0, 0), table.point(*(float(v) * p.L for v in (*pin, 0.0)))),
         ]
         guess |= {f"c{i}.{c}": float(v) for c, v in zip("xyz", foot + R @ along / 2, strict=True)}
         guess[f"c{i}.rotation"] = turn @ mb.rotation((0, 0, 1), angle)

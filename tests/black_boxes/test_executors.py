@@ -354,17 +354,8 @@ class Mapping(Failing):
         return map(f, items) if f is abs else self._called("map", None)
 
 
-RAISED = [
-    OSError("odd"),
-    RecursionError(),
-    OddError(),
-    StopIteration(3),
-    TimeoutError(),
-    InvalidStateError(),
-    asyncio.CancelledError(),
-    SystemExit(3),
-    GeneratorExit(),
-]
+KINDS = RecursionError, OddError, TimeoutError, InvalidStateError, asyncio.CancelledError, GeneratorExit
+RAISED = [OSError("odd"), StopIteration(3), SystemExit(3), *(kind() for kind in KINDS)]
 RETURNED = [Odd(), None, Failing, (Odd(), 1, b""), (1, 2), 3]
 CALLS = {
     "done": (Failing, RAISED),

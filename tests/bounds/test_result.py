@@ -75,16 +75,9 @@ def test_print_tells_kind_cost_extremes_and_widths():
     width = upper - lower
     name, *numbers = lines[-1].replace("≤", "").split()
     assert name == "x"
-    expected = [
-        lower.min(),
-        TIMES[lower.argmin()],
-        bounds.nominal[lower.argmin(), 0],
-        upper.max(),
-        TIMES[upper.argmax()],
-        bounds.nominal[upper.argmax(), 0],
-        width.max(),
-        TIMES[width.argmax()],
-    ]
+    extremes = ((lower, lower.argmin()), (upper, upper.argmax()))
+    expected = [part for curve, i in extremes for part in (curve[i], TIMES[i], bounds.nominal[i, 0])]
+    expected += [width.max(), TIMES[width.argmax()]]
     np.testing.assert_allclose([float(n) for n in numbers[:8]], expected, rtol=1e-5)
     assert float(numbers[8]) == pytest.approx(bounds.estimate.max(), rel=0.05)
     assert str(mb.propagate(Wave(), mb.Vertex(), BOX)).endswith("–")

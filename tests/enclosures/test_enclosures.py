@@ -322,28 +322,24 @@ def test_planted_rounding_is_found(monkeypatch, name, share):
     assert worst > error
 
 
-def test_a_defect_left_out_is_found(monkeypatch):
-    scene = pendulum(spread=0.2)
+PLANTED = {
+    "a defect is left out": {(steps, "defect_of_motion"): lambda step, *rest: np.full(step.problem.n, 1e-15)},
+    "aliasing is left out, on as many nodes as there are terms": {
+        (defects.ch, "aliasing"): lambda rho, counts: 0.0,
+        (defects, "node_counts"): lambda rho, ratio, most: (20, 1),
+    },
+    "too few nodes for a polynomial": {(defects, "_grid"): lambda degrees, numbers: (20, 1)},
+}
+
+
+@pytest.mark.parametrize("fault", PLANTED)
+def test_planted_defects_are_found(monkeypatch, fault):
+    """On too few nodes, a defect is almost invisible. That of van der Pol's equation is a polynomial."""
+    scene = van_der_pol(spread=0.1, end=1.0) if "polynomial" in fault else pendulum(spread=0.2)
     problem, found = _enclosed(scene, order=2)
-    assert check(problem, found).outside <= INSIDE
-    monkeypatch.setattr(steps, "defect_of_motion", lambda step, *rest: np.full(step.problem.n, 1e-15))
-    assert check(problem, enclose(problem, 2, 1)).outside > 100 * INSIDE
-
-
-def test_aliasing_left_out_is_found(monkeypatch):
-    """On as many nodes as there are terms, a defect is almost invisible."""
-    problem, _ = _enclosed(pendulum(spread=0.2), order=2)
-    monkeypatch.setattr(defects.ch, "aliasing", lambda rho, counts: 0.0)
-    monkeypatch.setattr(defects, "node_counts", lambda rho, ratio, most: (20, 1))
-    found = enclose(problem, 2, 1)
-    assert check(problem, found).outside > 100 * INSIDE
-
-
-def test_too_few_nodes_for_a_polynomial_are_found(monkeypatch):
-    """Van der Pol's equation: on one node in the parameter, a defect is almost invisible."""
-    problem, found = _enclosed(van_der_pol(spread=0.1, end=1.0), order=2)
     assert not found.why and check(problem, found).outside <= INSIDE
-    monkeypatch.setattr(defects, "_grid", lambda degrees, numbers: (20, 1))
+    for (module, name), wrong in PLANTED[fault].items():
+        monkeypatch.setattr(module, name, wrong)
     assert check(problem, enclose(problem, 2, 1)).outside > 100 * INSIDE
 
 

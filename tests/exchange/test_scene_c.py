@@ -29,20 +29,10 @@ def crane():
     top = mb.Revolute("top", mb.Ground().point(0, 0), upper.point(0, p.length))
     middle, torque = mb.Revolute("middle", upper.point(0, 0), lower.point(0, p.length)), mb.Input("torque")
     side = mb.Force("side", lower.point(0, 0), (p.pull, 0))
-    system = mb.System(
-        upper,
-        lower,
-        top,
-        middle,
-        side,
-        torque,
-        mb.Actuator("motor", top, torque.value),
-        mb.Gravity(0, -9.81),
-        parameters=p,
-    )
-    return mb.Scene(
-        system, times=np.linspace(0, 1, 11), outputs={"x": lower.x, "load": system.reaction("top").fy}, equilibrium=True
-    )
+    motor = mb.Actuator("motor", top, torque.value)
+    system = mb.System(upper, lower, top, middle, side, torque, motor, mb.Gravity(0, -9.81), parameters=p)
+    outputs = {"x": lower.x, "load": system.reaction("top").fy}
+    return mb.Scene(system, times=np.linspace(0, 1, 11), outputs=outputs, equilibrium=True)
 
 
 def library(scene, folder, solver=None):

@@ -180,16 +180,13 @@ def test_closed_loop_hangs_in_equilibrium():
     ground = mb.Ground()
     left, right = (mb.Body(name, mass=1.0, inertia=1 / 12) for name in ("left", "right"))
     bar = mb.Body("bar", mass=2.0, inertia=5.0)
-    system = mb.System(
-        left,
-        right,
-        bar,
+    hinges = [
         mb.Revolute("a", ground.point(0, 0), left.point(0, 0.5)),
         mb.Revolute("b", left.point(0, -0.5), bar.point(-1, 0)),
         mb.Revolute("c", bar.point(1, 0), right.point(0, -0.5)),
         mb.Revolute("d", right.point(0, 0.5), ground.point(2, 0)),
-        mb.Gravity(0, -9.81),
-    )
+    ]
+    system = mb.System(left, right, bar, *hinges, mb.Gravity(0, -9.81))
     guess = {"left.y": -0.5, "right.x": 2.0, "right.y": -0.5, "bar.x": 1.0, "bar.y": -1.0}
     for coordinates in ("joint", "body"):
         lin = mb.linearize(mb.Scene(system, {"left.theta": 0.0}, guess=guess, coordinates=coordinates))

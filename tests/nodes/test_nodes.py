@@ -13,20 +13,13 @@ from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, Leja, SparseGrid
 
 
 @pytest.mark.parametrize("rule", ALL_RULES, ids=repr)
-@pytest.mark.parametrize("degree", [0, 1, 2, 3, 6, 12, 21])
-def test_lines_integrate_their_degree(rule, degree):
-    x, w = rule.line(degree)
-    powers = np.arange(degree + 1)
-    assert len(x) == degree + 1 and np.abs(x).max() <= 1
-    np.testing.assert_allclose(w @ x[:, None] ** powers, (powers % 2 == 0) / (powers + 1), atol=1e-13)
-
-
-@pytest.mark.parametrize("rule", ALL_RULES, ids=repr)
-@pytest.mark.parametrize("level", range(6))
-def test_levels_of_lines_integrate_twice_their_level_and_one(rule, level):
-    x, w = rule.line(rule.degree(level))
-    powers = np.arange(2 * level + 2)
-    np.testing.assert_allclose(w @ x[:, None] ** powers, (powers % 2 == 0) / (powers + 1), atol=1e-13)
+@pytest.mark.parametrize("number", [0, 1, 2, 3, 4, 5, 6, 12, 21])
+def test_lines_integrate_their_degree_and_levels_twice_their_number_and_one(rule, number):
+    for degree, most in ((number, number), *([(rule.degree(number), 2 * number + 1)] if number < 6 else [])):
+        x, w = rule.line(degree)
+        powers = np.arange(most + 1)
+        assert len(x) == degree + 1 and np.abs(x).max() <= 1
+        np.testing.assert_allclose(w @ x[:, None] ** powers, (powers % 2 == 0) / (powers + 1), atol=1e-13)
 
 
 @pytest.mark.parametrize("rule", ALL_RULES, ids=repr)

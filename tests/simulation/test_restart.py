@@ -70,37 +70,14 @@ def servo(coordinates):
     filtered = mb.State("filtered", rate=lambda z: (shoulder.angle - z) / 0.3)
     control = mb.Sampled("control", 0.037, lambda held: 0.5 * held - p.gain * filtered.value + ca.sin(5 * mb.t))
     brake = mb.Sampled("brake", 0.05, control.value - wrist.angle_rate)
-    system = mb.System(
-        arm,
-        tool,
-        free,
-        shoulder,
-        wrist,
-        filtered,
-        control,
-        brake,
-        mb.Actuator("first", shoulder, control.value),
-        mb.Actuator("second", wrist, 0.3 * brake.value + 1),
-        mb.Gravity(0, 0, -9.81),
-        mb.Force("lift", free.point(0, 0, 0), (0, 0, 9.81 - ca.cos(mb.t))),
-        parameters=p,
-    )
-    return mb.Scene(
-        system,
-        start={"shoulder.angle": 0.2, "wrist.angle_rate": 9.0, "filtered": 0.1, "control": 0.3, "free.vx": 2.0},
-        times=np.linspace(1, 3, 41),
-        outputs={
-            "turns": wrist.angle,
-            "angle": shoulder.angle,
-            "control": control.value,
-            "brake": brake.value,
-            "filtered": filtered.value,
-            "free_x": free.x,
-            "free_z": free.z,
-            "force": system.reaction("wrist").fz,
-        },
-        coordinates=coordinates,
-    )
+    motors = mb.Actuator("first", shoulder, control.value), mb.Actuator("second", wrist, 0.3 * brake.value + 1)
+    lift = mb.Force("lift", free.point(0, 0, 0), (0, 0, 9.81 - ca.cos(mb.t)))
+    own = filtered, control, brake
+    system = mb.System(arm, tool, free, shoulder, wrist, *own, *motors, lift, mb.Gravity(0, 0, -9.81), parameters=p)
+    start = {"shoulder.angle": 0.2, "wrist.angle_rate": 9.0, "filtered": 0.1, "control": 0.3, "free.vx": 2.0}
+    outputs = {part.name: part.value for part in own} | {"turns": wrist.angle, "angle": shoulder.angle}
+    outputs |= {"free_x": free.x, "free_z": free.z, "force": system.reaction("wrist").fz}
+    return mb.Scene(system, start, np.linspace(1, 3, 41), outputs, coordinates=coordinates)
 
 
 @pytest.mark.parametrize("coordinates", ["joint", "body"])

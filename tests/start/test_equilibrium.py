@@ -13,13 +13,9 @@ def pendulum(**options) -> mb.Scene:
     """A rod pushed sideways at its end: tan(theta) = 2 F / (m g), for theta from the downward vertical."""
     p = mb.Parameters(push=3.0)
     rod = mb.Body("rod", mass=2.0, inertia=0.1, pose=mb.Planar())
-    system = mb.System(
-        rod,
-        mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, 0.5)),
-        mb.Gravity(0, -G),
-        mb.Force("push", rod.point(0, -0.5), (p.push, 0)),
-        parameters=p,
-    )
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, 0.5))
+    push = mb.Force("push", rod.point(0, -0.5), (p.push, 0))
+    system = mb.System(rod, hinge, push, mb.Gravity(0, -G), parameters=p)
     times = np.linspace(0.0, 1.0, 11)
     return mb.Scene(system, times=times, outputs={"theta": rod.theta}, box=mb.Box(push=(1.0, 6.0)), **options)
 
@@ -85,13 +81,8 @@ def test_a_contact_carries_a_block():
     block = mb.Body("block", mass=3.0, pose=mb.Particle())
     law = mb.HuntCrossley(stiffness=1e7, restitution=0.5, speed=1.0)
     contact = mb.Contact("foot", block.point(0, 0, 0), mb.Ground().point(0, 0, 0), (0, 0, 1), law)
-    scene = mb.Scene(
-        mb.System(block, contact, mb.Gravity(0, 0, -G)),
-        times=[0.0, 0.1],
-        outputs={"z": block.z},
-        guess={"block.z": 0.01},
-        equilibrium=True,
-    )
+    system, outputs = mb.System(block, contact, mb.Gravity(0, 0, -G)), {"z": block.z}
+    scene = mb.Scene(system, times=[0.0, 0.1], outputs=outputs, guess={"block.z": 0.01}, equilibrium=True)
     assert mb.simulate(scene)["z"] == pytest.approx(np.full(2, -((3.0 * G / 1e7) ** (2 / 3))), abs=1e-10)
 
 

@@ -75,13 +75,8 @@ def swing(E, rho, h, zeta, at=None, parameters=None, stiffening=True, pose=None)
     arm, ground = mb.FlexibleBody("arm", modes, pose or mb.Planar()), mb.Ground()
     joint = mb.Revolute if planar else mb.Spherical
     push = (0.0, ca.sin(3 * mb.t), *([] if planar else [0.5]))
-    system = mb.System(
-        arm,
-        joint("pin", ground.point(0, 0), arm.point(0, 0)),
-        mb.Force("push", arm.point(1.0, 0), push),
-        mb.Gravity(0, -9.81),
-        parameters=parameters,
-    )
+    pin, force = joint("pin", ground.point(0, 0), arm.point(0, 0)), mb.Force("push", arm.point(1.0, 0), push)
+    system = mb.System(arm, pin, force, mb.Gravity(0, -9.81), parameters=parameters)
     tip = arm.node(8)
     return mb.Scene(system, times=np.linspace(0, 0.3, 31), outputs={"x": tip.x, "y": tip.y})
 
@@ -110,13 +105,8 @@ def test_a_run_is_that_of_the_body_in_numbers(stiffening, pose, height, toleranc
 def cantilever(box, **options):
     modes = bar(P.E, P.rho, P.h, at=box).modes(clamped=0, interfaces=[8], planar=True, **options)
     arm, ground = mb.FlexibleBody("arm", modes, mb.Planar()), mb.Ground()
-    system = mb.System(
-        arm,
-        mb.Weld("clamp", ground.point(0, 0), arm.point(0, 0)),
-        mb.Force("weight", arm.node(8), (0.0, -20.0)),
-        mb.Gravity(0, -9.81),
-        parameters=P,
-    )
+    clamp, weight = mb.Weld("clamp", ground.point(0, 0), arm.point(0, 0)), mb.Force("weight", arm.node(8), (0.0, -20.0))
+    system = mb.System(arm, clamp, weight, mb.Gravity(0, -9.81), parameters=P)
     times = np.linspace(0, 0.01, 3)
     return mb.Scene(system, times=times, outputs={"tip": arm.node(8).y}, box=box, equilibrium=True)
 

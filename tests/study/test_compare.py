@@ -113,13 +113,8 @@ def test_threads_change_nothing_but_the_time():
 
 def test_progress_of_adaptive_methods_counts_all_runs_and_tells_the_error():
     seen = []
-    compare_simulator(
-        simulator(lambda k: np.abs(k * T - 0.4)),
-        [mb.PolynomialChaos()],
-        BOX,
-        mb.Vertex(),
-        progress=lambda *told: seen.append(told),
-    )
+    kink, watch = simulator(lambda k: np.abs(k * T - 0.4)), lambda *told: seen.append(told)
+    compare_simulator(kink, [mb.PolynomialChaos()], BOX, mb.Vertex(), progress=watch)
     done = [k for label, k, _ in seen if label.startswith("PolynomialChaos()")]
     assert done[:5] == sorted(done[:5]) and "estimated error" in seen[-1][0]
 

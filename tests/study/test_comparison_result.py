@@ -15,20 +15,10 @@ ONE = np.ones((5, 2))
 
 def row(reference, name="Vertex()", kind="sampled", short=0.0, **more):
     lower, upper = reference.lower + short, reference.upper
-    estimate = more.get("estimate")
-    return Row(
-        name=name,
-        kind=kind,
-        evaluations=4,
-        failed=more.get("failed", 0),
-        setup_seconds=0.5,
-        run_seconds=0.0123,
-        lower=lower,
-        upper=upper,
-        estimate=estimate,
-        inner=more.get("inner"),
-        score=reference.yardstick.score(lower, upper, estimate),
-    )
+    own = {"estimate": None, "inner": None, "failed": 0} | more
+    score = reference.yardstick.score(lower, upper, own["estimate"])
+    cost = {"evaluations": 4, "setup_seconds": 0.5, "run_seconds": 0.0123}
+    return Row(name=name, kind=kind, lower=lower, upper=upper, score=score, **cost, **own)
 
 
 def comparison(uncertainty=(1e-3, 1e-3), reference_upper=ONE, **more):
@@ -41,19 +31,10 @@ def comparison(uncertainty=(1e-3, 1e-3), reference_upper=ONE, **more):
         "not_run": (NotRun("Taylor(order=2)", "It needs derivatives."),),
         **more,
     }
-    return Comparison(
-        scene="crane",
-        times=T,
-        outputs=("x", "load [N]"),
-        box=Box(l1=(0.95, 1.05)),
-        solver="IDAS()",
-        reference=reference,
-        setup_seconds=0.5,
-        solver_error=np.array([1e-6, 2e-6]),
-        threads=1,
-        repeats=3,
-        **methods,
-    )
+    subject = {"scene": "crane", "times": T, "outputs": ("x", "load [N]"), "box": Box(l1=(0.95, 1.05))}
+    cost = {"setup_seconds": 0.5, "threads": 1, "repeats": 3}
+    own = np.array([1e-6, 2e-6])
+    return Comparison(**subject, solver="IDAS()", reference=reference, solver_error=own, **cost, **methods)
 
 
 def test_json_has_the_documented_layout():

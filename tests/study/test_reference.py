@@ -68,20 +68,8 @@ def test_a_given_method_is_used_as_it_is():
 
 
 def given(names=("y",), t=T, estimate=None):
-    shape = (len(t), len(names))
-    return Bounds(
-        t=t,
-        names=names,
-        lower=np.zeros(shape),
-        upper=np.full(shape, 2.0),
-        estimate=estimate,
-        inner=None,
-        kind="estimate",
-        method="by hand",
-        evaluations=7,
-        failed=(),
-        seconds=1.0,
-    )
+    lower = np.zeros((len(t), len(names)))
+    return Bounds(t, names, lower, lower + 2.0, "estimate", "by hand", 7, estimate, seconds=1.0)
 
 
 def test_given_bounds_state_their_own_uncertainty():
