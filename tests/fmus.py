@@ -113,17 +113,12 @@ void *fmi2Instantiate(const char *n, int kind, const char *guid, const char *r, 
 void fmi2FreeInstance(Model *m) { free(m); }
 F(SetupExperiment)(Model *m, int d, double tolerance, double start, int e, double stop) { m->start = start; return 0; }
 F(EnterInitializationMode)(Model *m) { return 0; }
-F(ExitInitializationMode)(Model *m) { return begin(m); }
-F(Terminate)(Model *m) { return 0; }
-F(Reset)(Model *m) { %(reset)s return 0; }
 F(GetReal)(Model *m, const unsigned *vr, size_t n, double *y) { while (n--) *y++ = value_of(m, *vr++); return 0; }
 F(GetInteger)(Model *m, const unsigned *vr, size_t n, int *y) { while (n--) *y++ = value_of(m, *vr++); return 0; }
 F(SetReal)(Model *m, const unsigned *vr, size_t n, const double *y) { while (n--) m->value[*vr++] = *y++; return 0; }
 F(SetInteger)(Model *m, const unsigned *vr, size_t n, const int *y) { while (n--) m->value[*vr++] = *y++; return 0; }
 F(DoStep)(Model *m, double t, double h, int b) { return steps(m, t, h); }
 F(GetBooleanStatus)(Model *m, int kind, int *value) { *value = m->ended; return 0; }
-F(EnterEventMode)(Model *m) { return 0; }
-F(EnterContinuousTimeMode)(Model *m) { return 0; }
 F(NewDiscreteStates)(Model *m, fmi2EventInfo *info) {
     update(m);
     memset(info, 0, sizeof *info);
@@ -131,17 +126,6 @@ F(NewDiscreteStates)(Model *m, fmi2EventInfo *info) {
     return 0;
 }
 F(CompletedIntegratorStep)(Model *m, int a, int *event, int *ends) { *event = 0; *ends = m->ended; return 0; }
-F(SetTime)(Model *m, double t) { m->value[TIME] = t; return 0; }
-F(SetContinuousStates)(Model *m, const double *x, size_t n) { memcpy(m->value + POSITION, x, 16); return 0; }
-F(GetContinuousStates)(Model *m, double *x, size_t n) { memcpy(x, m->value + POSITION, 16); return 0; }
-F(GetNominalsOfContinuousStates)(Model *m, double *x, size_t n) { x[0] = x[1] = 1; return 0; }
-F(GetDerivatives)(Model *m, double *dx, size_t n) {
-    int status = status_of(m);
-    rates(m, m->value[TIME], m->value + POSITION, dx);
-    return status == 2 ? 0 : status;
-}
-F(GetEventIndicators)(Model *m, double *z, size_t n) { z[0] = m->value[POSITION] - LEVEL; return 0; }
-%(stubs)s
 """
 
 FMI3 = r"""
@@ -172,9 +156,6 @@ void fmi3FreeInstance(Model *m) { free(m); }
 F(EnterInitializationMode)(Model *m, bool d, double tolerance, double start, bool e, double stop) {
     m->start = start; return 0;
 }
-F(ExitInitializationMode)(Model *m) { return begin(m); }
-F(Terminate)(Model *m) { return 0; }
-F(Reset)(Model *m) { %(reset)s return 0; }
 #define GET(name, type) F(Get##name)(Model *m, const unsigned *vr, size_t nvr, type *y, size_t n) \
     { while (n--) *y++ = value_of(m, *vr++); return 0; }
 #define SET(name, type) F(Set##name)(Model *m, const unsigned *vr, size_t nvr, const type *y, size_t n) \
@@ -185,14 +166,20 @@ F(DoStep)(Model *m, double t, double h, bool b, bool *event, bool *ends, bool *e
     *event = *early = 0; *ends = m->ended; *last = m->value[TIME];
     return status == 2 ? 0 : status;
 }
-F(EnterEventMode)(Model *m) { return 0; }
-F(EnterContinuousTimeMode)(Model *m) { return 0; }
 F(UpdateDiscreteStates)(Model *m, bool *more, bool *ends, bool *a, bool *b, bool *planned, double *time) {
     update(m);
     *more = *ends = *a = *b = 0; *planned = !m->has_time; *time = ON;
     return 0;
 }
 F(CompletedIntegratorStep)(Model *m, bool a, bool *event, bool *ends) { *event = 0; *ends = m->ended; return 0; }
+"""
+
+BOTH = r"""
+F(ExitInitializationMode)(Model *m) { return begin(m); }
+F(Terminate)(Model *m) { return 0; }
+F(Reset)(Model *m) { %(reset)s return 0; }
+F(EnterEventMode)(Model *m) { return 0; }
+F(EnterContinuousTimeMode)(Model *m) { return 0; }
 F(SetTime)(Model *m, double t) { m->value[TIME] = t; return 0; }
 F(SetContinuousStates)(Model *m, const double *x, size_t n) { memcpy(m->value + POSITION, x, 16); return 0; }
 F(GetContinuousStates)(Model *m, double *x, size_t n) { memcpy(x, m->value + POSITION, 16); return 0; }
@@ -280,7 +267,9 @@ def library(version, folder, reset="set_start(m);"):
     from fmpy import fmi2, fmi3
 
     compiler = shutil.which("cc") or shutil.which("gcc")
-    code = {2: FMI2, 3: FMI3}[version]
+    code = {2: FMI2, 3: FMI3}[version] + BOTH
+    if version == 2:
+        code = code.replace("GetContinuousStateDerivatives", "GetDerivatives")
     classes = (fmi2.FMU2Model, fmi2.FMU2Slave) if version == 2 else (fmi3.FMU3Model, fmi3.FMU3Slave)
     names = {name for kind in classes for name, _ in inspect.getmembers(kind) if name.startswith(f"fmi{version}")}
     own = [name.removeprefix(f"fmi{version}") for name in sorted(names)]

@@ -75,20 +75,17 @@ def test_laws_that_are_cut_are_told_together():
     assert told.endswith("with a probability of 0.37 outside.")
 
 
-def test_probability_of_an_event_at_any_time():
-    """a + b t over t = 0, 1, 2 exceeds 1 if a or a + 2 b does."""
+def test_probability_of_an_event_at_any_time_and_the_reject_rate_of_a_limit_with_two_ends():
+    """a + b t over t = 0, 1, 2 exceeds 1 if a or a + 2 b does.
+
+    It leaves (0.5, 1.5) at t = 1 with 1/8 to either side, and ever if a < 0.5 or a + 2 b > 1.5.
+    """
     even = {"a": st.uniform(0, 1), "b": st.uniform(0, 1)}
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0, 1), b=(0, 1)))
     found = bounds.probability("y", above=1.0, laws=even)
     assert found.ever[0] == pytest.approx(0.75, abs=found.ever[2])  # 1 - P(a + 2 b < 1)
     assert found.ever[2] < 0.02
     assert found.lower[1] == pytest.approx(0.5, abs=float(found.estimate[1]))
-
-
-def test_the_reject_rate_of_a_limit_with_two_ends():
-    """a + b t leaves (0.5, 1.5): at t = 1 with 1/8 to either side, and ever if a < 0.5 or a + 2 b > 1.5."""
-    even = {"a": st.uniform(0, 1), "b": st.uniform(0, 1)}
-    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0, 1), b=(0, 1)))
     found = bounds.probability("y", above=1.5, below=0.5, laws=even)
     assert found.event == "y below 0.5 or above 1.5"
     assert found.lower[:2] == pytest.approx([0.5, 0.25], abs=found.estimate[:2].max())

@@ -90,19 +90,13 @@ def test_one_log_log_curve_a_family_with_its_runs():
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["Scanning", "Taylor"]
 
 
-def test_an_error_below_the_uncertainty_is_a_hollow_marker_on_it():
-    axes = error_axes(draw([curve("Scanning(9)", error=1e-6)], uncertainty=1e-3))
+@pytest.mark.parametrize(("error", "uncertainty", "drawn"), [(1e-6, 1e-3, 1e-3), (0.0, 0.0, 1e-16)])
+def test_an_error_below_uncertainty_or_rounding_is_a_hollow_marker_on_it(error, uncertainty, drawn):
+    axes = error_axes(draw([curve("Scanning(9)", error=error)], uncertainty=uncertainty))
     marker = next(line for line in axes.lines if line.get_marker() == "o" and len(line.get_xdata()))
-    assert marker.get_ydata() == [1e-3]
+    assert marker.get_ydata() == [drawn]
     assert marker.get_markerfacecolor() == "white"
-    assert axes.get_ylim() == pytest.approx((1e-4, 1e-2))
-
-
-def test_no_error_at_all_is_drawn_at_rounding():
-    axes = error_axes(draw([curve("Vertex()", error=0.0)]))
-    marker = next(line for line in axes.lines if line.get_marker() == "o" and len(line.get_xdata()))
-    assert marker.get_ydata() == [1e-16]
-    assert marker.get_markerfacecolor() == "white"
+    assert axes.get_ylim() == pytest.approx((drawn / 10, drawn * 10))
 
 
 def test_numbers_keep_clear_of_each_other():

@@ -7,19 +7,15 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import ALL_SOLVERS
+from small_scenes import particle
 
 import symmb as mb
 from models import double_pendulum, four_bar, slider_crank
 from symmb.simulation import DAESimulator
 
 
-def oscillator(times, stiffness=4.0):
-    p = mb.Parameters(stiffness=stiffness)
-    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
-    system = mb.System(mass, mb.Force("pull", mass.point(0, 0, 0), (-p.stiffness * mass.x, 0, 0)), parameters=p)
-    return mb.Scene(
-        system, start={"mass.x": 1.0}, times=times, outputs={"x": mass.x}, box=mb.Box.around(p, 0.1), name="oscillator"
-    )
+def oscillator(times, k=4.0):
+    return particle(lambda p, mass: -p.k * mass.x, times, {"mass.x": 1.0}, k=(0.9 * k, 1.1 * k))
 
 
 def wrong_by(simulator, shift):
@@ -77,12 +73,8 @@ def test_errors_of_a_checked_run_are_those_of_the_closed_form(solver, rate):
 
 def test_second_way_that_breaks_down_is_told():
     """Explicit steps creep into a singularity of the force, in which no way goes on."""
-    p = mb.Parameters(k=1.0)
-    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
-    pull = mb.Force("pull", mass.point(0, 0, 0), (-p.k / mass.x**3, 0, 0))
-    system = mb.System(mass, pull, parameters=p)
-    scene = mb.Scene(system, start={"mass.x": 1.0}, times=np.linspace(0, 0.9, 10), outputs={"x": mass.x})
-    simulator = DAESimulator(scene)
+    law = lambda p, mass: -p.k / mass.x**3  # noqa: E731
+    simulator = DAESimulator(particle(law, np.linspace(0, 0.9, 10), {"mass.x": 1.0}, k=(1.0, 1.0)))
     ways = simulator.two_ways(np.array([1.0]))
     assert not ways.unchecked and not ways.doubts
     ways = simulator.two_ways(np.array([2.0]))  # x = sqrt(1 - k t^2) ends at 0.707 s
