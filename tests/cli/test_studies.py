@@ -131,7 +131,7 @@ def test_spread_is_around_nominal_values_of_the_simulator(study, capsys):
     assert "box: k [0.8, 1.2]" in capsys.readouterr().out
 
 
-def test_a_scene_keeps_itsruns(tmp_path, capsys):
+def test_a_scene_keeps_its_runs(tmp_path, capsys):
     for _ in range(2):
         assert (
             main(["compare", "cubic", "--methods", "pce:2:paper", "taylor:1", "--store", str(tmp_path / "c.db")]) == 0
