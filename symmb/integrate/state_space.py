@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -10,9 +11,10 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.codegen import REASONS, FailureCode
 from symmb.events import longest_step
-from symmb.integrate.initial_value_problem import build_problem
+from symmb.integrate.initial_value_problem import InitialValueProblem, build_problem
 from symmb.integrate.integration import Integration, RunAdvance, stateless_integration
-from symmb.integrate.side_walk import Stops
+from symmb.integrate.one_sided import one_sided
+from symmb.integrate.side_walk import SideWalk, Stops
 from symmb.integrate.solver import Solver
 from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE
@@ -68,65 +70,78 @@ spatial mechanism is solved 20 to 50 times less accurately with 3 to 100, in up 
 
 
 class _Partitioned(Integration):
-    """Runs by SciPy's DOP853, one sample after the other."""
+    """Runs by SciPy's DOP853, one sample after the other; in pieces on one side of each switch of the state."""
 
     def __init__(self, solver: StateSpace, dae: DAE, times: Array, work: bool) -> None:
         problem = build_problem(dae, None, algebraic=False, work=work)
         n_x, n_quad = problem.x.numel(), problem.quad.numel()
         guess = ca.Function("guess", [problem.x, problem.p, problem.t], [ca.SX(0, 1)])
-        stops, samples = SwitchPasses(dae, times, solver.rtol).stops, dae.sampling is not None
-        super().__init__(times, n_x, n_quad, None, None, guess, problem.projection(), stops=stops, samples=samples)
-        self._rates = common(
-            "rates", [problem.x, problem.p, problem.t], [ca.densify(ca.vertcat(problem.ode, problem.quad))]
-        )
-        self._constraints, tolerances = _Constraints(dae), solver.tolerances(dae, n_quad=n_quad)
+        passes, project = SwitchPasses(dae, times, solver.rtol), problem.projection()
+        samples = dae.sampling is not None
+        super().__init__(times, n_x, n_quad, None, None, guess, project, stops=passes.stops, samples=samples)
+        self._equations, tolerances = _Equations(dae, problem), solver.tolerances(dae, n_quad=n_quad)
         atol = tolerances.absolute(n_x + n_quad)
         self._options = {"rtol": tolerances.rtol, "atol": atol, "max_step": longest_step(dae, times)}
+        self._sides = one_sided(dae) if passes.are_possible else None
+        if self._sides is not None:
+            smooth = self._sides.dae
+            self._smooth = _Equations(smooth, build_problem(smooth, None, algebraic=False, work=work))
 
     def _pieces(self, p: Array, stops: Stops) -> RunAdvance:
-        path = _Path(self._constraints, self._rates, p, self._options, self._statistics)
-        least, last = 1e-3 * float(np.ptp(self.times)), float(self.times[-1])
+        path = _Path(self._options, self._statistics)
+        span, last = float(np.ptp(self.times)), float(self.times[-1])
+        free = partial(path.advance, self._equations)
+        advance = partial(free, p=p)
+        if self._sides is not None and np.isfinite(stops.passes).any():
+            advance = SideWalk(self._sides, p, stops, span, partial(path.advance, self._smooth), free).piece
 
         def piece(begin: float, end: float, x: Array) -> tuple[Array, Array]:
             stop = float(stops.times[stops.times > begin].min(initial=np.inf))
-            until = last if stop > last else stop - 4 * float(np.spacing(max(abs(stop), least)))
+            path.before_stop = last if stop > last else stop - 4 * float(np.spacing(max(abs(stop), 1e-3 * span)))
             try:
-                return path.advance(begin, end, max(until, end), x)
+                y = advance(begin, end, np.concatenate([x, np.zeros(self.n_quad)]))
             except KeyboardInterrupt:  # the base class keeps what is known, and raises it again
                 raise RuntimeError("interrupted") from None
+            return y[: self.n_x], y[self.n_x :]
 
         return piece
 
 
 class _Path:
-    """One sample's motion from stop to stop. Its steps go on over output times, at which states are interpolated."""
+    """One sample's motion from stop to stop. Its steps go on over output times, at which states are interpolated.
 
-    def __init__(
-        self, constraints: "_Constraints", rates: ca.Function, p: Array, options: dict[str, Any], counts: Counter[str]
-    ) -> None:
-        self._constraints, self._rates, self._p, self._options = constraints, rates, p, options
-        self._counts, self._n = counts, rates.numel_in(0)
-        self._until = -np.inf
+    Attributes
+    ----------
+    before_stop : float      the time [s] up to which steps may go on
+    """
 
-    def advance(self, begin: float, end: float, until: float, x: Array) -> tuple[Array, Array]:
-        """The state at the end of a piece, and the integrals over it. The next stop is not before a time [s]."""
-        if begin > self._until:
-            self._until, self._integrals = until, np.zeros(self._rates.numel_out(0) - self._n)
-            self._begin(begin, np.concatenate([x, self._integrals]))
+    def __init__(self, options: dict[str, Any], counts: Counter[str]) -> None:
+        self._options, self._counts = options, counts
+        self.before_stop, self._until, self._known = np.inf, -np.inf, (np.nan, np.empty(0), np.empty(0))
+
+    def advance(self, equations: "_Equations", begin: float, end: float, y: Array, p: Array) -> Array:
+        """The state and the integrals along, y, at the end of a piece, which may lie before its begin."""
+        n = self._n = equations.n
+        goes_on = begin < self._until and all(map(np.array_equal, self._known, (begin, y[:n], p)))
+        if not goes_on:
+            self._equations, self._p, self._until = equations, p, end if end < begin else max(end, self.before_stop)
+            self._interpolant, self._integrals = lambda _: y, y[n:]
+            self._begin(begin, y)
         end = min(end, self._until)  # pieces end at a stop but for its rounding
-        while self._reached < end:
+        while self._steps.direction * (end - self._steps.t) > 0:
             self._step(end)
-        y, before = self._interpolant(end), self._integrals
-        self._integrals = y[self._n :]
-        return self._completed(y[: self._n], end), self._integrals - before
+        reached, before = self._interpolant(end), self._integrals
+        x, self._integrals = self._completed(reached[:n], end), reached[n:]
+        self._known = end, x, p
+        return np.concatenate([x, y[n:] + self._integrals - before])
 
     def _begin(self, t: float, y: Array) -> None:
         """Choose independent coordinates, and begin steps in them."""
         from scipy.integrate import DOP853
 
-        self._dependent, self._first_condition = self._constraints.dependent(y[: self._n], self._p, t), np.inf
+        self._dependent, self._first_condition = self._equations.dependent(y[: self._n], self._p, t), np.inf
         self._counts["choices of coordinates"] += 1
-        self._reached, self._steps = t, DOP853(self._slopes, t, y, self._until, **self._options)
+        self._steps = DOP853(self._slopes, t, y, self._until, **self._options)
 
     def _step(self, end: float) -> None:
         steps = self._steps
@@ -135,12 +150,11 @@ class _Path:
         self._counts["steps"] += 1
         if self._counts["steps"] > MOST_STEPS:
             raise RuntimeError(REASONS[FailureCode.MANY])
-        self._reached = steps.t
-        if steps.t >= end:
+        if steps.direction * (steps.t - end) >= 0:
             self._interpolant = steps.dense_output()
-        if steps.t < self._until:
+        if steps.status == "running":
             x = self._completed(steps.y[: self._n], steps.t)
-            condition = self._constraints.condition(x, self._p, steps.t, self._dependent)
+            condition = self._equations.condition(x, self._p, steps.t, self._dependent)
             self._first_condition = min(self._first_condition, condition)
             if condition > _WORSE * self._first_condition:
                 self._begin(steps.t, np.concatenate([x, steps.y[self._n :]]))
@@ -151,18 +165,19 @@ class _Path:
             x = self._completed(y[: self._n], t)
         except np.linalg.LinAlgError:
             return np.full(len(y), np.nan)
-        return batch(self._rates, x, self._p, np.array([t]))[0][0]
+        return batch(self._equations.rates, x, self._p, np.array([t]))[0][0]
 
     def _completed(self, x: Array, t: float) -> Array:
-        return self._constraints.completed(x, self._p, t, self._dependent)
+        return self._equations.completed(x, self._p, t, self._dependent)
 
 
-class _Constraints:
-    """The constraints of one sample at states x (n_x,), parameters p (n_p,) and a time."""
+class _Equations:
+    """The rates and constraints of one sample at states x (n_x,), parameters p (n_p,) and a time."""
 
-    def __init__(self, dae: DAE) -> None:
-        self._dae = dae
-        x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    def __init__(self, dae: DAE, problem: InitialValueProblem) -> None:
+        x, p, t = problem.x, problem.p, problem.t
+        self._dae, self.n = dae, x.numel()
+        self.rates = common("rates", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))])
         delta = ca.SX.sym("delta", dae.n_v)
         there = ca.vertcat(dae.retract(x[: dae.n_q, :], delta), x[dae.n_q :, :])
         at = dae.arguments(there, p, t)
