@@ -126,14 +126,8 @@ def _clamped(body: FlexibleBody) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """What the modes of a body leave out of an output, root mean square over time.
-
-    Attributes
-    ----------
-    loads : AttachedLoads
-    output : str
-    share : float          of what all deformations add to the output, or of its own changes if these are larger
-    """
+    """What the modes of a body leave out of an output, root mean square over time: a share of what all deformations add
+    to the output, or of its own changes if these are larger."""
 
     loads: AttachedLoads
     output: str
