@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeVar
 import casadi as ca
 import numpy as np
 
+from symmb import _html as html
 from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean, name_fault, name_faults
 from symmb._options import numbers_of, require_instance, require_truth, shown
@@ -19,7 +20,6 @@ from symmb.model.figures import BoundFigure, bound_figure
 from symmb.model.restart import EndedRun, Restart, restart_of
 from symmb.model.start_values import Prescribed, listed_values, with_modes
 from symmb.model.system import System
-from symmb.model.typeset import scene_html
 from symmb.model.units import units_of
 from symmb.symbolic import reduction, t
 
@@ -271,15 +271,27 @@ class Scene:
     def _repr_html_(self) -> str:
         declared = self._bound_outputs | {name: self.outputs[name] for name in self.figures} if self.outputs else {}
         declared = declared or self._bound_outputs
-        outputs = {name: (unit, declared[name]) for name, unit in zip(self.output_names, self.units, strict=True)}
+        outputs = [
+            [name, unit, _cell(declared[name])] for name, unit in zip(self.output_names, self.units, strict=True)
+        ]
+        tables = [html.table([["output", "unit", "expression"], *outputs], (0, 1, 2))]
+        if self.start:
+            values = ([name, _cell(value)] for name, value in self.start.items())
+            tables.append(html.table([["start", "value"], *values], (0, 1)))
         intervals = {} if self.box is None else dict(zip(self.box.names, self.box.bounds, strict=True))
+        if self.system.parameters:
+            rows = []
+            for name, value in self.system.parameters.items():
+                row = [name, f"{value:g}", *(f"{end:g}" for end in intervals.get(name, ()))]
+                rows.append([*row, *[""] * (4 - len(row))])
+            tables.append(html.table([["parameter", "nominal", "lower", "upper"], *rows]))
         # Drawings stand on scenes. Only a notebook that shows a scene asks for one.
         drawing = import_module("symmb.drawing")
         try:
-            picture = drawing.start_picture(self)
+            picture = html.picture(drawing.start_picture(self))
         except SymmbError as error:
-            picture = f"No picture: {error}"
-        return scene_html(repr(self), outputs, self.start, self.system.parameters, intervals, picture)
+            picture = html.text(f"No picture: {error}")
+        return html.page(html.text(repr(self)), picture, *tables)
 
     def with_box(self, box: Box) -> "Scene":
         """A copy with another box."""
@@ -338,6 +350,15 @@ class Scene:
     def with_name(self, name: str) -> "Scene":
         """A copy with another name."""
         return replace(self, name=name)
+
+
+_LONGEST_CELL = 80
+"""Most characters of an expression in a table."""
+
+
+def _cell(value: object) -> str:
+    text = " ".join(str(value).split())
+    return text if len(text) <= _LONGEST_CELL else f"{text[:_LONGEST_CELL]} ..."
 
 
 def _time_faults(times: Sequence[float] | Array) -> list[str]:
