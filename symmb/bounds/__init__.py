@@ -17,4 +17,4 @@ from symmb.bounds.result_file import INNER, box_coordinates, box_of, inner_entri
 from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
 from symmb.bounds.study import Study
 from symmb.bounds.time_windows import ROUNDING
-from symmb.bounds.worst_case import SIDES, AttainingRuns, Sample, WorstCase, row_of, worst_rows
+from symmb.bounds.worst_case import SIDES, Sample, WorstCase, row_of, worst_rows

@@ -22,7 +22,12 @@ def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
     bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *_unused_doubts(simulator, box)))
     if bounds.kind == "enclosure":
-        return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator, box, bounds.seconds)))
+        if not isinstance(simulator, DAESimulator):
+            return bounds
+        # Errors of the solver are none of proofs, which make no runs.
+        doubts = (*simulator.start.doubts, *_nominal_doubts(simulator))
+        doubts = (*doubts, *_linear_theory_doubts(simulator, box, bounds.seconds))
+        return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts))
     own, remarks = _second_look(simulator, box, bounds)
     own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
     doubts = (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
@@ -49,13 +54,6 @@ def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
         f'p["{name}"] is a number; p.{name} is the symbol.'
         for name in unused_parameters(simulator.scene, varied)
     )
-
-
-def _doubts_of_proofs(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:
-    """Doubts about the start and the equations. Errors of the solver are none of proofs, which make no runs."""
-    if not isinstance(simulator, DAESimulator):
-        return ()
-    return (*simulator.start.doubts, *_nominal_doubts(simulator), *_linear_theory_doubts(simulator, box, seconds))
 
 
 def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:

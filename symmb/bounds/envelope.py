@@ -1,6 +1,6 @@
 """Lower and upper bounds over time, and what is doubtful about them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -68,10 +68,7 @@ class Envelope:
             )
         if since := self.doubtful():
             windows = self.doubtful_windows()
-            parts = [
-                name + self._doubtful_part(max(t, self._first_error(name)), [w[1:] for w in windows if w[0] == name])
-                for name, t in since.items()
-            ]
+            parts = [name + self._doubtful_part(name, t, windows) for name, t in since.items()]
             doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
         if self.caution:
             doubts.append(f"The bounds are {self.caution}.")
@@ -118,19 +115,17 @@ class Envelope:
             for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
         )
 
-    def _first_error(self, name: str) -> float:
-        """When an output has an estimated error for the first time: at a start that is known it has none."""
-        assert self.estimate is not None
-        return float(self.t[(self.estimate[:, self._column(name)] > 0).argmax()])
-
-    def _doubtful_part(self, since: float, windows: list[tuple[float, float]]) -> str:
+    def _doubtful_part(self, name: str, since: float, windows: Sequence[tuple[str, float, float]]) -> str:
         """When an output is doubtful, in words: windows of time, or from a time on if they reach the end."""
         if len(self.t) == 1:
             return ""
-        if not windows or windows[-1][1] == self.t[-1]:
-            return f" from {since:g} s"
-        texts = [f"from {begin:g} to {end:g} s" for begin, end in windows[:_NAMED_WINDOWS]]
-        return " " + " and ".join([*texts, *(["later"] if len(windows) > _NAMED_WINDOWS else [])])
+        own = [ends for output, *ends in windows if output == name]
+        if not own or own[-1][1] == self.t[-1]:
+            assert self.estimate is not None
+            first = self.t[(self.estimate[:, self._column(name)] > 0).argmax()]  # at a known start there is no error
+            return f" from {max(since, float(first)):g} s"
+        texts = [f"from {begin:g} to {end:g} s" for begin, end in own[:_NAMED_WINDOWS]]
+        return " " + " and ".join([*texts, *(["later"] if len(own) > _NAMED_WINDOWS else [])])
 
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
         """Estimated error, width, each (n_t, n_y), and errors that are noise or rounding (n_y,), by powers of two.

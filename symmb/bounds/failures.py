@@ -71,14 +71,7 @@ class FailedRegion:
 
 
 def failed_region(box: Box, points: Array, failed: Mask) -> str:
-    """Where runs failed, in words.
-
-    "for k > 1.07 (14 of 16 runs there, 0 of 384 elsewhere)", or "scattered over the box"; empty for less than two.
-
-    Parameters
-    ----------
-    points : (N, d) points of the unit box that were run
-    failed : (N,) which of the runs failed
+    """Where runs at points (N, d) of the unit box failed (N,), in words; empty for less than two failures.
 
     Examples
     --------

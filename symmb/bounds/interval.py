@@ -43,19 +43,7 @@ def parameter_intervals(nominal: Mapping[str, float], box: Box) -> list[Interval
 
 
 def operate(code: int | Entry, arguments: tuple[Interval, ...]) -> Interval:
-    """Interval extension of the operation with CasADi's code ``OP_...``.
-
-    Raises
-    ------
-    PropagationError
-        If the operation has none here, or an argument lies outside its domain.
-
-    Examples
-    --------
-    >>> square = operate(ca.OP_SQ, (Interval(np.array(-1.0), np.array(0.5)),))
-    >>> float(square.lower), round(float(square.upper), 12)
-    (0.0, 1.0)
-    """
+    """Interval extension of the operation with CasADi's code ``OP_...``."""
     if isinstance(code, Entry):
         return _entry(code, *arguments)
     extension = EXTENSIONS.get(code)

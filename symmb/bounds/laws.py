@@ -40,13 +40,7 @@ class Laws:
 
     @classmethod
     def of(cls, owner: str, laws: object, correlation: object, box: Box) -> "Laws":
-        """From distributions by name, and a matrix of correlations in their order.
-
-        Raises
-        ------
-        DeclarationError       if a parameter is not in the box, a law is none or lies outside of its interval, or the
-                               correlations are none
-        """
+        """From distributions by name, and a matrix of correlations in their order."""
         if not isinstance(laws, Mapping) or not laws:
             raise DeclarationError(
                 f'{owner}: laws must be distributions by name, such as {{"k": scipy.stats.norm(40, 1.3)}}, '

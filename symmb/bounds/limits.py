@@ -156,12 +156,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
 
 def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Limits as numbers, infinite where there is none.
-
-    Raises
-    ------
-    DeclarationError    if an output is unknown, or they are no pairs of numbers or None, or cross
-    """
+    """Limits as numbers, infinite where there is none."""
     if not isinstance(limits, Mapping) or not limits:
         raise DeclarationError(
             f'{owner}: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'

@@ -144,13 +144,7 @@ def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
 
 
 def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:
-    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) along directions (m, d), all of [-1, 1]^d.
-
-    Raises
-    ------
-    PropagationError
-        If the simulator gives no derivatives, or some that are not finite.
-    """
+    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) along directions (m, d), all of [-1, 1]^d."""
     if not isinstance(simulator, Jets):
         raise PropagationError(
             f"{method!r}: it needs derivatives of the trajectory, but {simulator!r} gives values only. "

@@ -60,14 +60,8 @@ class Quadratics:
 
 
 def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
-    """Quadratics about the lowest point of each of m functions.
-
-    Parameters
-    ----------
-    X : (N, d) points of [-1, 1]^d
-    F : (N, m) values
-    G : (N, d, m) gradients
-    """
+    """Quadratics about the lowest of N points X (N, d), for each of m functions with values F (N, m) and gradients G
+    (N, d, m)."""
     N, d = X.shape
     lowest = F.argmin(axis=0)
     gradient, hessian = np.empty((d, F.shape[1])), np.empty((d, d, F.shape[1]))

@@ -119,11 +119,7 @@ METHODS: tuple[MethodEntry, ...] = (
 
 
 def read_method(text: str) -> Method:
-    """The method of a text such as "pce:2:paper" stands for.
-
-    Raises
-    ------
-    DeclarationError    if the text has no known form, or its numbers are out of range
+    """The method that a text such as "pce:2:paper" stands for.
 
     Examples
     --------

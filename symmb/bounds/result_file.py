@@ -127,14 +127,7 @@ def box_coordinates(box: Box | None) -> dict[str, Named]:
 def labelled(
     record: Mapping[str, Any], outer: tuple[Array, Array], failed: tuple[Failure, ...], box: Box | None
 ) -> Labelled:
-    """Bounds as labelled arrays.
-
-    Parameters
-    ----------
-    record                 all entries of a file
-    outer                  bounds widened by the estimated error
-    failed, box            of the Bounds
-    """
+    """Bounds as labelled arrays, from all entries of a file."""
     names, units = record["names"], record["units"]
     alike = "value", "outer", "estimate", "inner", "nominal", "noise"
     coordinates, unit_of = over_outputs(record["t"], names, units, *alike)
@@ -157,21 +150,12 @@ def labelled(
         variables["alpha"] = (("term", own), record["alpha"])
         variables["coefficients"] = (("term", "time", "output"), record["coefficients"])
     if failed:
-        variables |= _failed_runs(failed)
-        coordinates |= _failed_parameters(failed, [*coordinates, *variables, "term", "sample"])
+        values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
+        variables["failed_at"] = (("sample",), np.array([run.time for run in failed]))
+        variables["failure"] = (("sample",), texts([run.message for run in failed]))
+        free = parameter_names([*values], [*coordinates, *variables, "term", "sample"])
+        coordinates |= {name: (("sample",), own) for name, own in zip(free, values.values(), strict=True)}
     attributes = {name: record[name] for name in ("method", "kind", "range_of", "evaluations", "seconds", "caution")}
     sentences = {name: "\n".join(record[name]) or None for name in ("doubts", "remarks")}
     attributes |= {"units": unit_text(names, units), **sentences}
     return Labelled(coordinates, variables, {k: None if v == "" else v for k, v in attributes.items()}, unit_of)
-
-
-def _failed_runs(failed: tuple[Failure, ...]) -> dict[str, Named]:
-    times, messages = np.array([run.time for run in failed]), texts([run.message for run in failed])
-    return {"failed_at": (("sample",), times), "failure": (("sample",), messages)}
-
-
-def _failed_parameters(failed: tuple[Failure, ...], taken: list[str]) -> dict[str, Named]:
-    """Parameters of the failed runs, by names that are not taken."""
-    values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
-    names = parameter_names([*values], taken)
-    return {name: (("sample",), column) for name, column in zip(names, values.values(), strict=True)}

@@ -31,12 +31,7 @@ class Study:
 
     @property
     def scene(self) -> Scene:
-        """The scene.
-
-        Raises
-        ------
-        DeclarationError       if the simulator is another one, which has no mechanism
-        """
+        """The scene. Other simulators have no mechanism."""
         return self.prepared.scene
 
     @property
@@ -79,12 +74,7 @@ class Study:
             return points[:0], np.zeros((0, len(self.simulator.times), len(self.simulator.outputs)))
 
     def values(self, points: Array) -> Array:
-        """Responses (N, n_t, n_y) at points (N, d) of the unit box.
-
-        Raises
-        ------
-        PropagationError       if a run fails
-        """
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box, where no run may fail."""
         P = parameter_samples(self.simulator, self.box, points)
         Y, bad = gathered(self.simulator, P, None)
         if which_failed(bad, len(P)).any():

@@ -65,7 +65,8 @@ class Swarm(Method):
         runs = shape[0] * self.particles
         require_runs(self, self.steps * runs, "Use fewer times, particles or steps.")
         require_memory(self, "the positions of all particles", self.steps * runs * d)
-        reduction = together(_watched(n_t * n_y, self.particles), extremes(simulator), failures())
+        watched = Reduction(tuple, partial(_watch, n_t * n_y, self.particles), operator.add)
+        reduction = together(watched, extremes(simulator), failures())
         x, velocity = random.uniform(-1.0, 1.0, shape), np.zeros(shape)
         own, least = x.copy(), np.full(shape[:2], np.inf)
         lower, upper = np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf)
@@ -96,12 +97,8 @@ class Swarm(Method):
         return constructor_text(self)
 
 
-def _watched(pairs: int, particles: int) -> Reduction[tuple[Array, ...]]:
-    """The objective of each run: a response, its negative in the second half of the swarms; inf where a run failed."""
-    return Reduction(tuple, partial(_watch, pairs, particles), operator.add)
-
-
 def _watch(pairs: int, particles: int, state: tuple[Array, ...], block: Samples, indices: Indices) -> tuple[Array, ...]:
+    """The objective of each run: a response, its negative in the second half of the swarms; inf where a run failed."""
     swarm = indices // particles
     values = block.Y.reshape(len(indices), -1)[np.arange(len(indices)), swarm % pairs]
     return (*state, np.where(block.ok, np.where(swarm < pairs, values, -values), np.inf))

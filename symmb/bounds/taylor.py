@@ -153,30 +153,20 @@ def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float
 
 
 def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:
-    """Coefficients (n_b, n_t, n_y) of xi^beta from those along directions ``unit`` (m, d), ``along`` (m,
-    n_t, n_y).
-
-    The directions determine every homogeneous polynomial of degree up to the order (principal lattice of a
-    simplex).
-    """
+    """Coefficients (n_b, n_t, n_y) of xi^beta from those ``along`` (m, n_t, n_y) directions ``unit`` (m, d), which
+    determine every homogeneous polynomial of degree up to the order: they are the principal lattice of a simplex."""
     monomials = np.prod(unit[:, None, :] ** beta[None, :, :], axis=2)
     return np.tensordot(np.asarray(np.linalg.pinv(monomials), dtype=float), along, axes=1)
 
 
 def _range(part: Sequence[Array]) -> tuple[Array, Array]:
-    """Bounds (n_t, n_y) of an expansion from its coefficients of each degree."""
+    """Bounds (n_t, n_y) of an expansion from its coefficients of each degree: xi^beta is in [0, 1] where all powers are
+    even, and else in [-1, 1]."""
     d = len(part[1])
     lower = upper = part[0][0]
     for degree, c in enumerate(part[1:], start=1):
-        below, above = _power_ranges(np.array(homogeneous(d, degree)), c)
-        lower, upper = lower + below, upper + above
+        even = (np.array(homogeneous(d, degree)) % 2 == 0).all(axis=1)
+        swing = np.abs(c[~even]).sum(axis=0)
+        lower = lower + (np.minimum(c[even], 0.0).sum(axis=0) - swing)
+        upper = upper + (np.maximum(c[even], 0.0).sum(axis=0) + swing)
     return lower, upper
-
-
-def _power_ranges(beta: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
-    """Sum of coefficients times ranges of xi^beta: [0, 1] where all powers are even, else [-1, 1]."""
-    even = (beta % 2 == 0).all(axis=1)
-    swing = np.abs(coefficients[~even]).sum(axis=0)
-    below = np.minimum(coefficients[even], 0.0).sum(axis=0) - swing
-    above = np.maximum(coefficients[even], 0.0).sum(axis=0) + swing
-    return below, above

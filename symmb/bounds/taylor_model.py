@@ -16,7 +16,7 @@ from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
-from symmb.enclosures import EXTRA_NODES, NO_START, SINGULAR, Enclosure, Problem, enclose, problem_of
+from symmb.enclosures import EXTRA_NODES, NO_START, SINGULAR, Enclosure, enclose, problem_of
 from symmb.model import Box
 
 _HIGHEST = 60
@@ -109,7 +109,9 @@ class TaylorModel(Method):
         found = enclose(problem, self.order, self.boxes, tell)
         tell(1.0)
         times, outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
-        caution = _caution(found, _remedy(problem, found), times, outputs, problem.refused)
+        few = not problem.n or NO_START in found.why or SINGULAR in found.why
+        remedy = "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
+        caution = _caution(found, remedy, times, outputs, problem.refused)
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 
     def _require_room(self, d: int, terms: int, more: int) -> None:
@@ -156,12 +158,6 @@ class _Outlook:
 
 _SHORT = 8.0
 """Time after which a proof tells how long it takes [s]."""
-
-
-def _remedy(problem: Problem, found: Enclosure) -> str:
-    """What may lead further, for the end of a sentence; empty if nothing does."""
-    few = not problem.n or NO_START in found.why or SINGULAR in found.why
-    return "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
 
 
 def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str], refused: Sequence[str]) -> str:

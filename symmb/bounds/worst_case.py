@@ -70,12 +70,7 @@ class AttainingRuns:
         return cls(simulator, tuple(attained.blocks[k] for k in used), ends, at)
 
     def samples(self, places: Sequence[Place]) -> list[Sample]:
-        """The runs that attain bounds at places. Blocks of several samples are run again, each once.
-
-        Raises
-        ------
-        SimulationError     if a run does not come again
-        """
+        """The runs that attain bounds at places. Blocks of several samples are run again, each once."""
         numbers = [int(self.at[side][time, output]) for side, time, output in places]
         samples: dict[int, Sample] = {}
         for number in dict.fromkeys(numbers):
@@ -237,12 +232,7 @@ def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
 
 
 def row_of(owner: str, t: Array, time: object) -> int:
-    """Number of the output time that is closest.
-
-    Raises
-    ------
-    DeclarationError       if the time is no number, or outside of the run
-    """
+    """Number of the output time that is closest."""
     slack = 1e-6 * (t[-1] - t[0])
     if not is_finite_number(time) or not t[0] - slack <= time <= t[-1] + slack:
         raise DeclarationError(f"{owner}: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {shown(time)}.")

@@ -31,10 +31,7 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 
 
 def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None) -> Drawing:
-    """The drawing of a run at its output times, or at every so many and at those that `also` numbers.
-
-    The path of a point is drawn as well.
-    """
+    """A run at its output times, or at every so many and at those that `also` numbers, with the path of a point."""
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run holds no scene: it was read from a file. Give Trajectory.load the scene.")

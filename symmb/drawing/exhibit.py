@@ -74,12 +74,7 @@ def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
 
 
 def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Point | None) -> Exhibit:
-    """The nominal run, those that attain the bounds of an output at a time, and the region of a point.
-
-    Raises
-    ------
-    DeclarationError       if the bounds are not of a scene, have no such output, or no run attains them
-    """
+    """The nominal run, those that attain the bounds of an output at a time, and the region of a point."""
     study = bounds.study
     if not isinstance(study, Study):
         raise DeclarationError(
@@ -144,19 +139,8 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
     for sample in samples:
         x = simulator.run(sample.P).Y[sample.index][:, : len(states)]
         values = dict(zip(study.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
-        known = Trajectory(
-            scene,
-            study.prepared,
-            values,
-            repr(solver),
-            "",
-            simulator.times,
-            x,
-            np.full(len(x), np.nan),
-            {},
-            np.nan,
-            np.nan,
-        )
+        unknown, rest = np.full(len(x), np.nan), ({}, np.nan, np.nan)
+        known = Trajectory(scene, study.prepared, values, repr(solver), "", simulator.times, x, unknown, *rest)
         if scene.figures:
             columns = [study.simulator.outputs.index(name) for name in scene.figures]
             y = study.simulator.run(sample.P).Y[sample.index][0, columns]
@@ -174,7 +158,7 @@ def _region(study: Study, point: Point, drawing: Drawing) -> Region:
     ensemble = simulator.run(parameter_samples(simulator, study.box, unit))
     ways = ensemble.Y.transpose(1, 0, 2)
     points = ways[np.searchsorted(simulator.times, drawing.t)]
-    corners = _cells(unit, d) if d <= _FEW else [np.arange(len(unit))]
+    corners = _cells(unit) if d <= _FEW else [np.arange(len(unit))]
     scales = _CLOSE * drawing.size, _THIN * drawing.unit
     sweep = _swept(ways[:, :, :2], corners, *scales) if drawing.planar else np.zeros((0, 2))
     return Region(f"{points.shape[1]} samples of the box", points[:, ensemble.ok], sweep)
@@ -186,7 +170,7 @@ def _many(d: int) -> Array:
     return np.vstack([random.choice([-1.0, 1.0], (_SAMPLES // 2, d)), random.uniform(-1, 1, (_SAMPLES // 2, d))])
 
 
-def _cells(unit: Array, d: int) -> list[Indices]:
+def _cells(unit: Array) -> list[Indices]:
     """Numbers of the samples at the corners of each cell of the grid."""
     step = 2 / (_LINE - 1) * (1 + 1e-9)
     lower = [k for k in range(len(unit)) if (unit[k] < 1 - 1e-9).all()]

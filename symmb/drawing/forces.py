@@ -209,10 +209,8 @@ def _(actuator: Actuator | Motor, survey: Survey) -> Build:
 
 @sketch.register
 def _(stop: Stop, survey: Survey) -> Build:
-    place, axis = (
-        survey.place(stop.joint.point_b),
-        survey.direction(stop.joint.point_a.body, cast(AxisJoint, stop.joint).axes[0]),
-    )
+    place = survey.place(stop.joint.point_b)
+    axis = survey.direction(stop.joint.point_a.body, cast(AxisJoint, stop.joint).axes[0])
 
     def build(u: float) -> Iterator[Shape]:
         yield shape_of(stop, "ring", CONTACT, (place,), (3.0 * u, 0.5 * u), direction=unit_vectors(axis))

@@ -15,7 +15,6 @@ from symmb.mechanics import (
     Gear,
     JointEvent,
     PlanarJoint,
-    Point,
     PointOnLine,
     Prismatic,
     Revolute,
@@ -32,7 +31,7 @@ _BLOCK = (3.6, 2.6, 2.6)
 @sketch.register
 def _(joint: Revolute, survey: Survey) -> Build:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
-    axis, support = _axis(joint, survey), supports(joint, survey, *_ends(joint))
+    axis, support = _axis(joint, survey), supports(joint, survey, joint.point_a, joint.point_b)
 
     def build(u: float) -> Iterator[Shape]:
         yield from support(u)
@@ -47,13 +46,9 @@ def _axis(joint: AxisJoint, survey: Survey) -> Asked:
     return survey.direction(joint.point_a.body, joint.own_frames[0][:, 2])
 
 
-def _ends(joint: AxisJoint | Spherical | Distance) -> tuple[Point, Point]:
-    return joint.point_a, joint.point_b
-
-
 @sketch.register
 def _(joint: Spherical, survey: Survey) -> Build:
-    a, support = survey.place(joint.point_a), supports(joint, survey, *_ends(joint))
+    a, support = survey.place(joint.point_a), supports(joint, survey, joint.point_a, joint.point_b)
     survey.place(joint.point_b)
 
     def build(u: float) -> Iterator[Shape]:
@@ -65,7 +60,7 @@ def _(joint: Spherical, survey: Survey) -> Build:
 
 @sketch.register
 def _(joint: Weld, survey: Survey) -> Build:
-    a, support = survey.place(joint.point_a), supports(joint, survey, *_ends(joint))
+    a, support = survey.place(joint.point_a), supports(joint, survey, joint.point_a, joint.point_b)
     survey.place(joint.point_b)
     axis = _axis(joint, survey)
 
@@ -79,7 +74,7 @@ def _(joint: Weld, survey: Survey) -> Build:
 @sketch.register
 def _(joint: Universal, survey: Survey) -> Build:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
-    support = supports(joint, survey, *_ends(joint))
+    support = supports(joint, survey, joint.point_a, joint.point_b)
     axes = [survey.direction(body, axis) for body, axis in zip(joint.bodies(), joint.axes, strict=True)]
 
     def build(u: float) -> Iterator[Shape]:
@@ -135,7 +130,7 @@ def _(joint: PlanarJoint, survey: Survey) -> Build:
 @sketch.register
 def _(joint: Distance, survey: Survey) -> Build:
     ends = survey.place(joint.point_a), survey.place(joint.point_b)
-    support = supports(joint, survey, *_ends(joint))
+    support = supports(joint, survey, joint.point_a, joint.point_b)
 
     def build(u: float) -> Iterator[Shape]:
         yield from support(u)

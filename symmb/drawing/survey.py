@@ -52,12 +52,7 @@ class Survey:
         self._poses = [self.ask(ca.horzcat(body.frame.R, body.frame.r)) for body in self.bodies]
 
     def ask(self, expression: Expr) -> Asked:
-        """The values of an expression along the run.
-
-        Raises
-        ------
-        DeclarationError       if it contains a symbol whose values the run does not hold
-        """
+        """The values of an expression along the run. The run must hold those of its symbols."""
         bound = ca.vec(self.scene.expression(expression))
         known = {state.sx.element_hash() for state in self.scene.system.collected.states}
         if any(state.sx.element_hash() not in known for state in self.bind.states(bound)):
@@ -76,12 +71,7 @@ class Survey:
         return None if gate is None else gate()
 
     def frame(self, body: AbstractBody) -> int:
-        """Number of the frame of the body that carries a point or a node.
-
-        Raises
-        ------
-        DeclarationError       if the body is not in the scene
-        """
+        """Number of the frame of the body, which must be in the scene, that carries a point or a node."""
         owner = body.owner
         number = 0 if isinstance(owner, Ground) else next((i for i, b in enumerate(self.bodies) if b is owner), None)
         if number is None:

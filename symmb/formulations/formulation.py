@@ -125,13 +125,7 @@ class Formulations(NamedTuple):
 
 
 def formulations(scene: Scene) -> Formulations:
-    """A scene in coordinates of its bodies and, as far as it has them, in others. The scene remembers them.
-
-    Raises
-    ------
-    AssemblyError              if the scene cannot be started
-    DeclarationError           if the scene asks for coordinates of joints that it cannot have
-    """
+    """A scene in coordinates of its bodies and, as far as it has them, in others. The scene remembers them."""
     with kept_interrupts():
         return scene.remembered(formulations, lambda: _formulations(scene))
 

@@ -3,7 +3,7 @@
 All are frozen values; equations are derived in `model`.
 """
 
-from symmb.mechanics.actuator import Actuator, JointForce, Stop
+from symmb.mechanics.actuator import Actuator, Stop
 from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body, Flywheel, Ground, Inertial, Point, as_matrix, inertia_matrix
 from symmb.mechanics.clutch import Clutch, Sticks, Struck
@@ -12,7 +12,7 @@ from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionC
 from symmb.mechanics.curve import Curve
 from symmb.mechanics.curve_contact import CurveContact, PointOnCurve
 from symmb.mechanics.element import Element, law_value
-from symmb.mechanics.figure import Figure, Window, final, first_time, maximum, mean, minimum, value_at
+from symmb.mechanics.figure import Figure, maximum, mean
 from symmb.mechanics.flexible_body import FlexibleBody
 from symmb.mechanics.force import (
     Action,
@@ -26,7 +26,7 @@ from symmb.mechanics.force import (
     TorsionSpring,
 )
 from symmb.mechanics.friction import Friction
-from symmb.mechanics.geometry import Geometry, Mesh
+from symmb.mechanics.geometry import Mesh
 from symmb.mechanics.impact import RESTITUTION, Impact
 from symmb.mechanics.input import Input
 from symmb.mechanics.joint import (
@@ -44,7 +44,7 @@ from symmb.mechanics.joint import (
     Weld,
 )
 from symmb.mechanics.joint_coordinates import AXIS, JointCoordinates, RelativePose, quaternion_of
-from symmb.mechanics.joint_event import JointEvent, Latch, Release, closed_at_start, row_gates
+from symmb.mechanics.joint_event import JointEvent, Latch, closed_at_start, row_gates
 from symmb.mechanics.load import GasSpring, NonlinearSpring, Orifice, Soil
 from symmb.mechanics.mesh_file import coarser
 from symmb.mechanics.motor import Motor

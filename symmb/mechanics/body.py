@@ -263,12 +263,7 @@ def velocity_at(body: AbstractBody, arm: ca.SX) -> ca.SX:
 
 
 def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
-    """Inertia about the centre of mass in body axes, (3, 3), from the form that the pose expects.
-
-    Raises
-    ------
-    DeclarationError       if the number of values does not fit the pose
-    """
+    """Inertia about the centre of mass in body axes, (3, 3), from the form that the pose expects."""
     if isinstance(body.pose, Planar) and inertia.numel() == 1:
         return ca.diag(ca.vertcat(0, 0, inertia))
     if isinstance(body.pose, Spatial) and inertia.numel() == 3:

@@ -266,9 +266,6 @@ class TorsionContact(PairTorque):
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         backlash = bind(self.backlash, f"{self.title}: backlash")
         middle = bind(self.angle, f"{self.title}: angle")
-        alpha = self.alpha - middle
-
-        def loads(torque: ca.SX) -> tuple[Load, ...]:
-            return self._loads(-ca.sign(alpha) * torque)
-
-        yield press(bound(self.law, bind, self.title), ca.fabs(alpha) - backlash / 2, loads, backlash, middle)
+        alpha, law = self.alpha - middle, bound(self.law, bind, self.title)
+        penetration = ca.fabs(alpha) - backlash / 2
+        yield press(law, penetration, lambda torque: self._loads(-ca.sign(alpha) * torque), backlash, middle)

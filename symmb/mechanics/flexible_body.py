@@ -85,7 +85,8 @@ class FlexibleBody(Body):
             "pose": type(pose)(len(modes.stiffness)),
         }
         if modes.family is not None:
-            total, whole = (_sum(modes, lambda part: ca.SX(ca.DM(part.mass))), _sum(modes, _rigid))
+            total = _sum(modes, lambda part: ca.SX(ca.DM(part.mass)))
+            whole = _sum(modes, lambda part: ca.SX(ca.DM((part.J0 + part.J0.T) / 2)))
             options |= {"mass": total, "inertia": whole[2, 2] if isinstance(pose, Planar) else ca.SX(whole)}
         for key, value in options.items():
             object.__setattr__(self, key, value)
@@ -290,10 +291,6 @@ def _sum(modes: Modes, part: Callable[[Invariants], ca.SX]) -> ca.SX:
     """A part of the inertia of a body."""
     first, *more = [law * part(some) for law, some in modes.masses]
     return sum(more, first)
-
-
-def _rigid(part: Invariants) -> ca.SX:
-    return ca.SX(ca.DM((part.J0 + part.J0.T) / 2))
 
 
 def _numbers(values: Array) -> ca.SX:

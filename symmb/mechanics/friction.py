@@ -21,6 +21,15 @@ class FrictionLaw(Law):
 
     expected: ClassVar[str] = "a friction law, got {}. Use Coulomb(...) or Bristle(...)."
 
+    kinetic: Expr
+    static: Expr | None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if is_real(self.kinetic):
+            for fault in number_faults(type(self).__name__, "static", self.static, least=self.kinetic):
+                raise DeclarationError(fault)
+
     @abstractmethod
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         """Friction force (k,) [N] for the slip velocity (k,) [m/s], k = 1 or 2, and the records of its states."""
@@ -63,10 +72,6 @@ class Coulomb(FrictionLaw):
     kinetic: Expr = field(metadata=POSITIVE)
     speed: Expr = field(metadata=POSITIVE)
     static: Expr | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_static(self)
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
@@ -127,10 +132,6 @@ class Bristle(FrictionLaw):
     static: Expr | None = None
     speed: Expr = field(default=1e-3, metadata=POSITIVE)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_static(self)
-
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         n = slip.numel()
         names = [f"{name}.bristle"] if n == 1 else [f"{name}.bristle_{i + 1}" for i in range(n)]
@@ -155,12 +156,6 @@ class Bristle(FrictionLaw):
 _ELASTIC = 0.7**2
 """Square of the share of the largest deflection up to which bristles are elastic, as in the elasto-plastic model of
 Dupont, Hayward, Armstrong and Altpeter (2002), IEEE Transactions on Automatic Control 47, 787-792."""
-
-
-def _require_static(law: Coulomb | Bristle) -> None:
-    if is_real(law.kinetic):
-        for fault in number_faults(type(law).__name__, "static", law.static, least=law.kinetic):
-            raise DeclarationError(fault)
 
 
 @dataclass(frozen=True, eq=False)

@@ -211,12 +211,7 @@ class Mesh(Geometry):
 
 
 def shapes_of(owner: str, shapes: Any) -> tuple[Geometry, ...]:
-    """The shapes that a body is given.
-
-    Raises
-    ------
-    DeclarationError       if they are no shapes
-    """
+    """The shapes that a body is given."""
     if not isinstance(shapes, list | tuple) or not all(isinstance(shape, Geometry) for shape in shapes):
         raise DeclarationError(f"{owner}: shapes {shown(shapes)} are no list of Box3, Cylinder, Sphere or Mesh.")
     return tuple(shapes)

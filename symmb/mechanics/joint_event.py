@@ -151,13 +151,9 @@ class Latch(JointEvent):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         joint = self.joint
-        if isinstance(joint, Joint) and not self._closes(joint):
-            yield f"{self.title}: no {type(joint).__name__} can close in a run. Use a Weld, Revolute or Prismatic."
-
-    @staticmethod
-    def _closes(joint: Joint) -> bool:
         aligns = isinstance(joint, AxisJoint) and joint.aligns and not isinstance(joint, Screw)
-        return aligns or isinstance(joint, Spherical | PointOnLine | Distance)
+        if isinstance(joint, Joint) and not aligns and not isinstance(joint, Spherical | PointOnLine | Distance):
+            yield f"{self.title}: no {type(joint).__name__} can close in a run. Use a Weld, Revolute or Prismatic."
 
     @cached_property
     def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
@@ -216,10 +212,8 @@ def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
 
 
 def closed_at_start(events: Iterable[JointEvent]) -> dict[str, bool]:
-    """Joints that open or close, and whether they are closed at the start.
-
-    Clutches are not, nor are joints that only have a Latch.
-    """
+    """Joints that open or close, and whether they are closed at the start: clutches and joints with a Latch alone are
+    not."""
     events = list(events)
     released = {event.joint.name for event in events if float(event.flag.value)}
     return {event.joint.name: event.joint.name in released for event in events}

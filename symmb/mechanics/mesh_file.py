@@ -24,12 +24,7 @@ _COARSER = 0.8
 
 
 def read_mesh(path: Path) -> Array:
-    """Corners of the triangles of a mesh, (m, 3, 3).
-
-    Raises
-    ------
-    DeclarationError       in a sentence, if the file is no mesh, or is damaged
-    """
+    """Corners of the triangles of a mesh, (m, 3, 3). A DeclarationError tells if the file is none, or is damaged."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):

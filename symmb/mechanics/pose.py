@@ -70,6 +70,8 @@ class Pose(ABC):
 
     rigid_coordinates: ClassVar[tuple[str, ...]]
     rigid_velocities: ClassVar[tuple[str, ...]]
+    _twist: ClassVar[tuple[int, ...]]
+    """Numbers of the rigid velocities in the twist."""
 
     def __init__(self, modes: int = 0) -> None:
         self.modes = whole(type(self).__name__, "modes", modes, 0, MOST_MODES)
@@ -84,32 +86,27 @@ class Pose(ABC):
         """Names of the velocities, those of modes last."""
         return (*self.rigid_velocities, *(f"eta{j + 1}_dot" for j in range(self.modes)))
 
-    @abstractmethod
     def frame(self, name: str) -> Frame:
         """The frame of the body of that name, in new symbols `name.x`, ..."""
+        q_names, v_names = ([f"{name}.{x}" for x in names] for names in (self.coordinates, self.velocities))
+        q, v = (ca.vertcat(ca.SX(0, 1), *map(ca.SX.sym, names)) for names in (q_names, v_names))
+        S = np.zeros((6, len(v_names)))
+        S[list(self._twist), range(len(self._twist))] = 1.0
+        rate, r, R, angle = self._placed(q, v)
+        records = declare(q_names, Kind.COORDINATE, q, rate) + declare(v_names, Kind.VELOCITY, v)
+        S = ca.SX(ca.sparsify(ca.DM(S)))
+        return Frame(q, v, rate, r, R, S, angle, S.T, records)
 
     @abstractmethod
+    def _placed(self, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """Rates of the coordinates, position (3,), rotation (3, 3) and angle about z."""
+
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
         """q after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the norm 1."""
+        return q + delta
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}()"
-
-
-def _selection(rows: tuple[int, ...], n_v: int) -> ca.SX:
-    S = np.zeros((6, n_v))
-    S[list(rows), range(len(rows))] = 1.0
-    return ca.SX(ca.sparsify(ca.DM(S)))
-
-
-def _frame(
-    pose: Pose, name: str, rows: tuple[int, ...]
-) -> tuple[ca.SX, ca.SX, ca.SX, tuple[str, ...], tuple[str, ...]]:
-    q_names = tuple(f"{name}.{c}" for c in pose.coordinates)
-    v_names = tuple(f"{name}.{c}" for c in pose.velocities)
-    q = ca.vertcat(*[ca.SX.sym(n) for n in q_names])
-    v = ca.vertcat(*[ca.SX.sym(n) for n in v_names])
-    return q, v, _selection(rows, len(v_names)), q_names, v_names
 
 
 class Planar(Pose):
@@ -125,14 +122,10 @@ class Planar(Pose):
 
     rigid_coordinates = ("x", "y", "theta")
     rigid_velocities = ("vx", "vy", "omega")
+    _twist = (0, 1, 5)
 
-    def frame(self, name: str) -> Frame:
-        q, v, S, q_names, v_names = _frame(self, name, (0, 1, 5))
-        records = declare(q_names, Kind.COORDINATE, q, v) + declare(v_names, Kind.VELOCITY, v)
-        return Frame(q, v, v, vector(q[:2]), rotation_z(q[2]), S, q[2], S.T, records)
-
-    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        return q + delta
+    def _placed(self, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        return v, vector(q[:2]), rotation_z(q[2]), q[2]
 
 
 class Spatial(Pose):
@@ -149,12 +142,11 @@ class Spatial(Pose):
 
     rigid_coordinates = ("x", "y", "z", "e0", "e1", "e2", "e3")
     rigid_velocities = ("vx", "vy", "vz", "omega_x", "omega_y", "omega_z")
+    _twist = (0, 1, 2, 3, 4, 5)
 
-    def frame(self, name: str) -> Frame:
-        q, v, S, q_names, v_names = _frame(self, name, (0, 1, 2, 3, 4, 5))
+    def _placed(self, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         rate = ca.vertcat(v[:3], quaternion_rate(q[3:7], v[3:6]), v[6:])
-        records = declare(q_names, Kind.COORDINATE, q, rate) + declare(v_names, Kind.VELOCITY, v)
-        return Frame(q, v, rate, q[:3], rotation_matrix(q[3:7]), S, ca.SX(), S.T, records)
+        return rate, q[:3], rotation_matrix(q[3:7]), ca.SX()
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
         e = product(q[3:7], rotation_by(delta[3:6]))
@@ -174,28 +166,19 @@ class Particle(Pose):
 
     rigid_coordinates = ("x", "y", "z")
     rigid_velocities = ("vx", "vy", "vz")
+    _twist = (0, 1, 2)
 
-    def frame(self, name: str) -> Frame:
-        q, v, S, q_names, v_names = _frame(self, name, (0, 1, 2))
-        records = declare(q_names, Kind.COORDINATE, q, v) + declare(v_names, Kind.VELOCITY, v)
-        return Frame(q, v, v, q, ca.SX.eye(3), S, ca.SX(), S.T, records)
-
-    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        return q + delta
+    def _placed(self, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        return v, q, ca.SX.eye(3), ca.SX()
 
 
 class Fixed(Pose):
     """No motion: the pose of the ground."""
 
-    rigid_coordinates = ()
-    rigid_velocities = ()
+    rigid_coordinates = rigid_velocities = _twist = ()
 
-    def frame(self, name: str) -> Frame:
-        none = ca.SX(0, 1)
-        return Frame(none, none, none, ca.SX(3, 1), ca.SX.eye(3), ca.SX(6, 0), ca.SX(0), ca.SX(0, 6), ())
-
-    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        return q
+    def _placed(self, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        return v, ca.SX(3, 1), ca.SX.eye(3), ca.SX(0)
 
 
 def turns_about_z(pose: Pose) -> bool:

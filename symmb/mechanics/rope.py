@@ -77,14 +77,12 @@ class Rope(ForceElement):
         yield from pair_faults(self.title, tuple({id(body): body for body in self.bodies()}.values()))
         if len({id(body) for body in self.bodies()}) == 1:
             yield f"{self.title}: all its points are on body {self.bodies()[0].name!r}, nothing is left to act on."
-        yield from self._pulley_faults([radius is not None for _, radius in wraps])
-        yield from super().faults()
-
-    def _pulley_faults(self, are_pulleys: Sequence[bool]) -> Iterator[str]:
+        are_pulleys = [radius is not None for _, radius in wraps]
         if any(are_pulleys) and any(isinstance(body.pose, Spatial) for body in self.bodies()):
             yield f"{self.title}: pulleys turn in the xy plane, which spatial bodies leave. Use pose=Planar()."
         if are_pulleys[0] or are_pulleys[-1]:
             yield f"{self.title}: it begins or ends with a pulley. Give a point, where it is fixed."
+        yield from super().faults()
 
     def course(self, bind: Bind) -> tuple[list[tuple[ca.SX, ca.SX]], ca.SX]:
         """World ends (3,) [m] of its straight parts, and by how much it is longer than its way [m]."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import numbers_of
-from symmb._types import Array, Expr, Mask
+from symmb._types import Array, Expr
 from symmb.symbolic import Kind, Pieces, Sides, given, lookup, symbols_in
 
 
@@ -126,9 +126,14 @@ class Table:
 
     @cached_property
     def _grouped(self) -> tuple[Sides, Pieces]:
-        """The sides of the points that bend, and the pieces in groups between these."""
-        x = np.array(self.x, dtype=float)
-        bends = _bends(x, np.array(self.y, dtype=float))
+        """The sides of the points that bend, and the pieces in groups between these.
+
+        A front, a pulse or the table itself begins or ends there, and a step might otherwise pass over it.
+        """
+        x, y = np.array(self.x, dtype=float), np.array(self.y, dtype=float)
+        slope = np.diff(y) / np.diff(x)
+        steeper = np.maximum(np.abs(slope[1:]), np.abs(slope[:-1]))
+        bends = np.concatenate([[True], np.abs(np.diff(slope)) > _BEND * steeper, [True]])
         data = self._pieces.data
         return Sides.of(x[bends]), Pieces(np.concatenate([[0], np.cumsum(bends)]), data[1], data[2:-1].T)
 
@@ -141,16 +146,6 @@ _MOST_POINTS = 1_000_000
 """Points that take 100 MB, and some seconds to declare."""
 _BEND = 0.5
 """Change of the slope at a point, over the steeper of both slopes, from which on steps over the state end there."""
-
-
-def _bends(x: Array, y: Array) -> Mask:
-    """Points (n,) where a front, a pulse or the table itself begins or ends. A step might otherwise pass over it.
-
-    Steps follow a smooth part of the curve without an end at each point of it.
-    """
-    slope = np.diff(y) / np.diff(x)
-    steeper = np.maximum(np.abs(slope[1:]), np.abs(slope[:-1]))
-    return np.concatenate([[True], np.abs(np.diff(slope)) > _BEND * steeper, [True]])
 
 
 def _slopes(h: Array, slope: Array) -> Array:

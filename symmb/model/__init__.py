@@ -10,7 +10,6 @@ from symmb.model.dae import DAE, is_linear
 from symmb.model.equations_text import equations_text
 from symmb.model.joint_space import JointSpace
 from symmb.model.lazy import Lazy
-from symmb.model.sampling import Sampling
 from symmb.model.scales import Scales
 from symmb.model.scene import Scene
 from symmb.model.start_values import JointValue, Prescribed

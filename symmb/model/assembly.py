@@ -1,6 +1,6 @@
 """Collects the declared elements into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -160,12 +160,7 @@ class Collected:
 
 
 def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Collected:
-    """Validate the declaration and derive its equations.
-
-    Raises
-    ------
-    DeclarationError       with one line for each fault
-    """
+    """Validate the declaration and derive its equations. A DeclarationError has one line for each fault."""
     faults, sound = _Faults(name_faults(elements, parameters)), []
     bodies = tuple(e for e in elements if isinstance(e, Body))
     known = {id(element) for element in elements}
@@ -236,14 +231,6 @@ class _Equations:
         own = {f.name: [a.force for a in actions if a.force is not None] for f, actions in self.actions.items()}
         return {name: sum(forces[1:], forces[0]) if forces else None for name, forces in own.items()}
 
-    def faults(self) -> Iterator[str]:
-        """Values that jump in a constraint, and loads that leave the plane of a body."""
-        for element, _ in self.sampled:
-            yield from held_faults(element, self.positions, self.velocities)
-        for force, actions in self.actions.items():
-            for action in actions:
-                yield from plane_faults(force.title, action)
-
 
 def _write_equations(
     elements: Sequence[Element], inertial: Sequence[Inertia], bind: Binding, parameters: Parameters, faults: _Faults
@@ -274,18 +261,16 @@ def _write_equations(
         laws={e.name: attempt((nothing, nothing), impact_law, e, bind, parameters) for e in impacts},
         n_declared_rows=sum(rows.numel() for rows in declared.values()),
     )
-    faults.lines += equations.faults()
+    for element, _ in sampled:
+        faults.lines += held_faults(element, equations.positions, equations.velocities)
+    for force, own in actions.items():
+        faults.lines += chain.from_iterable(plane_faults(force.title, action) for action in own)
     if events and not faults.lines:
         _gate_rows(equations, bind)
-        _write_margins(equations, bind, faults)
+        for k, (e, _) in enumerate(events):
+            rows = [*equations.positions[e.joint.name], *equations.velocities[e.joint.name]]
+            events[k] = e, attempt(ca.SX(1), event_margin, e, rows, bind, what=e.title)
     return equations
-
-
-def _write_margins(equations: _Equations, bind: Binding, faults: _Faults) -> None:
-    """The margins of conditions at which joints open and close."""
-    for k, (e, _) in enumerate(equations.joint_events):
-        rows = [*equations.positions[e.joint.name], *equations.velocities[e.joint.name]]
-        equations.joint_events[k] = e, faults.attempt(ca.SX(1), event_margin, e, rows, bind, what=e.title)
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:
@@ -310,7 +295,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
     Q_work, Q_potential, potential = _forces(bodies, shares, equations.every_action)
     Phi, Psi = (stacked([*chain(*kind.values())]) for kind in (equations.positions, equations.velocities))
     gaps = [gap for gap, _ in equations.laws.values()]
-    M = _diagcat([share.M for share in shares])
+    M = ca.diagcat(ca.SX(0, 0), *[share.M for share in shares])
     closed = closed_at_start(event for event, _ in equations.joint_events)
     own = [Coordinates(b.frame.q, b.frame.v, b.frame.rate, *_names(b)) for b in bodies]
     return Collected(
@@ -321,7 +306,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         states=_states(bind, [ca.vec(M), Q_work, Q_potential, Phi, Psi, *gaps], equations),
         sampled=tuple(equations.sampled),
         M=M,
-        M_flow=_diagcat([share.M if share.flows else ca.SX(*share.M.shape) for share in shares]),
+        M_flow=ca.diagcat(ca.SX(0, 0), *[share.M if share.flows else ca.SX(*share.M.shape) for share in shares]),
         Q=Q_work + Q_potential,
         Q_work=Q_work,
         potential=potential,
@@ -364,10 +349,6 @@ def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) 
 def stacked(parts: Sequence[ca.SX]) -> ca.SX:
     """Dense columns below each other."""
     return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
-
-
-def _diagcat(blocks: Sequence[ca.SX]) -> ca.SX:
-    return ca.diagcat(*blocks) if blocks else ca.SX(0, 0)
 
 
 def _forces(

@@ -24,33 +24,9 @@ _EXAMPLE = Path(__file__).with_name("example.c.in")
 def save_c(
     functions: Mapping[str, ca.Function], folder: str | Path, *, name: str = "model", example: str | None = None
 ) -> tuple[Path, ...]:
-    """Write `<name>.c`, `<name>.h` and, with an example, `main.c`; existing files are replaced.
+    """Write `<name>.c`, `<name>.h` and, with the text of an example, `main.c`; existing files are replaced.
 
     The C functions are called `<name>_<key>`: a bare `gamma` would clash with the one in math.h.
-
-    Parameters
-    ----------
-    functions                key -> Function
-    folder                   it is created if it does not exist
-    name                     stem of the files and prefix of the C functions
-    example                  text of `main.c`, for instance from `example_c`
-
-    Returns
-    -------
-    tuple of Path            the files written
-
-    Raises
-    ------
-    DeclarationError         if `name` is not a C identifier or `functions` is empty
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> p = ca.SX.sym("p")
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     files = save_c({"twice": ca.Function("f", [p], [2 * p])}, folder)
-    >>> [file.name for file in files]
-    ['model.c', 'model.h']
     """
     if not (name.isidentifier() and name.isascii()):
         raise DeclarationError(f"name='{name}' is not a C identifier: use letters, digits and underscores.")
@@ -67,8 +43,10 @@ def save_c(
         generator.add(f)
     with temporary_folder() as generated:
         source = Path(generator.generate(f"{generated}{os.sep}")).read_text(encoding="utf-8")
-        header = Path(generated, f"{name}.h").read_text(encoding="utf-8")
-    texts = {f"{name}.c": source, f"{name}.h": _documented(name, renamed, header)}
+        prototypes = Path(generated, f"{name}.h").read_text(encoding="utf-8")
+    guard, comments = f"{name.upper()}_H", "\n".join(map(_comment, renamed))
+    header = f"#ifndef {guard}\n#define {guard}\n\n{_HEADER}\n{comments}\n{prototypes}\n#endif\n"
+    texts = {f"{name}.c": source, f"{name}.h": header}
     if example is not None:
         texts["main.c"] = example
     for file_name, text in texts.items():
@@ -105,10 +83,6 @@ def example_c(
     t0, t1                   first and last time [s]
     steps                    number of steps, which is one less than the number of rows printed
     name                     as in `save_c`
-
-    Raises
-    ------
-    DeclarationError         if a length does not fit `rhs`, a value is not finite, or steps < 1
     """
     _require_start(rhs, {"q": q, "v": v, "s": s, "p": parameters, "t": (t0,)}, coordinates)
     if steps < 1 or not all(map(math.isfinite, [*q, *v, *s, *parameters.values(), t0, t1])):
@@ -152,12 +126,6 @@ def _require_start(rhs: ca.Function, start: Mapping[str, Sized], coordinates: Se
 def _renamed(f: ca.Function, name: str) -> ca.Function:
     inputs: Any = f.sx_in() if f.is_a("SXFunction") else f.mx_in()
     return ca.Function(name, inputs, f.call(inputs, True, False), f.name_in(), f.name_out())
-
-
-def _documented(name: str, functions: Sequence[ca.Function], prototypes: str) -> str:
-    guard = f"{name.upper()}_H"
-    comments = "\n".join(_comment(f) for f in functions)
-    return f"#ifndef {guard}\n#define {guard}\n\n{_HEADER}\n{comments}\n{prototypes}\n#endif\n"
 
 
 def _comment(f: ca.Function) -> str:

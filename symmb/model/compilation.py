@@ -8,15 +8,13 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, require_numbers
-from symmb._types import Array
 from symmb.model.contact_equations import ContactEquations
 from symmb.model.dae import DAE
 from symmb.model.lazy import Lazy
-from symmb.model.redundancy import redundancy_equations
 from symmb.model.sampling import sampling_of
 from symmb.model.system import System
 from symmb.model.validation import require_inertia
-from symmb.symbolic import Symbol, shared, t
+from symmb.symbolic import least_multipliers, shared, t, vanishing_rows
 
 Outputs = Mapping[str, ca.SX]
 """Expressions of a Function by the names of its outputs."""
@@ -85,15 +83,12 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
         positive=positive,
         positive_names=positive_names,
         impacts=None if contacts is None else contacts.compiled(retract),
-        s_rest=_constant_starts(c.states) if c.joint_events else None,
+        s_rest=np.array([float(s.value) if s.value.is_constant() else 0.0 for s in c.states])
+        if c.joint_events
+        else None,
         sampling=sampling_of(system),
         **functions,  # pyright: ignore[reportArgumentType]
     )
-
-
-def _constant_starts(states: Sequence[Symbol]) -> Array:
-    """Where states start that start at a number, and 0 for others, (n_s,)."""
-    return np.array([float(s.value) if s.value.is_constant() else 0.0 for s in states])
 
 
 def _rows(system: System) -> dict[str, Outputs]:
@@ -128,7 +123,7 @@ def _equations(
         if right.numel():
             delta, _ = system.solve(ca.SX(system.v.numel(), 1), right)
             outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
-        return outputs | (redundancy_equations(whole[0], system, whole[1]) if whole else {})
+        return outputs | (_redundancy_equations(whole[0], system, whole[1]) if whole else {})
 
     inputs = {
         "inertia": ("a", a),
@@ -145,12 +140,12 @@ def _equations(
     def alone(name: str, outputs: Callable[[], Outputs]) -> Lazy[ca.Function]:
         return one_of(Lazy(lambda: _functions(system, {name: outputs()}, inputs)), name)
 
-    def without_rows() -> Outputs:
+    def forward() -> Outputs:
         return {"vdot": ca.densify(solutions()["rhs"]["vdot"]), "lam": right}
 
     equations = {
         "rhs": one_of(solved, "rhs"),
-        "forward": one_of(solved, "forward") if right.numel() else alone("forward", without_rows),
+        "forward": one_of(solved, "forward") if right.numel() else alone("forward", forward),
         "inertia": alone("inertia", lambda: {"Ma": ca.densify(system.inertial(a))}),
         "Q": alone("Q", lambda: {"Q": system.Q}),
         "energy": alone("energy", lambda: {"T": system.kinetic_energy, "V": system.potential_energy}),
@@ -168,6 +163,23 @@ def _equations(
         names = ("distribute_multipliers", *(("vanishing",) if any(whole[1]) else ()))
         equations |= {name: one_of(solved, name) for name in names}
     return equations
+
+
+def _redundancy_equations(system: System, reduced: System, nullities: tuple[int, int]) -> dict[str, Outputs]:
+    """Multipliers of least norm of a system with redundant rows, reduced to those that determine the motion.
+
+    Of these rows and of the position rows among them, so many combinations vanish as `nullities` says. None do where
+    they are independent wherever the system can move.
+    """
+    every: dict[str, Outputs] = {
+        "distribute_multipliers": {"lam": least_multipliers(system.G, reduced.G.T @ ca.SX(reduced.lam))}
+    }
+    if not any(nullities):
+        return every
+    N = N_c = vanishing_rows(reduced.G, nullities[0])
+    if reduced.Psi.numel():
+        N_c = vanishing_rows(reduced.G[: reduced.Phi.numel(), :], nullities[1])
+    return {"vanishing": {"of_all": N, "of_positions": N_c}, **every}
 
 
 def _functions(

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 import casadi as ca
 import numpy as np
@@ -29,6 +29,17 @@ def is_linear(name: str) -> bool:
 
 
 _LINEAR = ("x", "y", "z", "vx", "vy", "vz", "displacement", "displacement_rate")
+
+
+class Equation(Generic[T]):
+    """The Function of `DAE.equations` that has the name of the attribute. Optional ones may be None."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, dae: "DAE", owner: type) -> T:
+        equation = dae.equations.get(self._name)
+        return cast(T, None if equation is None else equation())
 
 
 @dataclass(frozen=True)
@@ -90,71 +101,18 @@ class DAE:
     s_rest: Array | None = None
     sampling: Sampling | None = None
 
-    def _required(self, name: str) -> ca.Function:
-        return self.equations[name]()
-
-    def _optional(self, name: str) -> ca.Function | None:
-        return self.equations[name]() if name in self.equations else None
-
-    @property
-    def rhs(self) -> ca.Function:
-        """Rates of the states."""
-        return self._required("rhs")
-
-    @property
-    def inertia(self) -> ca.Function:
-        """Forces that accelerations need."""
-        return self._required("inertia")
-
-    @property
-    def Q(self) -> ca.Function:
-        """Generalised forces."""
-        return self._required("Q")
-
-    @property
-    def forward(self) -> ca.Function:
-        """Accelerations and multipliers for a given right side of the rows."""
-        return self._required("forward")
-
-    @property
-    def energy(self) -> ca.Function:
-        """Kinetic and potential energy."""
-        return self._required("energy")
-
-    @property
-    def Phi_q(self) -> ca.Function | None:
-        """Jacobian of the position rows."""
-        return self._optional("Phi_q")
-
-    @property
-    def Phi_t(self) -> ca.Function | None:
-        """Partial rate of the position rows."""
-        return self._optional("Phi_t")
-
-    @property
-    def gamma(self) -> ca.Function | None:
-        """Right side of G v' = gamma."""
-        return self._optional("gamma")
-
-    @property
-    def min_norm_correction(self) -> ca.Function | None:
-        """Least displacement that changes the rows by given values."""
-        return self._optional("min_norm_correction")
-
-    @property
-    def power(self) -> ca.Function | None:
-        """Power of forces without potential and of drives."""
-        return self._optional("power")
-
-    @property
-    def distribute_multipliers(self) -> ca.Function | None:
-        """Multipliers of all rows of the system."""
-        return self._optional("distribute_multipliers")
-
-    @property
-    def vanishing(self) -> ca.Function | None:
-        """Combinations of rows that vanish."""
-        return self._optional("vanishing")
+    rhs = Equation[ca.Function]()
+    inertia = Equation[ca.Function]()
+    Q = Equation[ca.Function]()
+    forward = Equation[ca.Function]()
+    energy = Equation[ca.Function]()
+    Phi_q = Equation[ca.Function | None]()
+    Phi_t = Equation[ca.Function | None]()
+    gamma = Equation[ca.Function | None]()
+    min_norm_correction = Equation[ca.Function | None]()
+    power = Equation[ca.Function | None]()
+    distribute_multipliers = Equation[ca.Function | None]()
+    vanishing = Equation[ca.Function | None]()
 
     @property
     def functions(self) -> dict[str, ca.Function]:

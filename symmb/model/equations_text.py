@@ -1,7 +1,5 @@
 """The equations of a small system as lines of text."""
 
-from collections.abc import Iterator
-
 import casadi as ca
 
 from symmb.model.system import System
@@ -28,20 +26,13 @@ def equations_text(system: System, latex: str = "--latex") -> str:
         ("Psi", system.Psi, rows[n_c:]),
         ("gamma", system.gamma, rows),
     )
-    groups = [list(_matrix("M", system.M, velocities, latex)), *(list(_vector(*vector, latex)) for vector in vectors)]
+    M = ca.sparsify(ca.triu(system.M))  # zeros are left out
+    pairs = sorted(zip(*M.sparsity().get_triplet(), strict=True))
+    groups = [[f"M[{velocities[i]}, {velocities[j]}] = {_entry(M[i, j], latex)}" for i, j in pairs]]
+    for name, vector, names in vectors:
+        entries = zip(names, ca.vertsplit(vector), strict=True)
+        groups.append([f"{name}[{row}] = {_entry(entry, latex)}" for row, entry in entries])
     return "\n\n".join("\n".join(group) for group in groups if group)
-
-
-def _matrix(name: str, A: ca.SX, names: tuple[str, ...], latex: str) -> Iterator[str]:
-    """The upper triangle of a symmetric matrix, zeros left out."""
-    A = ca.sparsify(ca.triu(A))
-    for i, j in sorted(zip(*A.sparsity().get_triplet(), strict=True)):
-        yield f"{name}[{names[i]}, {names[j]}] = {_entry(A[i, j], latex)}"
-
-
-def _vector(name: str, a: ca.SX, names: tuple[str, ...], latex: str) -> Iterator[str]:
-    for row, entry in zip(names, ca.vertsplit(a), strict=True):
-        yield f"{name}[{row}] = {_entry(entry, latex)}"
 
 
 def _entry(expression: ca.SX, latex: str) -> str:

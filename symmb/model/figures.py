@@ -8,8 +8,6 @@ import casadi as ca
 from symmb._errors import DeclarationError
 from symmb._types import Array, Expr
 from symmb.mechanics import Figure
-from symmb.model.system import System
-from symmb.model.units import units_of
 from symmb.symbolic import margin_of
 
 
@@ -39,13 +37,7 @@ class BoundFigure:
 
 
 def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], times: Array) -> BoundFigure:
-    """A figure over the times (n_t,) of a scene.
-
-    Raises
-    ------
-    DeclarationError       if an expression is unknown or no number, the condition is none, or the window is no part of
-                           the run
-    """
+    """A figure over the times (n_t,) of a scene."""
     expression = margin = None
     is_strict = False
     if figure.expression is not None:
@@ -69,8 +61,3 @@ def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], 
             f"{what}: its window, {window[0]:g} to {window[1]:g} s, is no part of the run from {begin:g} to {end:g} s."
         )
     return BoundFigure(figure.kind, expression, margin, is_strict, window)
-
-
-def figure_unit(system: System, figure: BoundFigure) -> str:
-    """That of its expression, s for a time; '' where it does not follow."""
-    return "s" if figure.expression is None else units_of(system, ca.vertcat(figure.expression))[0]

@@ -7,14 +7,7 @@ T = TypeVar("T")
 
 
 class Lazy(Generic[T]):
-    """A value that is computed when it is first asked for. A pickle contains the value.
-
-    Examples
-    --------
-    >>> area = Lazy(lambda: 3.0 * 4.0)
-    >>> area()
-    12.0
-    """
+    """A value that is computed when it is first asked for. A pickle contains the value."""
 
     def __init__(self, compute: Callable[[], T]) -> None:
         self._compute: Callable[[], T] | None = compute

@@ -53,12 +53,7 @@ class Restart:
 
 
 def restart_of(system: System, run: object) -> Restart:
-    """The end of a run as the start of a system.
-
-    Raises
-    ------
-    DeclarationError       if it is no run, if it is of another system, or if its last state is not finite
-    """
+    """The end of a run as the start of a system, which must be that of the run."""
     if not isinstance(run, EndedRun):
         raise DeclarationError(f"{_WHERE}: expected a run of simulate, got {type(run).__name__}.")
     if run.scene is None:

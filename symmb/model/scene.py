@@ -9,17 +9,17 @@ from typing import Any, Literal, TypeVar
 import casadi as ca
 import numpy as np
 
+from symmb import _html as html
 from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean, name_fault, name_faults
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.mechanics import Figure
 from symmb.model.box import Box
-from symmb.model.figures import BoundFigure, bound_figure, figure_unit
+from symmb.model.figures import BoundFigure, bound_figure
 from symmb.model.restart import EndedRun, Restart, restart_of
 from symmb.model.start_values import Prescribed, listed_values, with_modes
 from symmb.model.system import System
-from symmb.model.typeset import scene_html
 from symmb.model.units import units_of
 from symmb.symbolic import reduction, t
 
@@ -107,7 +107,7 @@ class Scene:
         untimely = _time_faults(self.times)
         faults = [*untimely, *self._box_faults()]
         coordinates = self.coordinates
-        if coordinates is not None and not (isinstance(coordinates, str) and coordinates in _COORDINATES):
+        if coordinates is not None and not (isinstance(coordinates, str) and coordinates in ("joint", "body")):
             faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
         if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
             faults.append(f"times: the scene goes on from a run that ended at {self.restart.time!r} s. Begin there.")
@@ -227,12 +227,9 @@ class Scene:
     @cached_property
     def curve_units(self) -> tuple[str, ...]:
         """Units of the outputs over time: those of coordinates that move uniformly as well."""
-        whole = ca.vertcat(*(self._bound(self._outputs_given[name], name) for name in self.curve_names), ca.SX(0, 1))
+        given = self._bound_outputs if self.outputs is None else self.outputs
+        whole = ca.vertcat(*(self._bound(given[name], name) for name in self.curve_names), ca.SX(0, 1))
         return units_of(self.system, whole)
-
-    @property
-    def _outputs_given(self) -> Mapping[str, Expr]:
-        return self._bound_outputs if self.outputs is None else self.outputs
 
     def _bound(self, expression: Expr, what: str) -> ca.SX:
         """An expression as SX, before coordinates that move uniformly are put in."""
@@ -247,7 +244,8 @@ class Scene:
     def units(self) -> tuple[str, ...]:
         """Units of the outputs, '' where they do not follow from the expression."""
         known = dict(zip(self.curve_names, self.curve_units, strict=True))
-        known |= {name: figure_unit(self.system, figure) for name, figure in self.figures.items()}
+        for name, figure in self.figures.items():
+            known[name] = "s" if figure.expression is None else units_of(self.system, figure.expression)[0]
         return tuple(known[name] for name in self.output_names)
 
     @cached_property
@@ -273,15 +271,27 @@ class Scene:
     def _repr_html_(self) -> str:
         declared = self._bound_outputs | {name: self.outputs[name] for name in self.figures} if self.outputs else {}
         declared = declared or self._bound_outputs
-        outputs = {name: (unit, declared[name]) for name, unit in zip(self.output_names, self.units, strict=True)}
+        outputs = [
+            [name, unit, _cell(declared[name])] for name, unit in zip(self.output_names, self.units, strict=True)
+        ]
+        tables = [html.table([["output", "unit", "expression"], *outputs], (0, 1, 2))]
+        if self.start:
+            values = ([name, _cell(value)] for name, value in self.start.items())
+            tables.append(html.table([["start", "value"], *values], (0, 1)))
         intervals = {} if self.box is None else dict(zip(self.box.names, self.box.bounds, strict=True))
+        if self.system.parameters:
+            rows = []
+            for name, value in self.system.parameters.items():
+                row = [name, f"{value:g}", *(f"{end:g}" for end in intervals.get(name, ()))]
+                rows.append([*row, *[""] * (4 - len(row))])
+            tables.append(html.table([["parameter", "nominal", "lower", "upper"], *rows]))
         # Drawings stand on scenes. Only a notebook that shows a scene asks for one.
         drawing = import_module("symmb.drawing")
         try:
-            picture = drawing.start_picture(self)
+            picture = html.picture(drawing.start_picture(self))
         except SymmbError as error:
-            picture = f"No picture: {error}"
-        return scene_html(repr(self), outputs, self.start, self.system.parameters, intervals, picture)
+            picture = html.text(f"No picture: {error}")
+        return html.page(html.text(repr(self)), picture, *tables)
 
     def with_box(self, box: Box) -> "Scene":
         """A copy with another box."""
@@ -342,7 +352,13 @@ class Scene:
         return replace(self, name=name)
 
 
-_COORDINATES = ("joint", "body")
+_LONGEST_CELL = 80
+"""Most characters of an expression in a table."""
+
+
+def _cell(value: object) -> str:
+    text = " ".join(str(value).split())
+    return text if len(text) <= _LONGEST_CELL else f"{text[:_LONGEST_CELL]} ..."
 
 
 def _time_faults(times: Sequence[float] | Array) -> list[str]:
@@ -355,24 +371,17 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
         return ["times: contains NaN or infinity."]
     if np.any(np.diff(array) <= 0):
         return ["times: must increase from one to the next; sort them and leave out repetitions."]
-    return [] if array.size == 1 else _horizon_faults(array)
+    begin, end, (shortest, longest) = array[0], array[-1], _HORIZONS
+    with np.errstate(over="ignore"):
+        horizon, rounding = float(end - begin), float(np.spacing(np.abs(array).max()))
+    if array.size > 1 and not shortest <= horizon <= longest:
+        return [f"times: from {begin:g} to {end:g} s; expected {shortest:g} to {longest:g} s. Use other units."]
+    if array.size > 1 and rounding > _ROUNDED * horizon:
+        return [f"times: numbers near {end:g} are {rounding:.1g} apart, too far for {horizon:g} s. Begin at 0."]
+    return []
 
 
 _HORIZONS = 1e-60, 1e60
 """Shortest and longest horizon [s]. Fourth powers of steps, which are 1e-14 of it at the least, are finite numbers."""
 _ROUNDED = 1e-6
 """Share of the horizon by which rounding may move a time: solvers move by small steps from one to the next."""
-
-
-def _horizon_faults(times: Array) -> list[str]:
-    """Faults of two and more times that computers cannot follow from one to the next."""
-    with np.errstate(over="ignore"):
-        horizon, rounding = float(times[-1] - times[0]), float(np.spacing(np.abs(times).max()))
-    shortest, longest = _HORIZONS
-    if not shortest <= horizon <= longest:
-        return [
-            f"times: from {times[0]:g} to {times[-1]:g} s; expected {shortest:g} to {longest:g} s. Use other units."
-        ]
-    if rounding > _ROUNDED * horizon:
-        return [f"times: numbers near {times[-1]:g} are {rounding:.1g} apart, too far for {horizon:g} s. Begin at 0."]
-    return []

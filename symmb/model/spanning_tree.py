@@ -1,6 +1,6 @@
 """The tree of joints that carry bodies. All other joints close loops."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 
@@ -46,7 +46,9 @@ def spanning_tree(
     Joints with many rows come first, so that those that close loops have few. Of equal ones, those close to the ground
     come first, so that branches are short.
     """
-    edges = _edges(bodies, joints, rows, bind, turns)
+    edges, by_carrier = list(_edges(bodies, joints, rows, bind, turns)), dict[int | None, list[int]]()
+    for number, (_, carrying) in enumerate(edges):
+        by_carrier.setdefault(carrying.carrier, []).append(number)
     links: dict[int, Link] = {}
     for root in (None, *rigid):
         if root in links:
@@ -57,12 +59,12 @@ def spanning_tree(
         depth: dict[int | None, int] = {root: 0}
         reached = [root]
         for body in reached:  # which grows
-            for number in edges.by_carrier.get(body, ()):
-                joint = edges.all[number][1].joint
+            for number in by_carrier.get(body, ()):
+                joint = edges[number][1].joint
                 heappush(queue, (-rows[joint.name], depth[body] + 1, number))
             while queue:
                 _, level, number = heappop(queue)
-                follower, carrying = edges.all[number]
+                follower, carrying = edges[number]
                 if follower not in links:
                     links[follower] = Link(follower, carrying)
                     depth[follower] = level
@@ -71,19 +73,11 @@ def spanning_tree(
     return tuple(links.values())
 
 
-@dataclass(frozen=True)
-class _Edges:
-    """Bodies that joints can carry, each with how, and the numbers of these for each carrier."""
-
-    all: list[tuple[int, Carrying]]
-    by_carrier: dict[int | None, list[int]]
-
-
 def _edges(
     bodies: Sequence[Body], joints: Sequence[Joint], rows: Mapping[str, int], bind: Binding, turns: Mapping[str, int]
-) -> _Edges:
+) -> Iterator[tuple[int, Carrying]]:
+    """Bodies that joints can carry, by their numbers, each with how."""
     numbers = {id(body): k for k, body in enumerate(bodies)}
-    edges = _Edges([], {})
     for joint in joints:
         ends = [(numbers.get(id(point.body)), point) for point in (joint.point_a, joint.point_b)]
         known = all(number is not None or isinstance(point.body, Ground) for number, point in ends)
@@ -99,9 +93,7 @@ def _edges(
         ):
             if follower is None or not _suits(bodies, carrier, bodies[follower], rows[joint.name] + motion.u.numel()):
                 continue
-            edges.by_carrier.setdefault(carrier, []).append(len(edges.all))
-            edges.all.append((follower, Carrying(carrier, joint, own, on_carrier.s, on_body.s)))
-    return edges
+            yield follower, Carrying(carrier, joint, own, on_carrier.s, on_body.s)
 
 
 def _suits(bodies: Sequence[Body], carrier: int | None, follower: Body, determined: int) -> bool:

@@ -64,12 +64,7 @@ class Prescribed:
 
 
 def listed_values(system: System, listed: Mapping[str, Expr], what: str) -> Prescribed:
-    """Listed values by the index or the name of what they are of; see `Scene` for the names.
-
-    Raises
-    ------
-    DeclarationError       all faults at once, with near misses of names
-    """
+    """Listed values by the index or the name of what they are of; see `Scene` for the names."""
     if not isinstance(listed, Mapping):
         raise DeclarationError(f'{what}: expected values by name, such as {{"rod.theta": 0.3}}, got {shown(listed)}.')
     values, faults = _Values(system, what), []
@@ -129,7 +124,12 @@ class _Values:
         elif name in self._states:
             self.states[name] = self._bind(value, name)
         elif body in self._joints and part.removesuffix("_rate") in ("angle", "displacement"):
-            self._add_of_joint(self._joints[body], part, self._bind(value, name))
+            bound = self._bind(value, name)
+            try:
+                getattr(self._joints[body], part)
+            except DeclarationError as error:
+                raise DeclarationError(f"{self._what}: {error}") from None
+            self.joint_values.append(JointValue(self._joints[body], part, bound))
         else:
             known = did_you_mean(name, self._known())
             raise DeclarationError(f"{self._what}: no coordinate or velocity {name!r}.{known}")
@@ -147,13 +147,6 @@ class _Values:
         e = self._bind(value.quaternion, name, 4)
         self.q.update({self._q_at[f"{body}.e{k}"]: e[k] for k in range(4)})
         self.displacements.update(omega)
-
-    def _add_of_joint(self, joint: Joint, handle: str, value: ca.SX) -> None:
-        try:
-            getattr(joint, handle)
-        except DeclarationError as error:
-            raise DeclarationError(f"{self._what}: {error}") from None
-        self.joint_values.append(JointValue(joint, handle, value))
 
     def _known(self) -> Iterator[str]:
         """All names, for near misses."""

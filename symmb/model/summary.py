@@ -24,21 +24,15 @@ def system_text(
     joints: JointSpace,
     in_joints: bool,
 ) -> str:
-    """A few lines: bodies, sizes, the structure of M, and parts that were left out.
+    """A few lines: bodies, sizes, the structure of M (n_v, n_v), and parts that were left out.
 
-    Parameters
-    ----------
-    c, elements, parameters          equations, elements and parameters
-    M : (n_v, n_v)                   mass matrix, with the sizes of its diagonal blocks
-    Phi_t : (n_c, 1)                 partial time derivative of the position rows
-    power : scalar                   power of the forces without potential [W]
-    joints : JointSpace              joints that carry bodies, and whether the coordinates are theirs
+    `in_joints` tells whether the coordinates are those of the joints.
     """
     constraints = [type(e).__name__ for e in elements if isinstance(e, Constraint)]
     forces = [type(e).__name__ for e in elements if isinstance(e, ForceElement)]
     dropped = c.n_declared_rows - c.Phi.numel()
     parts = [
-        ("bodies", _count([_kind(b) for b in c.bodies])),
+        ("bodies", _count([("flexible " if b.pose.modes else "") + type(b.pose).__name__.lower() for b in c.bodies])),
         ("constraints", _count(constraints)),
         ("forces", _count(forces)),
         ("impacts", ", ".join(name for name, *_ in c.impacts)),
@@ -74,10 +68,6 @@ def _coordinates(c: Collected, joints: JointSpace, in_joints: bool) -> str:
     if in_joints:
         return f"of the joints {', '.join(joints.names)}"
     return f"of the bodies; joint_space() has n_v = {joints.n_v}, n_c = {len(joints.rows)}"
-
-
-def _kind(body: Body) -> str:
-    return ("flexible " if body.pose.modes else "") + type(body.pose).__name__.lower()
 
 
 def _count(kinds: list[str]) -> str:

@@ -15,8 +15,9 @@ from functools import cached_property
 
 import casadi as ca
 
+from symmb import _html as html
 from symmb._errors import DeclarationError
-from symmb._options import require_instance, require_name
+from symmb._options import require_instance, require_name, require_names
 from symmb._types import Expr
 from symmb.mechanics import Body, Element, Ground, Input, Joint, Parameters
 from symmb.model.assembly import Collected, collect
@@ -25,12 +26,15 @@ from symmb.model.box import Box
 from symmb.model.joint_space import JointSpace
 from symmb.model.multipliers import Multipliers, Reaction, reaction
 from symmb.model.summary import system_text
-from symmb.model.typeset import Typeset
 from symmb.model.validation import sign_faults
-from symmb.symbolic import Symbol, is_zero, rate, reduction, saddle_solver, t
+from symmb.symbolic import Symbol, is_zero, latex, rate, reduction, saddle_solver, t, to_sympy
+
+_MOST_NODES, _LONGEST = 1000, 6000
+"""Operations of a part, and characters of its LaTeX, up to which it is typeset: larger ones cannot be read."""
+_GREEK = {"Phi": r"\Phi", "Phi_q": r"\Phi_q", "Phi_t": r"\Phi_t", "Psi": r"\Psi", "gamma": r"\gamma"}
 
 
-class System(Typeset):
+class System:
     """Bodies, constraints and forces with their equations of motion.
 
     Parameters
@@ -360,6 +364,29 @@ class System(Typeset):
             "gamma": self.G.shape[0] > 0,
         }
         return tuple(name for name, there in has.items() if there)
+
+    def to_sympy(self, *names: str) -> dict:
+        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for."""
+        symbols = self.names
+        require_names("to_sympy", "part", names, self.parts)
+        return {name: to_sympy(getattr(self, name), [*symbols.values()], [*symbols]) for name in names or self.parts}
+
+    def latex(self) -> str:
+        """The equations in LaTeX, one display for each part that the scene has."""
+        return "\n\n".join(rf"\[ {self._display(name)} \]" for name in self.parts)
+
+    def _display(self, name: str) -> str:
+        """A part in LaTeX, as `part = ...`."""
+        symbols = self.names
+        return f"{_GREEK.get(name, name)} = {latex(getattr(self, name), [*symbols.values()], [*symbols])}"
+
+    def _repr_html_(self) -> str:
+        small = [name for name in self.parts if ca.n_nodes(getattr(self, name)) <= _MOST_NODES]
+        formulas = {name: tex for name in small if len(tex := self._display(name)) <= _LONGEST}
+        large = ", ".join(name for name in self.parts if name not in formulas)
+        note = f"{large}: too large to be read here. system.latex() gives all parts, system.{large.split(',')[0]} each."
+        text = html.text(repr(self))
+        return html.page(text, *map(html.formula, formulas.values()), html.text(note if large else ""))
 
     def __repr__(self) -> str:
         of, sizes, is_own = (self.collected, self.elements, self.parameters), self.block_sizes, self._joints is not None

@@ -35,12 +35,7 @@ _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
 
 
 def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Interval:
-    """The interval around a nominal value by a tolerance of `Box.plus_minus`.
-
-    Raises
-    ------
-    DeclarationError    if it is no tolerance, or does not belong to this value
-    """
+    """The interval around a nominal value by a tolerance of `Box.plus_minus`."""
     if isinstance(tolerance, str):
         return _of_text(owner, name, nominal, tolerance)
     if is_finite_number(tolerance):
@@ -120,13 +115,7 @@ def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> floa
 
 
 def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None = None) -> dict[str, Interval]:
-    """The intervals that a CSV or TOML table tells, whose nominal values must be those of the parameters, if given.
-
-    Raises
-    ------
-    DeclarationError    if it is no such table, or is one of other nominal values
-    FileError           if it cannot be read
-    """
+    """The intervals that a CSV or TOML table tells, whose nominal values must be those of the parameters, if given."""
     owner = f"Box.read: {path.name}"
     read = {".csv": _rows_of_csv, ".toml": _rows_of_toml}.get(path.suffix.lower())
     if read is None:

@@ -72,22 +72,18 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
             (unit,) = _worked_out(rows[i], {})
             known[multiplier.element_hash()] = _product(_ENERGY if i < n_c else _POWER, unit, -1) if unit else None
     handles = [*_handles(system), *_forces(system, y)]
+    laws = {element.name: law for element, law in system.collected.sampled}
     for state in (e for e in system.elements if isinstance(e, OwnState)):
         if state.value.element_hash() in hashes:
-            known[state.value.element_hash()] = _of_own_state(state, system, handles)
+            law = laws.get(state.name)
+            (unit,) = _worked_out(ca.SX(state.symbols[0].rate if law is None else law), {}, handles)
+            known[state.value.element_hash()] = unit if unit is None or law is not None else _product(unit, _TIME)
     return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known, handles))
 
 
 def powers_of(unit: str) -> Unit:
     """Powers of m, kg, s and rad in a unit that `units_of` gives."""
     return next(powers for powers, text in _TEXTS.items() if text == unit)
-
-
-def _of_own_state(state: OwnState, system: System, handles: Sequence[tuple[ca.SX, Unit]]) -> Unit | None:
-    """The unit of a sampled law, or of a rate times the time."""
-    laws = {element.name: law for element, law in system.collected.sampled}
-    (unit,) = _worked_out(ca.SX(laws.get(state.name, state.symbols[0].rate)), {}, handles)
-    return unit if unit is None or state.name in laws else _product(unit, _TIME)
 
 
 def _handles(system: System) -> list[tuple[ca.SX, Unit]]:

@@ -226,19 +226,15 @@ def plane_faults(title: str, action: Action) -> list[str]:
         outside = [i for i in range(6) if is_zero(S[i, :]) and not is_zero(wrench[i])]
         if outside:
             i = outside[0]
-            what = f"{'force along' if i < 3 else 'torque about'} {'xyzxyz'[i]}{_shown(wrench[i])}"
+            text = str(wrench[i])
+            value = f" ({text})" if len(text) <= 40 else ""  # a longer one does not help
+            what = f"{'force along' if i < 3 else 'torque about'} {'xyzxyz'[i]}{value}"
             faults.append(f"{title}: {what} leaves the plane of planar body {load.body.name!r}. {remedy}")
     return faults
 
 
 def _is_particle(body: AbstractBody) -> bool:
     return isinstance(body, Body) and isinstance(body.pose, Particle)
-
-
-def _shown(value: ca.SX) -> str:
-    """A value in brackets, unless it is too long to help."""
-    text = str(value)
-    return f" ({text})" if len(text) <= 40 else ""
 
 
 def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:

@@ -53,13 +53,7 @@ class Fit:
 
     @classmethod
     def of(cls, rule: Nodes, basis: Basis, d: int, order: int) -> "Fit":
-        """The fit of an order with d parameters.
-
-        Raises
-        ------
-        PropagationError
-            If the nodes do not determine the polynomials of the basis, or there are too many of either.
-        """
+        """The fit of an order with d parameters. The nodes must determine the polynomials of the basis."""
         request = f"{basis!r} of order {order} in {d} parameters"
         if order > MOST_ORDER:
             raise PropagationError(f"{request}: the highest order is {MOST_ORDER}.")

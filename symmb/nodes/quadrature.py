@@ -3,6 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -10,11 +11,12 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._options import constructor_text, dimensions, require_kind, require_whole
 from symmb._types import Array
-from symmb.nodes.leja import symmetric_leja
 from symmb.polynomials import homogeneous
 
 MOST_ORDER = 1000
 """Highest degree of a rule: the nodes of a higher one take longer than a second to find."""
+_HALVINGS = 60
+"""Halvings of an interval of at most unit length: more than the binary digits of a number."""
 
 
 class Nodes(Protocol):
@@ -153,7 +155,7 @@ class Leja(Rule):
 
     def line(self, degree: int) -> tuple[Array, Array]:
         """degree + 1 nodes and weights, exact to that degree."""
-        return _interpolatory(symmetric_leja(degree + 1))
+        return _interpolatory(_symmetric_leja(degree + 1))
 
     def degree(self, level: int) -> int:
         """Two additional nodes for each level: nested and symmetric, and therefore exact to one more degree."""
@@ -253,3 +255,38 @@ def _merged(nodes: Array, weights: Array) -> tuple[Array, Array]:
     total: Array = np.bincount(group.ravel(), weights).astype(float)
     nonzero = np.abs(total) > 1e-14
     return nodes[first[nonzero]], total[nonzero]
+
+
+@cache
+def _symmetric_leja(n: int) -> Array:
+    """The first n of the nodes 0, 1, -1, x, -x, ... (n,), read-only.
+
+    Each pair (x, -x) maximises the product of all distances, its own 2x included. The positive node is first. Of equal
+    maxima the leftmost is taken.
+
+    Bos and Caliari, Dolomites Research Notes on Approximation 8 (2015), Leja sequences of symmetric sets.
+    """
+    nodes = np.array([0.0, 1.0, -1.0])
+    while len(nodes) < n:
+        x = _farthest(nodes)
+        nodes = np.append(nodes, [x, -x])
+    nodes = nodes[:n]
+    nodes.flags.writeable = False
+    return nodes
+
+
+def _farthest(nodes: Array) -> float:
+    """The x > 0 that maximises 2x prod (x - x_j)^2.
+
+    Between two nodes the logarithm of the product is concave. Bisection on its slope finds the only maximum to the last
+    digit, which a comparison of values would not.
+    """
+    ends = np.sort(nodes[nodes >= 0])
+    low, high = ends[:-1], ends[1:]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        rises = 0.5 / middle + (1.0 / np.subtract.outer(middle, nodes)).sum(axis=1) > 0
+        low, high = np.where(rises, middle, low), np.where(rises, high, middle)
+    x = 0.5 * (low + high)
+    logarithms = 0.5 * np.log(x) + np.log(np.abs(np.subtract.outer(x, nodes))).sum(axis=1)
+    return float(x[logarithms.argmax()])

@@ -74,17 +74,13 @@ class AttachedLoads:
 
 def attached_loads(scene: Scene) -> tuple[AttachedLoads, ...]:
     """The loads of all flexible bodies with modes, in the order of the bodies."""
-    return scene.remembered(attached_loads, lambda: tuple(_attached_loads(scene)))
+    bodies = [body for body in scene.system.bodies if isinstance(body, FlexibleBody) and len(body.modes.stiffness)]
+    return scene.remembered(attached_loads, lambda: tuple(_loads_of(scene, body) for body in bodies))
 
 
-def _attached_loads(scene: Scene) -> Iterator[AttachedLoads]:
+def _loads_of(scene: Scene, body: FlexibleBody) -> AttachedLoads:
     numbers = {v.element_hash(): k for k, v in enumerate(ca.vertsplit(scene.system.v))}
-    for body in scene.system.bodies:
-        if isinstance(body, FlexibleBody) and len(body.modes.stiffness):
-            yield _loads_of(scene, body, tuple(numbers[v.element_hash()] for v in ca.vertsplit(body.frame.v)))
-
-
-def _loads_of(scene: Scene, body: FlexibleBody, columns: tuple[int, ...]) -> AttachedLoads:
+    columns = tuple(numbers[v.element_hash()] for v in ca.vertsplit(body.frame.v))
     rigid = list(columns[: len(columns) - len(body.modes.stiffness)])
     wrenches: dict[int, ca.SX] = {}
     for number, wrench in (*_of_forces(scene, body), *_of_constraints(scene, body, rigid)):
@@ -130,14 +126,8 @@ def _clamped(body: FlexibleBody) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """What the modes of a body leave out of an output, root mean square over time.
-
-    Attributes
-    ----------
-    loads : AttachedLoads
-    output : str
-    share : float          of what all deformations add to the output, or of its own changes if these are larger
-    """
+    """What the modes of a body leave out of an output, root mean square over time: a share of what all deformations add
+    to the output, or of its own changes if these are larger."""
 
     loads: AttachedLoads
     output: str

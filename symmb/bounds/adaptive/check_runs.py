@@ -28,20 +28,10 @@ MOST_CORNERS = 32
 
 
 def select_dispersed(places: Array, weights: Array, number: int) -> Array:
-    """Places with large weights that are not close to each other.
+    """At most so many places (n, d), of places (2, n_t, n_y, d), with large weights, that are not close to each other.
 
     Each choice maximises the weight in its neighbourhood, sum_j exp(-2 |x - x_j|^2 / d) w_j, and takes this weight from
     its neighbours.
-
-    Parameters
-    ----------
-    places : (2, n_t, n_y, d) array     points of the unit box
-    weights : (2, n_t, n_y) array
-    number : int                        most points to select
-
-    Returns
-    -------
-    (n, d) array
     """
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
     heaviest = np.argsort(-weights, kind="stable")[: 20 * CANDIDATES]
@@ -67,11 +57,8 @@ def quasi_random_points(number: int, d: int) -> Array:
 def evenly_spread_points(number: int, d: int) -> Array:
     """Points (number, d) of the unit box by Roberts' sequence.
 
-    They are the multiples of the powers of 1 / r modulo 1, with r^(d + 1) = r + 1.
-
-    References
-    ----------
-    Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
+    They are the multiples of the powers of 1 / r modulo 1, with r^(d + 1) = r + 1. (Roberts 2018, The unreasonable
+    effectiveness of quasirandom sequences)
     """
     ratio = 2.0
     for _ in range(60):  # the fixed-point iteration converges to all digits
@@ -83,11 +70,7 @@ def screening_corners(d: int) -> Array:
     """Corners (N, d) of the unit box: the rows of a Hadamard matrix that Paley's construction gives.
 
     For up to eleven parameters there are 12 corners. Among them is each combination of the signs of any three
-    parameters.
-
-    References
-    ----------
-    Plackett and Burman (1946), The design of optimum multifactorial experiments.
+    parameters. (Plackett and Burman 1946, The design of optimum multifactorial experiments)
     """
     prime = next(q for q in count(11, 4) if q >= d and all(q % k for k in range(3, q, 2)))
     signs = np.full(prime, -1.0)

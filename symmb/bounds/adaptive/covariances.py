@@ -63,7 +63,6 @@ class Ridge(Term):
         return np.append(self.rates, np.log(self.size))
 
     def with_vector(self, vector: Array) -> Self:
-        """With other numbers."""
         return replace(self, size=float(np.exp(vector[-1])), rates=vector[:-1])
 
     @property
@@ -72,7 +71,6 @@ class Ridge(Term):
         return np.array([(0.0, DEVIATION)] * (len(self.rates) + 1)).T
 
     def values(self, a: Array, b: Array) -> Array:
-        """(N, M)."""
         return self.size * np.exp(-0.5 * np.square(self._differences(a, b)))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
@@ -82,7 +80,6 @@ class Ridge(Term):
         return np.append(rates, product.sum())
 
     def slope(self, pull: Array, a: Array, b: Array) -> Array:
-        """(N, d)."""
         return -np.outer((pull * self.values(a, b) * self._differences(a, b)).sum(axis=1), self.rates)
 
     def _differences(self, a: Array, b: Array) -> Array:
@@ -93,7 +90,6 @@ class Smooth(Term):
     """a exp(-|w (x - x')|^2 / 2), by components: smooth functions of all parameters."""
 
     def values(self, a: Array, b: Array) -> Array:
-        """(N, M)."""
         p, q = a * self.rates, b * self.rates
         squares = np.square(p).sum(axis=1)[:, None] + np.square(q).sum(axis=1) - 2 * p @ q.T
         return self.size * np.exp(-0.5 * np.maximum(squares, 0.0))
@@ -105,7 +101,6 @@ class Smooth(Term):
         return np.append(-2 * np.square(self.rates) * rates, own.sum())
 
     def slope(self, pull: Array, a: Array, b: Array) -> Array:
-        """(N, d)."""
         own = pull * self.values(a, b)
         return -np.square(self.rates) * (own.sum(axis=1)[:, None] * a - own @ b)
 
@@ -113,15 +108,10 @@ class Smooth(Term):
 class Sum(Term):
     """a / d sum_i (1 + |z_i|) exp(-|z_i|), z_i = w_i (x_i - x_i'): sums of functions of one parameter, even with kinks.
 
-    Each is a Matern covariance of order 3/2.
-
-    References
-    ----------
-    Duvenaud, Nickisch and Rasmussen, Additive Gaussian Processes (2011).
+    Each is a Matern covariance of order 3/2. (Duvenaud, Nickisch and Rasmussen, Additive Gaussian Processes, 2011)
     """
 
     def values(self, a: Array, b: Array) -> Array:
-        """(N, M)."""
         z = (np.abs(each) for each in self._differences(a, b))
         return self.size / len(self.rates) * sum(((1 + part) * np.exp(-part) for part in z), np.zeros((1, 1)))
 
@@ -132,7 +122,6 @@ class Sum(Term):
         return np.append(self.size / len(self.rates) * slopes, (pull * values).sum())
 
     def slope(self, pull: Array, a: Array, b: Array) -> Array:
-        """(N, d)."""
         parts = [(pull * z * np.exp(-np.abs(z))).sum(axis=1) for z in self._differences(a, b)]
         return -self.size / len(self.rates) * self.rates * np.stack(parts, axis=1)
 

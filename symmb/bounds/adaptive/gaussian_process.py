@@ -171,8 +171,6 @@ class GaussianProcess:
     def rest_direction(self) -> Array:
         """The direction (d,) in which the smooth part of the mean varies most: the first active subspace.
 
-        References
-        ----------
         Constantine, Dow and Wang, SIAM Journal on Scientific Computing 36 (2014), A1500-A1524.
         """
         slopes = [self.kernel.terms[0].slope(weights, self.points, self.points) for weights in self._weights.T]

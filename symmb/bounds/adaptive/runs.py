@@ -145,11 +145,7 @@ class Runs:
     def at(self, points: Array, predict: Callable[[Array], Array] | None = None) -> Indices:
         """Rows of ``nodes`` for points (N, d) of the unit box; ``predict`` gives the values of those that fail.
 
-        Without it, a quadratic polynomial through the others does.
-
-        Raises
-        ------
-        PropagationError        if most of the first runs fail
+        Without it, a quadratic polynomial through the others does, unless most of them fail.
         """
         keys = _keys(points)
         new = [i for i, key in enumerate(keys) if key not in self._row]
@@ -288,9 +284,7 @@ class Runs:
     def _choose_powers(self, largest: Array) -> None:
         """Scale outputs that have been 0 so far, by their largest values (n_y,) in new runs.
 
-        Raises
-        ------
-        OutgrownError           if others exceed earlier ones so far that their squares overflow
+        An OutgrownError tells that others exceed earlier ones so far that their squares overflow.
         """
         varies = self._largest > 0
         self._largest = np.maximum(self._largest, largest)

@@ -77,10 +77,8 @@ class _Union:
         """Those of all pieces."""
         centres, halves = (np.stack([getattr(piece, name) for piece in self.pieces]) for name in ("centre", "half"))
         error = np.max([piece.largest_error for piece in self.pieces], axis=0)
-        found, runs = (
-            Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error),
-            self.pieces[0].runs,
-        )
+        found = Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error)
+        runs = self.pieces[0].runs
         seen = np.abs(found.values(runs.points) - runs.checks).max(axis=0, initial=0.0)
         return replace(found, error=np.maximum(error, SAFETY * seen))
 
@@ -199,13 +197,9 @@ class TensorGrids:
     def _check(self, union: _Union, worst: Piece) -> tuple[Array, Array, Piece]:
         """Check runs at some of the extremes, and at quasi-random points.
 
-        A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E.
-
-        Returns
-        -------
-        (n_t, n_y) array        the error that check runs show
-        (n_y,) array            errors to expect over the estimate: the ratio of their root mean squares at check runs
-        Piece                   with the largest error that they show; the worst one without them
+        A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E. Told
+        are the error (n_t, n_y) that check runs show, the ratio (n_y,) of the root mean squares of errors and of
+        estimates there, and the piece with the largest error that they show, the worst one without them.
         """
         runs, widths = self._runs, self._runs.rms_widths()
         n_known, d = len(runs.points), len(runs.box)

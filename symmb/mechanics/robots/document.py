@@ -48,12 +48,7 @@ class Tag:
         return (tag for tag in self.inside if tag.name == name)
 
     def one(self, name: str) -> "Tag | None":
-        """The element of that name right inside, None if there is none.
-
-        Raises
-        ------
-        DeclarationError       if there are several
-        """
+        """The only element of that name right inside, None if there is none."""
         found = [*self.all(name)]
         if len(found) > 1:
             raise found[1].fault(f"this is the second <{name}>, where one is allowed; remove one of them.")
@@ -140,12 +135,7 @@ def _meant(name: str, known: Collection[str]) -> str:
 
 
 def read_document(path: Path) -> Tag:
-    """The outermost element of an XML file.
-
-    Raises
-    ------
-    DeclarationError       if there is no such file, it is not well-formed XML, or it declares entities
-    """
+    """The outermost element of an XML file, which must be well-formed and declare no entities."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -177,7 +167,7 @@ class _Reading:
         self.open: list[Tag] = []
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
-        self.parser.EndElementHandler = self._end
+        self.parser.EndElementHandler = lambda name: self.open.pop()
         self.parser.EntityDeclHandler = self._entity
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
@@ -188,9 +178,6 @@ class _Reading:
         else:
             parent.inside.append(tag)
         self.open.append(tag)
-
-    def _end(self, name: str) -> None:
-        self.open.pop()
 
     def _entity(self, name: str, *_: object) -> None:
         raise DeclarationError(

@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, TypeAlias
+from urllib.parse import unquote, urlsplit
 
 import casadi as ca
 
@@ -50,7 +52,6 @@ from symmb.mechanics.robots.description import (
     inertia_fault,
 )
 from symmb.mechanics.robots.inertia import Mass, united
-from symmb.mechanics.robots.mesh_path import mesh_path
 from symmb.symbolic import is_sympy, scalar, vector
 
 _TRANSITION = 0.01
@@ -152,16 +153,7 @@ def require_stop(owner: str, stop: object) -> None:
 def replaced(
     description: Description, replace: Mapping[str, Expr] | None, stop: object, fixed: str | None
 ) -> dict[str, Scalar]:
-    """All numbers of a file, some of which are replaced.
-
-    Parameters
-    ----------
-    fixed : str            what a user may do to move a base that stands still; None if the base is free
-
-    Raises
-    ------
-    DeclarationError       for each replacement that is not possible, a sentence
-    """
+    """All numbers of a file, some of which are replaced. `fixed` is what moves a base that stands still."""
     replace = {} if replace is None else replace
     if not isinstance(replace, Mapping):
         raise DeclarationError(
@@ -328,7 +320,11 @@ class Building:
             value = getattr(joint, str(joint.coordinate))
             yield Actuator(f"{name}:spring", joint, -stiffness * (value - self.values[f"{name}.springref"]))
         if not is_nought(armature):
-            yield from _rotor(name, rate, armature)
+            # A disc on the ground that turns at the rate of the joint, so that its inertia acts on that alone.
+            rotor = Flywheel(f"{name}:rotor", armature, (armature,) * 3, Spatial())
+            yield rotor
+            yield Revolute(f"{name}:bearing", Ground().point(0, 0, 0), rotor.point(0, 0, 0))
+            yield VelocityConstraint(f"{name}:armature", (rotor.omega[2] - rate,))
         if data.mimic is not None:
             value, led = (getattr(j, str(j.coordinate)) for j in (joint, joints[data.mimic]))
             factor, offset = (self.values[f"{name}.mimic.{part}"] for part in ("multiplier", "offset"))
@@ -354,7 +350,7 @@ class Building:
                 elif shape.form == "sphere":
                     yield Sphere(shape.size[0], at)
                 else:
-                    yield _LinkMesh(mesh_path(shape.mesh, self.description.path), shape.size, at, rotation(turn))
+                    yield _LinkMesh(_mesh_path(shape.mesh, self.description.path), shape.size, at, rotation(turn))
 
     def _free_start(self) -> dict[str, Any]:
         """The pose of bodies that no joint carries, and the orientation of those on ball joints."""
@@ -374,9 +370,19 @@ class Building:
         return start
 
 
-def _rotor(name: str, rate: ca.SX, armature: Scalar) -> Iterator[Body | Element]:
-    """A disc on the ground that turns at the rate of a joint, so that its inertia acts on that alone."""
-    rotor = Flywheel(f"{name}:rotor", armature, (armature,) * 3, Spatial())
-    yield rotor
-    yield Revolute(f"{name}:bearing", Ground().point(0, 0, 0), rotor.point(0, 0, 0))
-    yield VelocityConstraint(f"{name}:armature", (rotor.omega[2] - rate,))
+def _mesh_path(name: str, urdf: Path) -> Path:
+    """The file that a URDF names, relative to the folder of the URDF.
+
+    "package://arm/meshes/a.stl" is searched in the folders above the URDF: as `arm/meshes/a.stl` below one of them, or
+    as `meshes/a.stl` in one that is called `arm`.
+    """
+    folder = urdf.resolve().parent
+    try:
+        address = urlsplit(name)
+    except ValueError:  # no address: a file of this name
+        return folder / name
+    if address.scheme not in ("package", "model"):
+        return folder / (unquote(address.path) if address.scheme == "file" else name)
+    inside = Path(address.netloc, unquote(address.path).lstrip("/"))
+    found = (above / inside for above in (folder, *folder.parents))
+    return next((path for path in found if path.is_file()), folder / inside)

@@ -112,12 +112,7 @@ def load_urdf(
 
 
 def _read_description(path: Path) -> Description:
-    """What a URDF file says.
-
-    Raises
-    ------
-    DeclarationError       all faults of links and joints at once, each in a sentence with line and element
-    """
+    """What a URDF file says. All faults of links and joints are told at once, each with line and element."""
     top = read_document(path)
     if top.name != "robot":
         raise top.fault("the outermost element of a URDF file must be <robot>.")

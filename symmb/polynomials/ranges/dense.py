@@ -44,10 +44,7 @@ class _Grid(ctypes.Structure):
 def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
     """Attained minima and maxima (m,), and their points (m, d), of polynomials on a full tensor of degrees.
 
-    Parameters
-    ----------
-    alpha : (n_b, d)             all multi-indices up to some degrees, in any order, d at most 3
-    coefficients : (n_b, m)      Legendre coefficients
+    `alpha` (n_b, d) are all multi-indices up to some degrees, in any order, and `coefficients` (n_b, m) Legendre's.
     """
     d, m = alpha.shape[1], coefficients.shape[1]
     degrees = alpha.max(axis=0)
