@@ -355,8 +355,11 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
 def _about_pass(
     step: TimeStep, e: Array, tapes: Sequence[tuple[Tape, ...]], own: int
 ) -> tuple[Array, Array, Array, Array, bool]:
-    """Slowest and fastest rates (m,) at which switches are approached on all sides, largest rates (n,) of the states,
-    differences (n,) of these between sides, and whether all conditions are shown."""
+    """What holds about a pass on all sides of its switches.
+
+    Slowest and fastest rates (m,) at which switches are approached, largest rates (n,) of the states, differences (n,)
+    of these between sides, and whether all conditions are shown.
+    """
     d = max(step.problem.d, 1)
     count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _SOME or m == 1)
     each = [[on_motion(step, tape, e, (1, count)) for tape in pair] for pair in tapes]

@@ -76,8 +76,8 @@ def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp:
     else:
         rho, most = _largest(step, step.problem.output_tape)
         c, rest = interpolation(step, begin, some, rho, most[which], np.zeros(len(which)), sharp)
-    part, others = (slice(None), *(slice(0, terms) for terms in lengths)), c[:, 0].copy()
-    kept = ch.graded(others[part], len(lengths)).copy()
+    c, part = c[:, 0], (slice(None), *(slice(0, terms) for terms in lengths))
+    kept, others = ch.graded(c[part], len(lengths)), c.copy()
     others[part] -= kept
     short, gone = cut(kept, _SHARE * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
