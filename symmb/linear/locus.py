@@ -46,7 +46,7 @@ class Locus:
 
 
 def nominal_locus(family: LinearFamily, parameter: str, values: Array) -> Locus:
-    """The locus at the nominal values of the other parameters."""
+    """The locus at the nominal values of the other parameters; SimulationError where the scene does not start."""
     number = list(family.scene.system.parameters).index(parameter)
     P = np.tile(family.nominal, (len(values), 1))
     P[:, number] = values

@@ -159,7 +159,7 @@ def _read(path: Path, changed: int, size: int) -> tuple[_Card, ...]:
             break
         if name and name[0] not in "+*":
             cards.append(_Card(path, number, name.rstrip("*").upper(), fields))
-        elif cards:  # goes on
+        elif cards:  # a continuation
             cards[-1].fields.extend(fields)
     return tuple(cards)
 
