@@ -1,16 +1,19 @@
 """The whole box: in parts where and when the remainder grows, joined at the end."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from symmb._types import Array, Mask
+from symmb.enclosures.curves import TimeStep
+from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
-from symmb.enclosures.expressions import expression_bounds
+from symmb.enclosures.flow import integrated
 from symmb.enclosures.front import half, slowest
 from symmb.enclosures.march import Course, Place, march
+from symmb.enclosures.outputs import output_bounds
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.start import nominal_front
 
@@ -33,6 +36,10 @@ _CANCELLED, _NOTHING = 1e-9, 1e-250
 """The same over the terms that make an output: where they cancel, their small remainders are left. And widths that only
 cover underflow, of outputs that vanish.
 """
+_SPREADS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+"""How far parameters move on the ellipses that are tried where there are no states, over their middles."""
+_SHARP = 1e-12
+"""Share of the width by which bounds may be off there: there are few of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +56,11 @@ class _Part:
         begin = self.course.checkpoint
         return max(_EARLY / self.share, 0.0 if begin is None else _ROOM * begin.front.share())
 
-    @property
-    def can_be_halved(self) -> bool:
-        """Whether its motion is not proved to the end, and halves may be."""
-        return not self.course.is_done and self.problem.d > 0
-
     def halves(self, order: int) -> "list[_Part]":
         """Both halves, in the variable whose coefficients decay the least at the end.
 
         They go on from the checkpoint. If that is the start, or if there is none, they begin again: the start of a half
-        has a smaller remainder.
-
-        Raises
-        ------
-        ProofError         if there are parameters without a start
+        has a smaller remainder. ProofError if there are parameters without a start.
         """
         end, at = self.course.end, self.course.checkpoint
         variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)
@@ -132,10 +130,20 @@ def enclose(
     boxes : most parts of the box
     progress : called with the share of the horizon that is done
     """
-    if not problem.n:
-        course = expression_bounds(problem, order)
-        return Enclosure(course.lower, course.upper, course.remainder, course.terms, course.until, course.why, 1)
-    return _joined([part.course for part in _followed(problem, order, boxes, progress)])
+    if problem.n:
+        courses = [part.course for part in _followed(problem, order, boxes, progress)]
+    else:
+        courses = [_of_expressions(problem, order)]
+    last = min(courses, key=lambda course: course.until if course.why else np.inf)
+    return Enclosure(
+        np.min([course.lower for course in courses], axis=0),
+        np.max([course.upper for course in courses], axis=0),
+        np.max([course.remainder for course in courses], axis=0),
+        np.max([course.terms for course in courses], axis=0),
+        min(course.until for course in courses),
+        last.why,
+        len(courses),
+    )
 
 
 def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[float], None]) -> list[_Part]:
@@ -153,7 +161,7 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
         for part in parts:
             if not part.course.why:
                 follow(part, largest)
-        while len(parts) < most and (lost := [part for part in parts if part.can_be_halved]):
+        while len(parts) < most and (lost := [part for part in parts if part.problem.d and not part.course.is_done]):
             first = min(lost, key=lambda part: part.course.until)  # those that lose first are halved first
             try:
                 halves = first.halves(order)
@@ -166,15 +174,18 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
     return parts
 
 
-def _joined(courses: Sequence[Course]) -> Enclosure:
-    """Bounds over the whole box from the courses of its parts."""
-    last = min(courses, key=lambda course: course.until if course.why else np.inf)
-    return Enclosure(
-        np.min([course.lower for course in courses], axis=0),
-        np.max([course.upper for course in courses], axis=0),
-        np.max([course.remainder for course in courses], axis=0),
-        np.max([course.terms for course in courses], axis=0),
-        min(course.until for course in courses),
-        last.why,
-        len(courses),
-    )
+def _of_expressions(problem: Problem, order: int) -> Course:
+    """The course of a problem without states. Each time has the best of the bounds found on several ellipses."""
+    end, terms = float(problem.times[-1]), (order + 1,) * problem.d
+    course = Course.empty(problem)
+    none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
+    whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
+    for spread in _SPREADS:
+        control = Control(Choice((spread, spread)), end)
+        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, _SHARP)
+        course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)
+        course.remainder = np.minimum(course.remainder, rest)
+    course.until = end
+    if not np.isfinite(course.upper).any():
+        course.why = "an output cannot be shown to be smooth over the box"
+    return course

@@ -114,12 +114,7 @@ class TimeStep:
 
     @cached_property
     def inverse_defect(self) -> tuple[Array, float]:
-        """Bounds (n, n) of I - C B, and the largest sum of a row.
-
-        Raises
-        ------
-        ProofError         if this is not below a half
-        """
+        """Bounds (n, n) of I - C B, and the largest sum of a row; ProofError if this is not below a half."""
         n = self.problem.n
         B = self.B.c.reshape(n, n, *self.B.c.shape[1:])
         E = ch.product_bound(self.C, B, self.B.error.reshape(n, n), np.eye(n))
@@ -127,12 +122,6 @@ class TimeStep:
         if not eta < 0.5:
             raise ProofError("deviations from the polynomials grow too differently over the box")
         return E, eta
-
-    def frame_at(self, counts: tuple[int, ...]) -> tuple[Array, Array]:
-        """The frame (n, n, ...) at nodes, and bounds of the errors (n, n)."""
-        n = self.problem.n
-        values, errors = ch.values(self.B.c, counts)
-        return values.reshape(n, n, *counts), above(errors + self.B.error).reshape(n, n)
 
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:

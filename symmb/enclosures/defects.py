@@ -74,18 +74,10 @@ def _is_large(counts: tuple[int, ...], step: TimeStep) -> bool:
 def defect_of_motion(
     step: TimeStep, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control
 ) -> Array:
-    """Bounds (n,) of |C d| with d = u' - f(u).
+    """Bounds (n,) of |C d| with d = u' - f(u); ProofError if no grid tried is fine enough.
 
-    Parameters
-    ----------
-    rho : ellipses
-    C_on : (n, n) bounds of C on them
-    most_rate : (n,) bounds of f(u) on them
-    w : (n,) remainder, of which aliasing may be a small share
-
-    Raises
-    ------
-    ProofError         if no grid tried is fine enough
+    C is at most C_on (n, n), and f(u) at most most_rate (n,) on the ellipses rho. Aliasing may be a small share of the
+    remainder w (n,).
     """
     k = len(rho)
     most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
@@ -132,15 +124,7 @@ def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = Tr
 
 
 def defect_of_frame(step: TimeStep, rho: list[float], C_on: Array, most_slope: Array, w: Array) -> Array:
-    """Bounds (n, n) of |C (A B - B')|.
-
-    Parameters
-    ----------
-    rho : ellipses
-    C_on : (n, n) bounds of C on them
-    most_slope : (n, n) bounds of A on them
-    w : (n,) remainder, of which aliasing may be a small share
-    """
+    """Bounds (n, n) of |C (A B - B')|, where A is at most most_slope (n, n) on the ellipses."""
     n, k = step.problem.n, len(rho)
     B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
     most = above(C_on @ (most_slope @ (B_on + step.B.error_on(rho).reshape(n, n)) + rate_on))
@@ -157,7 +141,9 @@ def _sampled_frame(step: TimeStep, counts: tuple[int, ...]) -> Array:
     n, k = step.problem.n, len(counts)
     found = step.problem.jacobian_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[1]
     A, A_errors = (a.reshape(n, n, *a.shape[1:]).swapaxes(0, 1) for a in _stack(found, counts))
-    (B, B_errors), (C, C_errors) = step.frame_at(counts), ch.values(step.C, counts)
+    C, C_errors = ch.values(step.C, counts)
+    B, B_errors = (a.reshape(n, n, *a.shape[1:]) for a in ch.values(step.B.c, counts))
+    B_errors = above(B_errors + step.B.error.reshape(n, n))
     rate, rate_errors = (a.reshape(n, n, *a.shape[1:]) for a in ch.values(step.B.rate, counts))
     A_most, B_most, C_most = (ch.largest(a, k) for a in (A, B, C))
     d = np.einsum("ij...,jk...->ik...", A, B) - rate

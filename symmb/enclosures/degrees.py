@@ -1,7 +1,6 @@
 """Degrees of the equations over a step: a polynomial is interpolated exactly in enough nodes, without aliasing."""
 
-from collections.abc import Callable
-from typing import Any
+from collections import defaultdict
 
 import casadi as ca
 import numpy as np
@@ -72,18 +71,8 @@ def _power(a: Degree, exponent: Degree) -> Degree:
     return _other(a, exponent)
 
 
-def _quotient(a: Degree, b: Degree) -> Degree:
-    return _sum(a, _other(b))
-
-
-class _Operations(dict[int, Callable[..., Any]]):
-    """Degrees of the results of CasADi's operations."""
-
-    def __missing__(self, code: int) -> Callable[..., Any]:
-        return _other
-
-
-_OPERATIONS = _Operations(
+_OPERATIONS = defaultdict(
+    lambda: _other,
     {
         ca.OP_ASSIGN: lambda a: a,
         ca.OP_NEG: lambda a: (a[0], None),
@@ -92,9 +81,10 @@ _OPERATIONS = _Operations(
         ca.OP_SUB: _largest,
         ca.OP_MUL: _sum,
         ca.OP_SQ: lambda a: _sum(a, a),
-        ca.OP_DIV: _quotient,
+        ca.OP_DIV: lambda a, b: _sum(a, _other(b)),
         ca.OP_POW: _power,
         ca.OP_CONSTPOW: _power,
         ca.OP_CALL: lambda entry, group, at: (0.0 * at[0], None),  # within a piece of a table
-    }
+    },
 )
+"""Degrees of the results of CasADi's operations."""

@@ -122,24 +122,13 @@ def _if(holds: Any, a: Disc) -> Disc:
     return a if np.all(holds) else Disc(np.ones_like(a.centre), _FLAT, np.full(np.shape(a.radius), np.inf))
 
 
-def _less_above(a: Array, b: Array) -> Mask:
-    """a < b by more than their rounding."""
-    return above(a) * (1.0 + COMPLEX) < b
-
-
 def _add(a: Disc, b: Disc) -> Disc:
-    centre, slopes = a.centre + b.centre, _plus(a.slopes, b.slopes)
-    return _sum(centre, slopes, a.radius + b.radius)
+    exact = Disc(a.centre + b.centre, _plus(a.slopes, b.slopes), a.radius + b.radius)
+    return _rounded(exact.centre, exact.slopes, exact.radius, exact.size + exact.slope)
 
 
 def _subtract(a: Disc, b: Disc) -> Disc:
-    centre, slopes = a.centre - b.centre, _plus(a.slopes, _times(-1.0, b.slopes))
-    return _sum(centre, slopes, a.radius + b.radius)
-
-
-def _sum(centre: Any, slopes: Any, radius: Array) -> Disc:
-    exact = Disc(centre, slopes, radius)
-    return _rounded(centre, slopes, radius, exact.size + exact.slope)
+    return _add(a, _negative(b))
 
 
 def _negative(a: Disc) -> Disc:
@@ -157,9 +146,9 @@ def _square(a: Disc) -> Disc:
 
 
 def _right(a: Disc) -> Mask:
-    """Whether discs are in the open right half plane."""
+    """Whether discs are in the open right half plane, by more than rounding."""
     across = 0.0 if a.slopes is _FLAT else np.abs(a.slopes.real).sum(axis=-1)
-    return _less_above(across + a.radius, a.centre.real)
+    return above(across + a.radius) * (1.0 + COMPLEX) < a.centre.real
 
 
 def is_positive(a: Disc) -> bool:
@@ -167,13 +156,9 @@ def is_positive(a: Disc) -> bool:
     return bool(np.all(_right(a)))
 
 
-def _left(a: Disc) -> Mask:
-    return _right(_negative(a))
-
-
 def is_regular(a: Disc) -> bool:
     """Whether all discs are on one side of 0."""
-    return bool(np.all(_right(a)) or np.all(_left(a)))
+    return bool(np.all(_right(a)) or np.all(_right(_negative(a))))
 
 
 def _gap(far: Array, near: Array) -> Array:
@@ -216,10 +201,6 @@ def _log_part(a: Disc) -> Disc:
 
 def _log(a: Disc) -> Disc:
     return _if(np.all(_right(a)), _log_part(a))
-
-
-def _log1p(a: Disc) -> Disc:
-    return _log(_add(disc(1.0), a))
 
 
 def _exp(a: Disc) -> Disc:
@@ -273,40 +254,22 @@ def _off_imaginary_cuts(a: Disc) -> bool:
     return is_regular(a) or bool(np.all(above(np.abs(np.imag(a.centre)) + a.swing) < 1.0))
 
 
-def _least_of_quadratic(a: Disc, sign: float) -> Array:
-    """A lower bound of |1 + sign z^2| in each disc; not positive where there is none."""
-    z, swing = a.centre, a.swing
-    return _gap(
-        np.abs(1.0 + sign * z * z), above(2.0 * np.abs(z) * swing + swing**2 + COMPLEX * (1.0 + np.abs(z) ** 2))
-    )
+def _arc(f: Callable, sign: float, root: Callable, is_analytic: Callable[[Disc], bool]) -> Callable[[Disc], Disc]:
+    """An inverse function, whose derivative has the modulus 1 / |1 + sign z^2|, or 1 over the root of that."""
 
+    def operation(a: Disc) -> Disc:
+        z, swing = a.centre, a.swing
+        rest = above(2.0 * np.abs(z) * swing + swing**2 + COMPLEX * (1.0 + np.abs(z) ** 2))
+        least = _gap(np.abs(1.0 + sign * z * z), rest)
+        return _by_slope(f(z), a, 1.0 / root(least), is_analytic(a))
 
-def _asin(a: Disc) -> Disc:
-    steepest = 1.0 / np.sqrt(_least_of_quadratic(a, -1.0))
-    return _by_slope(np.arcsin(a.centre), a, steepest, _in_unit_disc(a))
-
-
-def _acos(a: Disc) -> Disc:
-    steepest = 1.0 / np.sqrt(_least_of_quadratic(a, -1.0))
-    return _by_slope(np.arccos(a.centre), a, steepest, _in_unit_disc(a))
-
-
-def _atan(a: Disc) -> Disc:
-    return _by_slope(np.arctan(a.centre), a, 1.0 / _least_of_quadratic(a, 1.0), _off_imaginary_cuts(a))
-
-
-def _asinh(a: Disc) -> Disc:
-    return _by_slope(np.arcsinh(a.centre), a, 1.0 / np.sqrt(_least_of_quadratic(a, 1.0)), _off_imaginary_cuts(a))
+    return operation
 
 
 def _acosh(a: Disc) -> Disc:
     below, beyond = (_gap(np.abs(a.centre + sign), a.swing) for sign in (-1.0, 1.0))
     steepest = 1.0 / np.sqrt(below) / np.sqrt(beyond)
     return _by_slope(np.arccosh(a.centre), a, steepest, bool(np.all(_right(_subtract(a, disc(1.0))))))
-
-
-def _atanh(a: Disc) -> Disc:
-    return _by_slope(np.arctanh(a.centre), a, 1.0 / _least_of_quadratic(a, -1.0), _in_unit_disc(a))
 
 
 def _erf(a: Disc) -> Disc:
@@ -367,10 +330,6 @@ def _choose(a: Disc, b: Disc, larger: bool) -> Disc:
     return a if bool(np.real(side.centre) > 0) == larger else b
 
 
-def _modulus(a: Disc) -> Disc:
-    return _if(is_regular(a), a if np.all(_right(a)) else _negative(a))
-
-
 def _truth(of: Callable[[float], float]) -> Callable[[Disc, Disc], Disc]:
     """A comparison of a and b, from the sign of a - b."""
 
@@ -423,20 +382,20 @@ OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_SINH: _SINH,
     ca.OP_COSH: _COSH,
     ca.OP_TANH: _tanh,
-    ca.OP_ASIN: _asin,
-    ca.OP_ACOS: _acos,
-    ca.OP_ATAN: _atan,
-    ca.OP_ASINH: _asinh,
+    ca.OP_ASIN: _arc(np.arcsin, -1.0, np.sqrt, _in_unit_disc),
+    ca.OP_ACOS: _arc(np.arccos, -1.0, np.sqrt, _in_unit_disc),
+    ca.OP_ATAN: _arc(np.arctan, 1.0, np.positive, _off_imaginary_cuts),
+    ca.OP_ASINH: _arc(np.arcsinh, 1.0, np.sqrt, _off_imaginary_cuts),
     ca.OP_ACOSH: _acosh,
-    ca.OP_ATANH: _atanh,
-    ca.OP_LOG1P: _log1p,
+    ca.OP_ATANH: _arc(np.arctanh, -1.0, np.positive, _in_unit_disc),
+    ca.OP_LOG1P: lambda a: _log(_add(disc(1.0), a)),
     ca.OP_EXPM1: lambda a: _subtract(_exp(a), disc(1.0)),
     ca.OP_ERF: _erf,
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
     ca.OP_ATAN2: _arctan2,
     ca.OP_HYPOT: lambda a, b: _sqrt(_add(_square(a), _square(b))),
-    ca.OP_FABS: _modulus,
+    ca.OP_FABS: lambda a: _if(is_regular(a), a if np.all(_right(a)) else _negative(a)),
     ca.OP_SIGN: _sign,
     ca.OP_FMIN: lambda a, b: _choose(a, b, larger=False),
     ca.OP_FMAX: lambda a, b: _choose(a, b, larger=True),

@@ -23,15 +23,6 @@ class Choice:
     spread: tuple[float, float] = (0.5, 0.5)
     patches: tuple[int, int] = (8, 1)
 
-    def smaller(self) -> "Choice":
-        """Smaller ellipses."""
-        a, b = self.spread
-        return replace(self, spread=(0.5 * a, 0.5 * b))
-
-    def count(self, d: int) -> float:
-        """Patches with d parameters."""
-        return self.patches[0] * float(self.patches[1]) ** d
-
     def turned(self, turn: int) -> "Choice":
         """One of the eight neighbours."""
         factor = 1.4 if turn % 2 else 1 / 1.4
@@ -147,11 +138,8 @@ class Tried:
 def adapted(step: TimeStep, control: Control) -> Tried:
     """Ellipses and patches, with bounds of the equations there.
 
-    Those of the last step are compared with others, of which the cheapest are taken.
-
-    Raises
-    ------
-    ProofError         if the equations cannot be shown to be analytic in any of them
+    Those of the last step are compared with others, of which the cheapest are taken. ProofError if the equations cannot
+    be shown to be analytic in any of them.
     """
     best = _first(step, control)
     for trial in range(_MOST_COMPARED):
@@ -172,7 +160,7 @@ def _first(step: TimeStep, control: Control) -> Tried:
             found = _tried(step, replace(choice, patches=(choice.patches[0], count)), control.wanted)
             if np.isfinite(found.cost):
                 return found
-        choice = choice.smaller()
+        choice = replace(choice, spread=(0.5 * choice.spread[0], 0.5 * choice.spread[1]))
     raise ProofError("the equations cannot be shown to be smooth in any step, as where a short pulse begins")
 
 
@@ -183,7 +171,7 @@ _COUNTS = 1, 8, 24
 def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
     n = step.problem.n
     rho = ellipses(step, choice.spread)
-    count = choice.count(step.problem.d)
+    count = choice.patches[0] * float(choice.patches[1]) ** step.problem.d
     if count > TOO_MANY:
         return Tried(choice, rho, np.empty(0), np.empty(0), np.inf, np.inf)
     patches = patches_on(step, rho, choice.patches)

@@ -9,16 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.enclosures.chebyshev import (
-    FEW,
-    along,
-    coefficients_from_nodes,
-    graded,
-    integral,
-    nodes,
-    sums,
-    values_at_nodes,
-)
+from symmb.enclosures import chebyshev as ch
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.points import PLAIN, plain
@@ -60,7 +51,7 @@ def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1
 def fit(values: Array, lengths: Sequence[int]) -> Array:
     """Coefficients (..., lengths) of values at nodes (..., m0, m1, ...), cut after the interpolation."""
     counts = values.shape[values.ndim - len(lengths) :]  # none without parameters
-    return along([coefficients_from_nodes(m)[:n] for m, n in zip(counts, lengths, strict=True)], values)
+    return ch.along([ch.coefficients_from_nodes(m)[:n] for m, n in zip(counts, lengths, strict=True)], values)
 
 
 @dataclass(frozen=True)
@@ -88,15 +79,15 @@ class Curve:
 
 def integrated(begin: Array, rate: Array, h: float) -> Curve:
     """The curve from begin (m, N + 1, ...) with a rate (m, K, N + 1, ...), over a step h."""
-    matrix = integral(rate.shape[1])
+    matrix = ch.integral(rate.shape[1])
     others = [None] * (rate.ndim - 2)
-    c = 0.5 * h * along([matrix, *others], rate)
+    c = 0.5 * h * ch.along([matrix, *others], rate)
     c[:, 0] += begin
     d = rate.ndim - 1
-    terms = 0.5 * h * along([np.abs(matrix), *others], np.abs(rate))
+    terms = 0.5 * h * ch.along([np.abs(matrix), *others], np.abs(rate))
     # Entries of the first row are differences, 1 / (k^2 - 1), whose relative errors are up to (k / 2 + 2) U.
     rounded = above(of_sum(2 * len(matrix) + 4) * terms + 2 * U * np.abs(c))
-    return Curve(c, sums(rounded, d), rate, rounded)
+    return Curve(c, ch.sums(rounded, d), rate, rounded)
 
 
 def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curve:
@@ -105,16 +96,21 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     Picard's iteration at Chebyshev nodes of time and of the parameters, all at once.
     """
     lengths = x0.shape[1:]
-    few = problem.d <= FEW
+    few = problem.d <= ch.FEW
     counts = [n + _SPARE if few else n for n in lengths]
-    begin = along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
-    s = nodes(terms)
-    p = parameters_at(problem, [nodes(m) for m in counts])
+    begin = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
+    s = ch.nodes(terms)
+    p = parameters_at(problem, [ch.nodes(m) for m in counts])
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
-    step = 0.5 * h * (values_at_nodes(terms, terms + 1) @ integral(terms) @ coefficients_from_nodes(terms))
+    step = 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
     x = np.repeat(begin[:, None], terms, axis=1)
     if not few and max(lengths) > _FIRST:
-        x = x + _moved_first(problem, x0, t0, h, terms, counts)
+        part = (slice(None), *(slice(0, _FIRST),) * problem.d)
+        c = motion(problem, x0[part], t0, h, terms).c  # few terms of the parameters move alike
+        c[:, 0] -= x0[part]
+        x = x + ch.along(
+            [ch.values_at_nodes(m, size) for m, size in zip((terms, *counts), c.shape[1:], strict=True)], c
+        )
     others = tuple(range(1, x.ndim))
     size = np.maximum(problem.scales, np.abs(x).max(axis=others))
     last, most = np.inf, None
@@ -133,16 +129,8 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         last = change
     else:
         raise ProofError("the motion changes too fast for the shortest step")
-    f = graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
+    f = ch.graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
     return integrated(x0, _without_noise(f, _NOISE), h)
-
-
-def _moved_first(problem: Problem, x0: Array, t0: float, h: float, terms: int, counts: Sequence[int]) -> Array:
-    """About how far the motion (n, terms, *counts) is from its begin: few terms of the parameters move alike."""
-    part = (slice(None), *(slice(0, _FIRST),) * problem.d)
-    c = motion(problem, x0[part], t0, h, terms).c
-    c[:, 0] -= x0[part]
-    return along([values_at_nodes(m, size) for m, size in zip((terms, *counts), c.shape[1:], strict=True)], c)
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
@@ -161,17 +149,17 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
     """
     n, lengths = problem.n, B0.shape[2:]
     counts = [size + 1 for size in lengths]
-    p = parameters_at(problem, [nodes(m) for m in counts])
-    s = nodes(terms)
+    p = parameters_at(problem, [ch.nodes(m) for m in counts])
+    s = ch.nodes(terms)
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
-    at = [values_at_nodes(m, size) for m, size in zip((terms, *counts), x.shape[1:], strict=True)]
-    states = along(at, x)
+    at = [ch.values_at_nodes(m, size) for m, size in zip((terms, *counts), x.shape[1:], strict=True)]
+    states = ch.along(at, x)
     found = problem.jacobian_tape.run(PLAIN, plain, [list(states), p, [t]])[1]
     A = np.stack([np.broadcast_to(value, states.shape[1:]) for value in found], axis=-1)
     A = A.reshape(*states.shape[1:], n, n).swapaxes(-1, -2)  # column-major
-    begin = along([values_at_nodes(m, size) for m, size in zip(counts, lengths, strict=True)], B0)
+    begin = ch.along([ch.values_at_nodes(m, size) for m, size in zip(counts, lengths, strict=True)], B0)
     begin = np.moveaxis(begin, (0, 1), (-2, -1))
-    step = 0.5 * h * (values_at_nodes(terms, terms + 1) @ integral(terms) @ coefficients_from_nodes(terms))
+    step = 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
     B = np.repeat(begin[None], terms, axis=0)
     last = np.inf
     for _ in range(_ITERATIONS):
@@ -183,13 +171,13 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         if change < _FRAME_SETTLED or (change < _CLOSE and change > 0.5 * last):
             break
         last = change
-    rate = graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)
+    rate = ch.graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)
     try:
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
         raise ProofError("deviations from the polynomials grow too differently in a step") from None
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), _FRAME_NOISE)
-    C = _without_noise(graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _FRAME_NOISE)
+    C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _FRAME_NOISE)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
 
 

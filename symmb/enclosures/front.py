@@ -58,11 +58,6 @@ def slowest(x: Array) -> int:
     return int(np.argmax(tails))
 
 
-def entering(front: Front, step: TimeStep) -> Array:
-    """|w| (n,) at the start of a step whose motion and frame begin with the polynomials of the front."""
-    return above(front.w + step.inverse_times(front.x_error + front.B_error @ front.w))
-
-
 def leaving(step: TimeStep, w: Array) -> Front:
     """The front at the end of a step with |w| there."""
     n, d = step.problem.n, step.problem.d

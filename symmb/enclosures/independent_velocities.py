@@ -10,6 +10,7 @@ where a are the accelerations for u' = 0. Masses of bodies are constant, and ter
 Source: Wehage and Haug, Journal of Mechanical Design 104 (1982), generalised coordinate partitioning.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -177,7 +178,10 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
     scaled, none = G * scales, np.zeros((len(G), n_r, n_r))
     saddle = np.block([[M * scales * scales[:, None], scaled.swapaxes(1, 2)], [scaled, none]])
     whole = np.linalg.slogdet(saddle)[1]
-    sets = list(combinations(range(n_v), n_r)) if _count(n_v, n_r) <= _SETS else sorted(_best_sets(scaled))
+    if math.comb(n_v, n_r) <= _SETS:
+        sets = list(combinations(range(n_v), n_r))
+    else:  # those that are independent at some time: each column is the one that is farthest from those before
+        sets = sorted({tuple(sorted(qr(A, mode="r", pivoting=True)[-1][:n_r].tolist())) for A in scaled})
     signs, sizes = (np.stack(part) for part in zip(*(np.linalg.slogdet(scaled[:, :, list(s)]) for s in sets),
                                                    strict=True))  # fmt: skip
     logs = whole - 2 * sizes
@@ -209,26 +213,8 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
         first = last - 1
 
 
-def _count(n: int, k: int) -> int:
-    """Number of sets of k of n, and no more than is told apart from many."""
-    count = 1
-    for i in range(min(k, n - k)):
-        count = count * (n - i) // (i + 1)
-        if count > _SETS:
-            break
-    return count
-
-
-def _best_sets(G: Array) -> set[tuple[int, ...]]:
-    """Sets of columns that are independent at some time: each column is the one that is farthest from those before."""
-    n_r = G.shape[1]
-    return {tuple(sorted(qr(at, mode="r", pivoting=True)[-1][:n_r].tolist())) for at in G}
-
-
 def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array, Array]:
-    """Jacobians (m, n_r, n_v) of the rows, mass matrices (m, n_v, n_v) and times (m,) of a nominal run, as far as it
-    goes.
-    """
+    """Jacobians (m, n_r, n_v), mass matrices (m, n_v, n_v) and times (m,) of a nominal run, as far as it goes."""
     from scipy.integrate import solve_ivp
 
     dae, at = form.dae, form.start.nominal()

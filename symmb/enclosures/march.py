@@ -11,10 +11,10 @@ from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import frame, motion
-from symmb.enclosures.front import Front, entering, leaving, well_conditioned
+from symmb.enclosures.front import Front, leaving, well_conditioned
 from symmb.enclosures.outputs import output_bounds
 from symmb.enclosures.pass_outputs import Part, bounds_about_pass
-from symmb.enclosures.passes import Crossing, Departure, Scaled, crossing, departure, off, window
+from symmb.enclosures.passes import Crossing, Scaled, crossing, departure, off, window
 from symmb.enclosures.problem import Change, Problem
 from symmb.enclosures.rounding import above, grain_of
 from symmb.enclosures.start import first_front
@@ -182,7 +182,11 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     except _AheadError as found:
         control.h = usual
         if front.t == 0.0 and found.ahead.first <= grain:
-            start = _departure(place, found.ahead)
+            assert problem.phase is not None
+            try:
+                start = departure(problem, front, found.ahead.which, usual)
+            except ProofError as error:
+                raise ProofError(problem.phase.sentence(found.ahead.which[0], front.t, str(error))) from error
             control.h = min(usual, left)
             step, proof = _step(start.first, front, grain, control)
             problem, others = start.after, start.both
@@ -208,21 +212,6 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     return _changed(Place(front, control, problem), grain, course.is_done), step.h
 
 
-def _departure(place: Place, ahead: Crossing) -> Departure:
-    """The problems of a motion that begins on switches.
-
-    Raises
-    ------
-    ProofError         with the name of one, if it does not leave them at once
-    """
-    problem, front = place.problem, place.front
-    assert problem.phase is not None
-    try:
-        return departure(problem, front, ahead.which, place.control.h)
-    except ProofError as error:
-        raise ProofError(problem.phase.sentence(ahead.which[0], front.t, str(error))) from error
-
-
 class _AheadError(Exception):
     """A pass of a switch begins at the front of a step."""
 
@@ -231,12 +220,7 @@ class _AheadError(Exception):
 
 
 def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[TimeStep, Proof]:
-    """A step and its proof that ends nearer to a pass that cannot be proved from a place.
-
-    Raises
-    ------
-    ProofError         with the reason of that, if there is none
-    """
+    """A step and its proof that ends nearer to a pass that cannot be proved from a place, or ProofError."""
     problem, phase = place.problem, place.problem.phase
     if ahead.first > _NEAREST * grain:
         try:
@@ -249,12 +233,7 @@ def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[Time
 
 
 def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Place:
-    """The place behind a pass that begins at a place. The course stores bounds of the outputs.
-
-    Raises
-    ------
-    ProofError         if it is not proved
-    """
+    """The place behind a pass that begins at a place. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, place.control
     if ahead.why or not ahead.first > 0:
         raise ProofError(ahead.why or "it may be passed at this time itself")
@@ -262,38 +241,34 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
         raise ProofError("values are sampled about then")
-    old = _followed(replace(about.old, times=np.array([end])), front, control)
+    old, _ = _followed(replace(about.old, times=np.array([end])), front, control)
 
     scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
     to = scaled.problem(about.old, about.surface)
-    there = _followed(to, replace(front, t=0.0), replace(control, h=h))
-    at_pass = _front_of(there)
+    there, at_pass = _followed(to, replace(front, t=0.0), replace(control, h=h))
     g = np.maximum(np.abs(there.lower), np.abs(there.upper))[-1]
-    late, lost = off(to, scaled, at_pass, about, ahead.first, g)
+    late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
     if not above(late) < ahead.first:
         raise ProofError("it may be passed at this time itself")
     back = scaled.problem(about.new, about.surface, is_back=True)
-    new_begin = replace(at_pass, t=0.0, x_error=above(at_pass.x_error + lost))
-    front = replace(_front_of(_followed(back, new_begin, replace(control, h=h))), t=begin)
-    new = _followed(replace(about.new, times=np.array([end])), front, control)
+    new_begin = replace(at_pass.front, t=0.0, x_error=above(at_pass.front.x_error + lost))
+    _, at_begin = _followed(back, new_begin, replace(control, h=h))
+    new, last = _followed(replace(about.new, times=np.array([end])), replace(at_begin.front, t=begin), control)
 
-    assert new.end is not None and old.steps is not None and new.steps is not None and problem.phase is not None
+    assert old.steps is not None and new.steps is not None and problem.phase is not None
     behind = int(np.searchsorted(problem.times, end, side="right"))
     if behind > course.stored:
-        part = Part(old.steps, new.steps, _later(ahead.tau, begin), late + grain)  # the last term covers rounding
+        passes = ahead.tau.copy()
+        passes[(0,) * passes.ndim] += begin
+        part = Part(old.steps, new.steps, passes, late + grain)  # the last term covers rounding
         course.store(behind, *bounds_about_pass(part, problem.times[course.stored : behind], control))
     phase = replace(problem.phase, sides=about.sides)
-    after = replace(new.end.problem, times=problem.times, phase=phase, change=problem.change)
-    return Place(new.end.front, replace(new.end.control, h=control.h), _settled(after, new.end.front))
+    after = replace(last.problem, times=problem.times, phase=phase, change=problem.change)
+    return Place(last.front, replace(last.control, h=control.h), _settled(after, last.front))
 
 
-def _followed(problem: Problem, front: Front, control: Control) -> Course:
-    """The course of a problem from a front up to its last time, at which a step ends, with its steps.
-
-    Raises
-    ------
-    ProofError         if it ends before
-    """
+def _followed(problem: Problem, front: Front, control: Control) -> tuple[Course, Place]:
+    """The course of a problem from a front up to its last time, with its steps, of which one ends there; the place."""
     end = float(problem.times[-1])
     stop = Change(end, problem.rates, lambda time, problem: problem, late=0.0)
     course = replace(Course.empty(problem), steps=[])
@@ -301,19 +276,7 @@ def _followed(problem: Problem, front: Front, control: Control) -> Course:
     march(problem, 0, course, np.inf, np.inf, lambda time: None)
     if course.why:
         raise ProofError(course.why)
-    return course
-
-
-def _later(tau: Array, begin: float) -> Array:
-    """A polynomial plus a number."""
-    found = tau.copy()
-    found[(0,) * tau.ndim] += begin
-    return found
-
-
-def _front_of(course: Course) -> Front:
-    assert course.end is not None
-    return course.end.front
+    return course, course.end
 
 
 def _settled(problem: Problem, front: Front) -> Problem:
@@ -351,7 +314,7 @@ def _changed(place: Place, grain: float, is_done: bool) -> Place:
         return place
     if late is not None:
         front = drifted(problem, front, late)
-    front, problem = mapped(problem, front, change.states), problem.after_change(front.t)
+    front, problem = mapped(problem, front, change.states), change.following(front.t, problem)
     problem = _settled(problem, front)
     return replace(place, front=front if late is None else drifted(problem, front, late), problem=problem)
 
@@ -363,15 +326,12 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
     is given up, it is tried with the first choice, and with an orthogonal frame.
     """
     aim = control.h
-    try:
-        return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
-    except ProofError:
-        control.choice, control.h = Choice(), aim
-    try:
-        return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
-    except ProofError:
-        control.choice, control.h = Choice(), aim
-        return _shortened(problem, well_conditioned(front, problem.scales, 0.0), grain, control)
+    for _ in range(2):
+        try:
+            return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
+        except ProofError:
+            control.choice, control.h = Choice(), aim
+    return _shortened(problem, well_conditioned(front, problem.scales, 0.0), grain, control)
 
 
 def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
@@ -387,7 +347,9 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             reason, aim = str(error), _MUCH_SHORTER * h
             h = aim
             continue
-        tail = _tail(problem, x.c)
+        last = ch.sums(x.c[:, -2:], problem.d).max(axis=1)
+        sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
+        tail = float((last / sizes).max(initial=0.0))
         h_resolved = h * float(np.clip((_RESOLVED / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _MUCH_SHORTER, 1.5))
         if tail > _UNRESOLVED:
             aim = h = h_resolved
@@ -401,7 +363,8 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
             step = TimeStep(problem, front.t, h, x, B, C)
             _require_valid(step, np.zeros(problem.n))
-            proof = prove(step, entering(front, step), control)
+            w = above(front.w + step.inverse_times(front.x_error + front.B_error @ front.w))
+            proof = prove(step, w, control)
             _require_valid(step, above(step.B_largest @ proof.W))
             control.h = max(h_resolved, usual) if is_cut else h_resolved
             return step, proof
@@ -413,12 +376,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
 
 
 def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:
-    """How long a step over h may be before a pass of a switch begins, if the motion x of the step is seen to have one.
-
-    Raises
-    ------
-    _AheadError         if it begins at once
-    """
+    """How long a step over h with the motion x may be before a pass of a switch begins; _AheadError if at once."""
     ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _NEAR * grain)
     if ahead is None:
         return np.inf
@@ -440,10 +398,3 @@ def _require_valid(step: TimeStep, e: Array) -> None:
             if phase is None
             else phase.sentence(which, step.t0, "it may be touched, or be passed by a part of the box")
         )
-
-
-def _tail(problem: Problem, x: Array) -> float:
-    """The last two coefficients in time, over the sizes of the states."""
-    modulus = ch.sums(x[:, -2:], x.ndim - 2).max(axis=1)
-    size = np.maximum(problem.scales, ch.sums(x, x.ndim - 1))
-    return float((modulus / size).max(initial=0.0))

@@ -1,6 +1,7 @@
 """Bounds of the defects of the motion and of its frame over a step, for several parameters."""
 
 from dataclasses import dataclass
+from functools import reduce
 
 import casadi as ca
 import numpy as np
@@ -49,12 +50,7 @@ def _tried(step: TimeStep, rho: float, wanted: float) -> _Ellipse:
 
 
 def _adapted(step: TimeStep, control: Control) -> _Ellipse:
-    """That of the last step or a smaller one, and a neighbour if that needs fewer nodes.
-
-    Raises
-    ------
-    ProofError         if the equations cannot be shown to be analytic in any of them
-    """
+    """That of the last step or a smaller one, or a neighbour if that needs fewer nodes; ProofError if none serves."""
     best = _tried(step, control.rho, control.wanted)
     for _ in range(_NARROWINGS):
         if np.isfinite(best.nodes) or best.rho <= _NARROWEST:
@@ -73,13 +69,7 @@ def _adapted(step: TimeStep, control: Control) -> _Ellipse:
 def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array, Array, list[float]]:
     """Bounds of |C d| (n,) and of |C (A B - B')| (n, n), and the ellipses on which the equations are bounded.
 
-    Parameters
-    ----------
-    w : (n,) remainder, of which aliasing may be a small share
-
-    Raises
-    ------
-    ProofError         if the equations cannot be shown to be analytic
+    Aliasing may be a small share of the remainder w (n,). ProofError if the equations cannot be shown to be analytic.
     """
     chosen, n, d = _adapted(step, control), step.problem.n, step.problem.d
     rho = [chosen.rho, *[1.0] * d]
@@ -103,16 +93,7 @@ _subtract, _multiply, _add = OPERATIONS[ca.OP_SUB], OPERATIONS[ca.OP_MUL], OPERA
 
 def _product(A: list[list[Model]], B: list[list[Model]]) -> list[list[Model]]:
     """The product of two matrices."""
-    found = []
-    for row in A:
-        found.append([])
-        for column in zip(*B, strict=True):
-            total = None
-            for a, b in zip(row, column, strict=True):
-                part = _multiply(a, b)
-                total = part if total is None else _add(total, part)
-            found[-1].append(total)
-    return found
+    return [[reduce(_add, map(_multiply, row, column)) for column in zip(*B, strict=True)] for row in A]
 
 
 def _matrix(entries: list[Model], n: int) -> list[list[Model]]:

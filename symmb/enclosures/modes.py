@@ -178,9 +178,7 @@ _PARTS_OF_A_WAY, _ITERATIONS = 8, 4
 def _critical_shape(A: Array) -> tuple[Array, float, bool]:
     """The vector (n,) of the eigenvalue of A (n, n) that is imaginary or 0, a size of it, and whether it oscillates.
 
-    Raises
-    ------
-    ValueError         if there is not one
+    ValueError if there is not one.
     """
     _, sizes, vectors = np.linalg.svd(A)
     none = int(np.count_nonzero(sizes <= _SINGULAR * sizes[0]))

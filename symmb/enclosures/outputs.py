@@ -20,9 +20,10 @@ from symmb.enclosures.ellipses import (
     reaches,
 )
 from symmb.enclosures.errors import ProofError
-from symmb.enclosures.model_outputs import model_output_bounds
 from symmb.enclosures.ranges import cut, ranges
-from symmb.enclosures.rounding import U, above
+from symmb.enclosures.rounding import U, above, of_sum
+from symmb.enclosures.several_parameters import monomials, on_step, parameter_models, run
+from symmb.enclosures.taylor_models import Model, basis_of, reach
 
 _PATCHES = 1, 8, 24, 64
 """Patches of each parameter. More are tried where outputs cannot be shown to be smooth with fewer ones, or have large
@@ -37,6 +38,10 @@ _FINEST, _LARGEST = 300, 3e6
 """Most nodes of a variable, and of the grids of all times: their values take seconds."""
 SHARP = 1e-6
 """Share of the width by which bounds may be off because ranges are searched no further."""
+_MORE = 2
+"""Degrees of Taylor models of outputs beyond those of the motion, for several parameters."""
+_NUMBERS = 1e5
+"""Most coefficients of the polynomial of an output at a time, whose range is sought."""
 
 
 def output_bounds(
@@ -54,11 +59,12 @@ def output_bounds(
     if problem.n and problem.d > ch.FEW:
         e = above(step.B_largest @ w)
         with np.errstate(all="ignore"):
-            lower, upper, remainder, slopes = model_output_bounds(step, e, times, sharp)
+            lower, upper, remainder, slopes = _model_bounds(step, e, times, sharp)
         terms = slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
         return lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
     with np.errstate(all="ignore"):
         e, smooth = above(step.B_largest @ w), np.zeros(n_y, dtype=bool)
+        is_refused = np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
         for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= TOO_MANY):
             rho, most, nodes = _ellipses(step, control.choice, patches)
             real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
@@ -67,7 +73,7 @@ def output_bounds(
             of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
             smooth = np.isfinite(most) & np.isfinite(of_states)
             is_hopeless = control.rough if patches > _SOME else False
-            if (smooth | problem.is_refused | is_hopeless).all() and nodes <= _MANY_NODES**problem.d:
+            if (smooth | is_refused | is_hopeless).all() and nodes <= _MANY_NODES**problem.d:
                 break
         control.rough = ~smooth
         good = np.flatnonzero(smooth)
@@ -182,3 +188,47 @@ def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[
     found = problem.tape_of_outputs(which).run(points.OPERATIONS, points.point, [states, p, t])[0]
     shape = (len(times), *counts)
     return np.stack([np.broadcast_to(a[0], shape) for a in found]), np.array([a[1] for a in found])
+
+
+def _model_bounds(step: TimeStep, e: Array, times: Array, sharp: float) -> tuple[Array, Array, Array, Array]:
+    """Lower and upper bounds of the outputs (n_t, n_y), the remainder in them, and sensitivities (n_y, n).
+
+    States are within e (n,) of the motion.
+    """
+    problem, n_t = step.problem, len(times)
+    n_y = problem.outputs.numel_out(0)
+    slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]]).reshape(problem.n, n_y).T
+    of_states = above(slopes @ e)
+    basis = basis_of(problem.d, step.x.c.shape[2] - 1 + _MORE)
+    at, errors = step.at(times)
+    c, lost = monomials(at, basis)
+    x = [Model(own.T, above(error + gone), basis) for own, error, gone in zip(c, errors, lost, strict=True)]
+    t = Model(times[None], np.full(1, U * np.abs(times).max()), basis)
+    lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
+    for k, found in enumerate(run(problem.output_tape, [x, parameter_models(step, basis), [t]])[0]):
+        if np.isfinite(reach(found)) and np.isfinite(of_states[k]):
+            low, high, rest = _range_of_model(found, of_states[k], n_t, sharp)
+            lower[:, k], upper[:, k], remainder[:, k] = -low, high, rest
+    return -lower, upper, remainder, slopes
+
+
+def _range_of_model(a: Model, beside: float, n_t: int, sharp: float) -> tuple[Array, Array, Array]:
+    """Bounds (n_t,) of an output, and the remainder in them.
+
+    The highest degrees are cut where they are a small share of the width, or too many.
+    """
+    basis, d = a.basis, a.basis.variables
+    c = np.broadcast_to(basis.to_chebyshev @ a.coefficients(), (basis.counts[-1], n_t))
+    sums = np.add.reduceat(np.abs(c), [0, *basis.counts[:-1]], axis=0)
+    tails = np.cumsum(sums[::-1], axis=0)[::-1]
+    degree = basis.degree
+    while degree > 1 and ((tails[degree] <= 0.1 * sharp * tails[1]).all() or (degree + 1.0) ** d > _NUMBERS):
+        degree -= 1
+    kept = basis.counts[degree]
+    gone = tails[degree + 1] if degree < basis.degree else np.zeros(n_t)
+    whole = np.zeros((n_t, *(degree + 1,) * d))
+    whole[(slice(None), *basis.exponents[:kept].T)] = c[:kept].T
+    rest = above(a.radius + gone + beside + of_sum(len(c) + 2) * a.norm)
+    low, high = ranges(whole, sharp)
+    low, high = low - rest, high + rest
+    return low - 4 * U * np.abs(low), high + 4 * U * np.abs(high), np.broadcast_to(rest, n_t)

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import combinations, product
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -193,12 +192,7 @@ class Window:
 
 
 def window(problem: Problem, ahead: Crossing) -> Window:
-    """The equations about a pass.
-
-    Raises
-    ------
-    ProofError         if one of these switches depends on the others
-    """
+    """The equations about a pass; ProofError if one of these switches depends on the others."""
     phase, which = problem.phase, list(ahead.which)
     assert phase is not None and problem.valid is not None and ahead.place is not None
     x, p, t = arguments = phase.symbols
@@ -257,9 +251,7 @@ class Departure:
 def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> Departure:
     """The problems of a motion that begins on some switches, and perhaps on others, of which a step of about h follows.
 
-    Raises
-    ------
-    ProofError         if the switches are not 0 for all of the box, or are not left in one direction
+    ProofError if the switches are not 0 for all of the box, or are not left in one direction.
     """
     phase = problem.phase
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
@@ -337,16 +329,8 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     """How far the passes are from the polynomial [s], and the states (n,) from those of the new equations there.
 
     The front is that of the old equations at the polynomial, where the switches are at most g (m,). All motions are
-    within a room about it, which they cannot leave in this time.
-
-    Parameters
-    ----------
-    problem : the old one in scaled time
-    first : a lower bound of the polynomial [s]
-
-    Raises
-    ------
-    ProofError         if the switches are not passed transversally by the rates of all sides
+    within a room about it, which they cannot leave in this time. The problem is the old one in scaled time, `first` a
+    lower bound of the polynomial [s]. ProofError if the rates of all sides do not pass the switches transversally.
     """
     tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
     reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
@@ -354,44 +338,35 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     for _ in range(_TRIALS):
         late, room = 2.0 * late + _LITTLE, 2.0 * room + _LITTLE
         share = 2.0 * late / first + 1e-14
-        found = _found(still(problem, 1.0 - share, front.x, 2.0 * share), above(reach + room), tapes, len(g))
-        new_late = above(float((g / found.slowest).max()))
+        around = still(problem, 1.0 - share, front.x, 2.0 * share)
+        slowest, fastest, speed, apart, is_shown = _about_pass(around, above(reach + room), tapes, len(g))
+        new_late = above(float((g / slowest).max()))
         if len(g) > 1:  # the first may be passed so much earlier, and the others then be approached more slowly
-            new_late = above(new_late * (2.0 + float((found.fastest / found.slowest).max())))
-        new_room = above(4.0 * new_late * found.speed)
-        if not (np.isfinite(new_room).all() and found.is_shown):
+            new_late = above(new_late * (2.0 + float((fastest / slowest).max())))
+        new_room = above(4.0 * new_late * speed)
+        if not (np.isfinite(new_room).all() and is_shown):
             break
         if new_late < late and (new_room < room).all():
-            return late, above((1.0 if len(g) == 1 else 2.0) * late * found.apart)
+            return late, above((1.0 if len(g) == 1 else 2.0) * late * apart)
         late, room = new_late, new_room
     raise ProofError("it may be passed tangentially")
 
 
-class _Found(NamedTuple):
-    """What holds about a pass on all sides.
+def _about_pass(
+    step: TimeStep, e: Array, tapes: Sequence[tuple[Tape, ...]], own: int
+) -> tuple[Array, Array, Array, Array, bool]:
+    """What holds about a pass on all sides of its switches.
 
-    Attributes
-    ----------
-    slowest, fastest : (m,) rates at which switches are approached
-    speed, apart : (n,) largest rates of the states, and differences between sides
-    is_shown : whether all conditions are
+    Slowest and fastest rates (m,) at which switches are approached, largest rates (n,) of the states, differences (n,)
+    of these between sides, and whether all conditions are shown.
     """
-
-    slowest: Array
-    fastest: Array
-    speed: Array
-    apart: Array
-    is_shown: bool
-
-
-def _found(step: TimeStep, e: Array, tapes: Sequence[tuple[Tape, ...]], own: int) -> _Found:
     d = max(step.problem.d, 1)
     count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _SOME or m == 1)
     each = [[on_motion(step, tape, e, (1, count)) for tape in pair] for pair in tapes]
     toward = [conditions[len(conditions) - own :] for _, conditions in each]
     subtract = discs.OPERATIONS[ca.OP_SUB]
     apart = [reaches([*map(subtract, a, b)]) for (a, _), (b, _) in combinations(each, 2)]
-    return _Found(
+    return (
         np.min([[_least(a) for a in part] for part in toward], axis=0),
         np.max([reaches(part) for part in toward], axis=0),
         np.max([reaches(rates) for rates, _ in each], axis=0),

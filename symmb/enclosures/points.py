@@ -149,18 +149,6 @@ def _sign(a: Point) -> Point:
     return point(1.0 if a[2] > 0 else -1.0)
 
 
-def _modulus(a: Point) -> Point:
-    return a if _sign(a)[0] > 0 else _negative(a)
-
-
-def _smaller(a: Point, b: Point) -> Point:
-    return b if _sign(_subtract(a, b))[0] > 0 else a
-
-
-def _larger(a: Point, b: Point) -> Point:
-    return a if _sign(_subtract(a, b))[0] > 0 else b
-
-
 def _less(a: Point, b: Point) -> Point:
     return point(0.0 if _sign(_subtract(a, b))[0] > 0 else 1.0)
 
@@ -221,10 +209,10 @@ OPERATIONS: dict[int, Callable[..., Point]] = {
     ca.OP_CONSTPOW: _power,
     ca.OP_ATAN2: _arctan2,
     ca.OP_HYPOT: lambda a, b: _SQRT(_add(_square(a), _square(b))),
-    ca.OP_FABS: _modulus,
+    ca.OP_FABS: lambda a: a if _sign(a)[0] > 0 else _negative(a),
     ca.OP_SIGN: _sign,
-    ca.OP_FMIN: _smaller,
-    ca.OP_FMAX: _larger,
+    ca.OP_FMIN: lambda a, b: b if _sign(_subtract(a, b))[0] > 0 else a,
+    ca.OP_FMAX: lambda a, b: a if _sign(_subtract(a, b))[0] > 0 else b,
     ca.OP_LT: _less,
     ca.OP_LE: _less,
     ca.OP_EQ: lambda a, b: point(0.0 * float(_sign(_subtract(a, b))[0])),

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Mask
+from symmb._types import Array
 from symmb.enclosures.phases import Phase
 from symmb.enclosures.rounding import U, above
 from symmb.enclosures.tape import Tape
@@ -83,11 +83,6 @@ class Problem:
         names = ", ".join(repr(name) for name in self.closing[:_NAMED]) + ", ..." * (len(self.closing) > _NAMED)
         return f"{SINGULAR} of {names}" if names else SINGULAR
 
-    @property
-    def is_refused(self) -> Mask:
-        """Which outputs (n_y,) have operations without a remainder."""
-        return np.array([*map(bool, self.refused or [""] * self.outputs.numel_out(0))], dtype=bool)
-
     @cached_property
     def rate_tape(self) -> Tape:
         """(x, p, t) -> x'."""
@@ -119,11 +114,6 @@ class Problem:
             outputs=phase.on(phase.outputs, sides, *place),
             valid=phase.conditions(sides, *place),
         )
-
-    def after_change(self, time: float) -> "Problem":
-        """The problem of the other states from a time on, over the same box."""
-        assert self.change is not None
-        return self.change.following(time, self)
 
     @cached_property
     def regular_tape(self) -> Tape | None:

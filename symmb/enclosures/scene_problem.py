@@ -15,7 +15,7 @@ from symmb.enclosures.independent_velocities import Equations, equations_of, sta
 from symmb.enclosures.modes import LinearStart, with_limits, with_modes
 from symmb.enclosures.phases import Phase, label
 from symmb.enclosures.problem import Change, Problem, StartEquations
-from symmb.enclosures.sampling import sampled
+from symmb.enclosures.rounding import U, fine_grain_of
 from symmb.enclosures.tape import Tape
 from symmb.events import kinks
 from symmb.formulations import Formulation
@@ -81,7 +81,7 @@ def _of_equations(
 
         change = Change(equations.until - times[0], _later(states, times[0]), following)
     if form.dae.sampling is not None:
-        change = sampled(form.dae, equations, times)
+        change = _sampled(form.dae, equations, times)
     problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0],
                       form.dae.state_sizes[equations.kept], _start(form, equations),
                       phase=_phase(form.dae, rates, outputs, times, equations.kept),
@@ -91,6 +91,37 @@ def _of_equations(
         problem = problem.on_sides(problem.phase.sides, np.zeros(problem.n), problem.middle, 0.0)
     _require_tapes(method, problem)
     return problem
+
+
+def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
+    """The changes of the values that are held, from one instant after the first time to the next."""
+    sampling = dae.sampling
+    assert sampling is not None
+    instants, begin = sampling.instants(times), float(times[0])
+    instants = instants[np.diff(instants, prepend=-np.inf) > _TOGETHER * min(sampling.periods)]
+    grain = fine_grain_of(float(times[-1] - begin))
+    late = grain + 4 * U * float(np.abs(times).max())
+
+    def following(k: int) -> Change | None:
+        """The change at an instant by its number."""
+        if k == len(instants):
+            return None
+        x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+        q, v, s, *_ = dae.arguments(equations.whole(x, p, t), p, t)
+        for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
+            number = round((instants[k] - sampling.begin) / T)
+            own = sampling.begin + T * number
+            if abs(own - instants[k]) <= _TOGETHER * T:
+                s[value], s[count] = law(q, v, s, p, own), s[count] + 1
+        states = common("states", [x, p, t], [ca.densify(ca.vertcat(x[: x.numel() - dae.n_s], s))])
+        time = float(np.round((instants[k] - begin) / grain) * grain)
+        return Change(time, states, lambda time, problem: problem.with_fields(change=following(k + 1)), late)
+
+    return following(0)
+
+
+_TOGETHER = 1e-9
+"""Instants that are closer than this share of a period are one."""
 
 
 def _require_tapes(method: object, problem: Problem) -> None:
@@ -242,7 +273,11 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
         raise PropagationError(
             f"{method!r}: rows of constraints depend on others ({rows}), which is not proved. Use PolynomialChaos()."
         )
-    _require_smooth(method, form)
+    if form.dae.impacts is not None:
+        what = "joints that open or close" if form.dae.impacts.joints is not None else "impacts"
+        raise PropagationError(
+            f"{method!r}: the scene has {what}, over which it proves nothing. Use PolynomialChaos()."
+        )
     middle, radius, _ = _intervals(simulator, box)
     if contradiction := _contradiction(form, _points_of(middle, radius)):
         raise PropagationError(f"{method!r}: {contradiction}. Give a start that all parameters of the box allow.")
@@ -300,15 +335,6 @@ def _contradiction(form: Formulation, P: Array) -> str:
     moved = {name: P[k, i] for i, name in enumerate(form.dae.p_names) if P[k, i] != form.dae.p_nominal[i]}
     where = ", ".join(f"{name} = {value:.6g}" for name, value in moved.items())
     return f"the start contradicts the rows of constraints, or itself, at {where}"
-
-
-def _require_smooth(method: object, form: Formulation) -> None:
-    dae = form.dae
-    if dae.impacts is not None:
-        what = "joints that open or close" if dae.impacts.joints is not None else "impacts"
-        raise PropagationError(
-            f"{method!r}: the scene has {what}, over which it proves nothing. Use PolynomialChaos()."
-        )
 
 
 def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kept: Indices) -> Phase | None:

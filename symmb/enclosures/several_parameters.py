@@ -95,7 +95,7 @@ class TimePatches:
     """
 
     def __init__(self, rho: float, count: int, degree: int, basis: Basis) -> None:
-        self.rho, self.basis = rho, basis
+        self.basis = basis
         k, n = np.arange(degree + 1), basis.degree
         angles = (np.arange(count) + 0.5) * math.pi / count
         turn, top = k * (0.5 * math.pi / count), cosh_powers(rho, degree + 1)
@@ -127,16 +127,6 @@ class TimePatches:
         return [Model(values, np.full(1, r), basis) for values, r in zip(found, radius, strict=True)]
 
 
-def equations_on_patches(step: TimeStep, patches: TimePatches, radius: Array | float = 0.0) -> list[list[Model]]:
-    """States, parameters and time over patches, the states in discs that are larger by `radius` (n,)."""
-    ellipses = [patches.rho, *[1.0] * step.problem.d]
-    x = patches.models(step.x.c, step.x.error_on(ellipses) + radius)
-    c = np.zeros((1, 2, *(1,) * step.problem.d))
-    c[0, 0], c[0, 1] = step.t0 + 0.5 * step.h, 0.5 * step.h
-    t = patches.models(c, np.full(1, 2.0 * U * (abs(step.t0) + step.h)))
-    return [x, parameter_models(step, patches.basis), t]
-
-
 def run(tape: Tape, inputs: list[list[Model]]) -> list[list[Model]]:
     """The outputs of a tape for Taylor models."""
     return tape.run(tm.OPERATIONS, inputs[2][0].basis.constant, inputs)
@@ -145,8 +135,12 @@ def run(tape: Tape, inputs: list[list[Model]]) -> list[list[Model]]:
 def on_step(step: TimeStep, tape: Tape, radius: Array | float = 0.0, rho: float = 1.0) -> list[list[Model]]:
     """The outputs of a tape on an ellipse of time, for all parameters and for states within a radius (n,)."""
     basis = basis_of(step.problem.d + 1, _DEGREE)
-    patches = TimePatches(rho, _PATCHES, step.degrees[0], basis)
-    return run(tape, equations_on_patches(step, patches, radius))
+    patches, d = TimePatches(rho, _PATCHES, step.degrees[0], basis), step.problem.d
+    x = patches.models(step.x.c, step.x.error_on([rho, *[1.0] * d]) + radius)
+    c = np.zeros((1, 2, *(1,) * d))
+    c[0, 0], c[0, 1] = step.t0 + 0.5 * step.h, 0.5 * step.h
+    t = patches.models(c, np.full(1, 2.0 * U * (abs(step.t0) + step.h)))
+    return run(tape, [x, parameter_models(step, basis), t])
 
 
 _DEGREE, _PATCHES = 2, 16

@@ -40,18 +40,9 @@ _NONE = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """No frame."""
 
 
+@np.errstate(all="ignore")
 def first_front(problem: Problem, order: int) -> Front:
-    """The start of the states, with the frame of their scales.
-
-    Raises
-    ------
-    ProofError         if the start cannot be enclosed
-    """
-    with np.errstate(all="ignore"):
-        return _first_front(problem, order)
-
-
-def _first_front(problem: Problem, order: int) -> Front:
+    """The start of the states, with the frame of their scales; ProofError if it cannot be enclosed."""
     start, n, d = problem.start, problem.n, problem.d
     own = Problem(start.residual, start.states, problem.middle, problem.radius, problem.variables, np.zeros(1),
                   np.ones(start.residual.numel_in(0)), start)  # fmt: skip
@@ -77,30 +68,25 @@ def still(problem: Problem, t: float, x: Array, h: float = _SHORT) -> TimeStep:
 def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
     """Coefficients (m, *lengths) of some outputs at the begin of a step, and bounds (m,) of the errors.
 
-    Raises
-    ------
-    ProofError         if they cannot be shown to be smooth
+    ProofError if they cannot be shown to be smooth.
     """
     some, begin = tuple(which.tolist()), np.array([step.t0])
     if len(lengths) > ch.FEW:
         c, rest = _modelled(step, step.problem.tape_of_outputs(some), max(lengths) - 1)
     else:
-        rho, most = _largest(step, start_of="outputs")
+        rho, most = _largest(step, step.problem.output_tape)
         c, rest = interpolation(step, begin, some, rho, most[which], np.zeros(len(which)), sharp)
-    c, lost = _cut_to(c[:, 0], lengths)
-    short, gone = cut(c, _SHARE * ch.sums(c, len(lengths)))
+    c, part = c[:, 0], (slice(None), *(slice(0, terms) for terms in lengths))
+    kept, others = ch.graded(c[part], len(lengths)), c.copy()
+    others[part] -= kept
+    short, gone = cut(kept, _SHARE * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
     whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
-    return whole, above(rest[:, 0] + lost + gone)
+    return whole, above(rest[:, 0] + ch.sums(others, len(lengths)) + gone)
 
 
 def nominal_front(problem: Problem, order: int) -> Array:
-    """Coefficients (n, order + 1, ...) of about the states at the first time, without a proof.
-
-    Raises
-    ------
-    ProofError         if there are parameters without a start
-    """
+    """Coefficients (n, order + 1, ...) of about the states at the first time, without a proof."""
     counts = [order + 3] * problem.d
     p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
     u = _solutions(problem, p, counts)
@@ -111,14 +97,6 @@ def nominal_front(problem: Problem, order: int) -> Array:
     if not np.isfinite(x).all():
         raise ProofError(NO_START)
     return fit(x, [order + 1] * problem.d)
-
-
-def _cut_to(c: Array, lengths: tuple[int, ...]) -> tuple[Array, Array]:
-    """Coefficients up to numbers of terms in each variable, and the sums of the others (m,)."""
-    part = (slice(None), *(slice(0, terms) for terms in lengths))
-    kept, others = ch.graded(c[part], len(lengths)), c.copy()
-    others[part] -= kept
-    return kept, ch.sums(others, len(lengths))
 
 
 def _unknowns(problem: Problem, order: int) -> Array:
@@ -133,7 +111,7 @@ def _unknowns(problem: Problem, order: int) -> Array:
 
 
 def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:
-    """Approximate solutions u (n_u, *counts) of the starting equations at nodes of the parameters."""
+    """Approximate solutions u (n_u, *counts) of the starting equations at nodes; ProofError if one is lacking."""
     P = np.stack([np.broadcast_to(value, counts).ravel() for value in p], axis=1)
     u = problem.start.solve(P)
     if not np.isfinite(u).all():
@@ -145,11 +123,9 @@ def _patches(step: TimeStep, rho: list[float], count: int = 1) -> Patches:
     return Patches(rho, [1, *[count] * (len(rho) - 1)], step.degrees)
 
 
-def _largest(step: TimeStep, start_of: str) -> tuple[list[float], Array]:
-    """Ellipses of the parameters, and bounds of the states or of the residual on them."""
-    problem = step.problem
-    tape = problem.output_tape if start_of == "outputs" else problem.rate_tape
-    for count in _counts(problem.d):
+def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
+    """Ellipses of the parameters, and bounds of the outputs of a tape on them; ProofError if there are none."""
+    for count in _counts(step.problem.d):
         for spread in (0.5, 0.1, 0.02):
             rho = [1.0, *ellipses(step, (spread, spread))[1:]]
             most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho, count)))[0])
@@ -207,14 +183,11 @@ def _distance(step: TimeStep) -> Array:
     problem, n = step.problem, step.problem.n
     if not n:
         return np.zeros(0)
-    d = problem.d
-    residual = Problem(problem.rates, problem.rates, problem.middle, problem.radius, problem.variables, problem.times,
-                       problem.scales, problem.start)  # fmt: skip
-    same = replace(step, problem=residual)
+    d, same = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
     if d > ch.FEW:
         c, rest = _modelled(step, problem.rate_tape, step.degrees[1])
     else:
-        rho, most = _largest(step, "rates")
+        rho, most = _largest(step, problem.rate_tape)
         c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
     for count in (count for count in _PARTS if count**d <= _MOST_PARTS):

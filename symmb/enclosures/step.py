@@ -46,18 +46,9 @@ class Proof:
     end: Array
 
 
+@np.errstate(all="ignore")
 def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
-    """Bounds of w over a step from |w| <= w0 (n,) at its beginning.
-
-    Raises
-    ------
-    ProofError         if no box can be shown to hold w
-    """
-    with np.errstate(all="ignore"):
-        return _prove(step, w0, control)
-
-
-def _prove(step: TimeStep, w0: Array, control: Control) -> Proof:
+    """Bounds of w over a step from |w| <= w0 (n,) at its beginning; ProofError if no box can be shown to hold w."""
     defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects

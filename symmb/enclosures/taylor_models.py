@@ -390,10 +390,6 @@ def _from_disc(found: Disc, basis: Basis) -> Model:
                  radius, basis)  # fmt: skip
 
 
-def _entry(entry: Any, group: Model, at: Model) -> Model:
-    return _from_disc(discs.OPERATIONS[ca.OP_CALL](entry, group.disc, at.disc), at.basis)
-
-
 _OWN: dict[int, Callable[..., Model]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: lambda a, b: _sum(a, b, 1.0),
@@ -415,7 +411,7 @@ _OWN: dict[int, Callable[..., Model]] = {
     ca.OP_HYPOT: lambda a, b: _sqrt(_sum(_multiply(a, a), _multiply(b, b), 1.0)),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
-    ca.OP_CALL: _entry,
+    ca.OP_CALL: lambda entry, group, at: _from_disc(discs.OPERATIONS[ca.OP_CALL](entry, group.disc, at.disc), at.basis),
 }
 
 OPERATIONS: dict[int, Callable[..., Model]] = {code: _of_discs(code) for code in discs.OPERATIONS} | _OWN

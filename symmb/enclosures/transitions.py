@@ -86,12 +86,7 @@ def require_known(where: str, *functions: ca.Function) -> None:
 
 
 def drifted(problem: Problem, front: Front, late: float) -> Front:
-    """The front with all states that it has within a short time before and after.
-
-    Raises
-    ------
-    ProofError         if the rates cannot be bounded
-    """
+    """The front with all states that it has within a short time before and after; ProofError if rates are too large."""
     room = _ROOM * problem.scales
     reach = above(ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error + room
     around = still(problem, front.t - 2 * late, front.x, 4 * late)

@@ -119,14 +119,8 @@ class CriticalSimulator(BlackBox):
 
 
 def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, float]) -> tuple[float, float]:
-    """The ends of the range of a parameter.
-
-    Raises
-    ------
-    DeclarationError           if there is no such parameter, or the range is empty
-    """
-    names = list(scene.system.parameters)
-    require_name(owner, "parameter", parameter, names)
+    """The ends of the range of a parameter; DeclarationError if there is no such parameter, or the range is empty."""
+    require_name(owner, "parameter", parameter, list(scene.system.parameters))
     if not (isinstance(range, tuple | list) and len(range) == 2 and all(map(is_finite_number, range))):
         raise DeclarationError(f"{owner}: range must be two numbers, lower and upper, got {shown(range)}.")
     lower, upper = map(float, range)

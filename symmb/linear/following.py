@@ -77,11 +77,8 @@ def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eige
 
 def _swapped(before: Array, after: Array) -> list[tuple[int, int]]:
     """Pairs of modes whose frequencies change their order."""
-    upper = np.triu(np.ones((len(before), len(before)), dtype=bool), 1)
-    order = (before[:, None] < before) & (after[:, None] > after) | (before[:, None] > before) & (
-        after[:, None] < after
-    )
-    return [(int(i), int(j)) for i, j in np.argwhere(order & upper)]
+    signs = [np.sign(values[:, None] - values) for values in (before, after)]
+    return [(int(i), int(j)) for i, j in np.argwhere(np.triu(signs[0] * signs[1] < 0, 1))]
 
 
 def _overlaps(one: Array, other: Array) -> Array:

@@ -14,9 +14,7 @@ from symmb.model import Scene
 def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, ...]]:
     """The scene with parameters for forces of actuators and for inputs, and the numbers of all input parameters.
 
-    Raises
-    ------
-    DeclarationError       if a name is neither of an actuator, an input nor a parameter, or repeats
+    DeclarationError if a name is neither of an actuator, an input nor a parameter, or repeats.
     """
     actuators = {e.name: e for e in scene.system.elements if isinstance(e, Actuator)}
     declared = scene.system.inputs
@@ -48,13 +46,8 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
 def with_uniform(scene: Scene) -> tuple[Scene, tuple[int, ...], tuple[str, ...]]:
     """The scene with parameters for the starts of the coordinates that nothing touches but outputs contain.
 
-    Such coordinates move uniformly. They are no states of the equations of motion, but outputs deviate with them.
-
-    Returns
-    -------
-    Scene
-    tuple of int           numbers of the parameters, of the place and of the velocity of each coordinate in turn
-    tuple of str           names of these places and velocities
+    Such coordinates move uniformly. They are no states of the equations of motion, but outputs deviate with them. The
+    place and the velocity of each coordinate in turn have the numbers and the names that are returned.
     """
     system = scene.system
     curves = [y for y in (scene.outputs or {}).values() if not isinstance(y, Figure)]

@@ -66,7 +66,9 @@ def linearize(
     1.0
     """
     scene, values, t, of_bodies = point_of(subject, time, parameters)
-    chosen = _numbers(scene.curve_names if outputs is None else outputs, scene.curve_names)
+    known = scene.curve_names
+    names = require_names("outputs", "output", known if outputs is None else outputs, known)
+    chosen = [known.index(name) for name in names]
     extended, input_numbers = with_inputs(scene, inputs)
     extended, starts, uniform = with_uniform(extended)
     formulation, loads = formulation_of(extended), attached_loads(extended)
@@ -77,7 +79,7 @@ def linearize(
     require_smooth(formulation, point, equations)
     blocks = equations.blocks(point.x[None], p[None], t)
     _require_free_inputs(inputs, blocks)
-    _require_slopes_of_outputs([scene.curve_names[k] for k in chosen], blocks.C[0][chosen], blocks.D[0][chosen])
+    _require_slopes_of_outputs(names, blocks.C[0][chosen], blocks.D[0][chosen])
     free = free_states(equations, blocks, len(uniform))
     motion = SteadyMotion(equations, point, blocks, free)
     doubts = doubts_of(extended, motion, blocks, loads)
@@ -97,7 +99,7 @@ def linearize(
         D=blocks.D[0][chosen, :n_u],
         states=(*(state_names(formulation.dae)[k] for k in free), *uniform),
         inputs=tuple(inputs),
-        outputs=tuple(scene.curve_names[k] for k in chosen),
+        outputs=tuple(names),
         time=t,
         parameters=values,
         doubts=doubts,
@@ -118,10 +120,6 @@ def formulation_of(scene: Scene) -> Formulation:
             return cast(Formulation, formulations(scene)[1])
     bodies, joints, *_ = formulations(replace(scene, coordinates="body") if scene.coordinates is None else scene)
     return joints or bodies
-
-
-def _numbers(names: Sequence[str], known: Sequence[str]) -> list[int]:
-    return [list(known).index(name) for name in require_names("outputs", "output", names, known)]
 
 
 def _require_slopes_of_outputs(names: Sequence[str], *parts: Array) -> None:
@@ -148,9 +146,7 @@ def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
 def free_states(equations: LinearEquations, blocks: Blocks, others: int = 0) -> Indices:
     """Numbers of independent displacements, velocities and first-order states, without those of events.
 
-    Raises
-    ------
-    DeclarationError       if there are none, and no others either
+    DeclarationError if there are none, and no others either.
     """
     dae = equations.dae
     flags = 2 * dae.n_v + dae.impacts.states if dae.impacts is not None else np.zeros(0, dtype=np.intp)
@@ -167,13 +163,11 @@ def state_names(dae: DAE) -> tuple[str, ...]:
 
 def displacement_names(dae: DAE) -> tuple[str, ...]:
     """Names of displacements along velocities: "rod.x" for "rod.vx", "top.rotation_x" for "top.omega_x"."""
-    return tuple(_displacement(name) for name in dae.v_names)
-
-
-def _displacement(v_name: str) -> str:
-    owner, _, part = v_name.rpartition(".")
-    part = _DISPLACEMENTS.get(part, part.removesuffix("_rate").removesuffix("_dot").replace("omega_", "rotation_"))
-    return f"{owner}.{part}"
+    found = []
+    for owner, _, part in (name.rpartition(".") for name in dae.v_names):
+        other = part.removesuffix("_rate").removesuffix("_dot").replace("omega_", "rotation_")
+        found.append(f"{owner}.{_DISPLACEMENTS.get(part, other)}")
+    return tuple(found)
 
 
 _DISPLACEMENTS = {"vx": "x", "vy": "y", "vz": "z", "omega": "theta"}

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import SimulationError
-from symmb._types import Array, Mask
+from symmb._types import Array
 from symmb.black_boxes import BlackBox
 from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
@@ -46,12 +46,7 @@ class Locus:
 
 
 def nominal_locus(family: LinearFamily, parameter: str, values: Array) -> Locus:
-    """The locus at the nominal values of the other parameters.
-
-    Raises
-    ------
-    SimulationError        if the scene does not start at one of the values
-    """
+    """The locus at the nominal values of the other parameters; SimulationError where the scene does not start."""
     number = list(family.scene.system.parameters).index(parameter)
     P = np.tile(family.nominal, (len(values), 1))
     P[:, number] = values
@@ -117,7 +112,10 @@ class LocusSimulator(BlackBox):
         if len(lost):
             i, k = lost[0]
             raise SimulationError(f"mode {k + 1} does not oscillate at {self._parameter} = {self._locus.values[i]:g}")
-        return quantities(modes, self.known)
+        found: Array = np.where(self.known, modes, 0.0)
+        sizes = np.abs(found)
+        damping = np.divide(0.0 - found.real, sizes, out=np.zeros_like(sizes), where=self.known)
+        return np.hstack([sizes / (2 * np.pi), damping, found.real, found.imag])
 
     def _followed(self, others: Array) -> Array:
         """Oscillations (n, k), nan of those that end between the nominal parameters and the sample."""
@@ -131,11 +129,3 @@ class LocusSimulator(BlackBox):
             found = followed(_way(self._family, begin[i], end[i], points[i]), start)
             modes[i, list(own.values())] = found.values
         return modes
-
-
-def quantities(modes: Array, known: Mask) -> Array:
-    """(n, 4 k) of oscillations (n, k), 0 where they are not known."""
-    modes = np.where(known, modes, 0.0)
-    sizes = np.abs(modes)
-    damping = np.divide(0.0 - modes.real, sizes, out=np.zeros_like(sizes), where=known)
-    return np.hstack([sizes / (2 * np.pi), damping, modes.real, modes.imag])

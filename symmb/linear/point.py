@@ -43,12 +43,8 @@ def point_of(
         subject = scene_of(subject)
         if time is not None:
             raise DeclarationError("linearize: a scene is linearised at its start. Give time= with a run of simulate.")
-        return (
-            subject,
-            parameter_values(subject, {} if parameters is None else parameters),
-            float(subject.times[0]),
-            None,
-        )
+        values = parameter_values(subject, {} if parameters is None else parameters)
+        return subject, values, float(subject.times[0]), None
     if subject.scene is None:
         raise DeclarationError("linearize: the run was read from a file. Give Trajectory.load the scene.")
     if parameters is not None:
@@ -80,7 +76,12 @@ def started(scene: Scene, formulation: Formulation, p: Array, t: float, of_bodie
 def require_smooth(formulation: Formulation, point: LinearizationPoint, equations: LinearEquations) -> None:
     """DeclarationError if the equations have no derivative at a point."""
     dae, x = formulation.dae, point.x
-    _require_slopes(equations, point)
+    blocks = equations.blocks(x[None], point.p[None], point.t)
+    if not all(np.isfinite(block).all() for block in (blocks.A, blocks.B, blocks.rows)):
+        raise DeclarationError(
+            "linearize: a derivative of the equations is infinite at this state, or 0/0, as that of a square root or "
+            "of a norm at 0. Linearise a state beside it."
+        )
     if dae.sampling is not None:
         raise DeclarationError(
             "linearize: the scene has Sampled values, which change at instants. Write the law of the controller as an "
@@ -114,16 +115,6 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
                 f"linearize: a switch of the equations ({', '.join(switches.names)}) lies at this very state, and the "
                 f"forces {how}. Linearise a state beside it."
             )
-
-
-def _require_slopes(equations: LinearEquations, point: LinearizationPoint) -> None:
-    """DeclarationError where a derivative is infinite or not a number, as that of a square root at 0."""
-    blocks = equations.blocks(point.x[None], point.p[None], point.t)
-    if not all(np.isfinite(block).all() for block in (blocks.A, blocks.B, blocks.rows)):
-        raise DeclarationError(
-            "linearize: a derivative of the equations is infinite at this state, or 0/0, as that of a square root or "
-            "of a norm at 0. Linearise a state beside it."
-        )
 
 
 def _jump(dae: DAE, point: LinearizationPoint, aside: Array) -> Array:

@@ -165,7 +165,7 @@ class SteadyMotion:
         factor = min(time / step, _FARTHEST)
         A, ahead, behind = (self._turned(tau, X) for tau in (0.0, step, -step))
         first, second = factor * (ahead - behind) / 2, factor**2 * (ahead + behind - 2 * A) / 2
-        units = self._sizes[self.free]
+        units = self.equations.sizes[self.free]
         for k, value in enumerate(modes.values):
             s = value + np.exp(_BESIDE * 1j) * max(abs(value), 1 / (factor * step))
             changes = np.stack([first + second, second - first], axis=2).swapaxes(1, 2) @ modes.vectors[:, k]
@@ -176,19 +176,15 @@ class SteadyMotion:
 
     def _step(self, time: float) -> float:
         """A step [s], not above a time, in which the motion leads so far that it can be compared."""
-        step = min(time, 1e3 / max(float(np.abs(self._rates / self._sizes).max()), 1e-300))
+        step = min(time, 1e3 / max(float(np.abs(self._rates / self.equations.sizes).max()), 1e-300))
         n_v = self.equations.dae.n_v
         for _ in range(_HALVINGS):
-            moved = np.abs(self._displacement(step) / self._sizes)
+            moved = np.abs(self._displacement(step) / self.equations.sizes)
             moved[n_v : 2 * n_v] *= _LIGHTER * (time if np.isfinite(time) else step)
             if moved.max() <= _LARGE:
                 break
             step /= 2
         return step
-
-    @property
-    def _sizes(self) -> Array:
-        return self.equations.sizes
 
     def _displacement(self, tau: float) -> Array:
         """Where the motion leads in a time (n_z,): exact to second order; stiff parts by their distance from rest."""

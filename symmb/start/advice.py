@@ -25,7 +25,8 @@ def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assem
     `free` are the numbers of displacements that are not listed, `size` [m] is that of the scene.
     """
     name, tries = joint.split(".")[0], max(_TRIES // max(dae.n_v, 1), 1)
-    owners = _owners(scene, name)
+    joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
+    owners = {name, *(body.name for e in joints for body in e.bodies())}
     listed = [k for k in scene.start if k not in dae.v_names and not k.endswith((".omega", "_rate"))]
     near = [key for key in listed if key.split(".")[0] in owners]
     others = [key for key in listed if key not in near]
@@ -50,12 +51,6 @@ def reminder(scene: Scene, joint: str) -> str:
     return "".join(
         f" {e.also}" for e in scene.system.elements if isinstance(e, Joint) and e.name == joint.split(".")[0] and e.also
     )
-
-
-def _owners(scene: Scene, name: str) -> set[str]:
-    """Names of a joint and of its bodies."""
-    joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
-    return {name, *(body.name for joint in joints for body in joint.bodies())}
 
 
 def _to_free(scene: Scene, near: list[str], others: list[str], tries: int, assembles: Assembles) -> Iterator[str]:

@@ -20,11 +20,8 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     """Coordinates and states with Phi = 0 at the nominal parameters, near the guess.
 
     Forward kinematics along the joints, then damped Gauss-Newton steps. If these end where the constraints are open, it
-    takes full steps, and last it lets angles begin with whole turns.
-
-    Raises
-    ------
-    AssemblyError               if no assembly is reached, with the worst joint, and what helps
+    takes full steps, and last it lets angles begin with whole turns. AssemblyError, if none is reached, tells the worst
+    joint, and what helps.
     """
     try:
         return _assembled(scene, dae, t0)

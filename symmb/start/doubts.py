@@ -31,7 +31,8 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven or gated:
         return
     if len(rows) == dae.n_v:
-        if not scene.system.collected.decoupled and not _is_welded(scene):
+        is_welded = all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint))
+        if not scene.system.collected.decoupled and not is_welded:
             yield (
                 f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and nothing "
                 "drives them. Leave out a constraint if it should move."
@@ -41,10 +42,6 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
             "The start is an unstable equilibrium: all forces balance there, and only rounding decides where the "
             "system moves. Start away from it."
         )
-
-
-def _is_welded(scene: Scene) -> bool:
-    return all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint))
 
 
 def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:

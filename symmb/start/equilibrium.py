@@ -39,16 +39,12 @@ def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices
 
     The first attempt is Newton's method. If it fails, or ends in an unstable equilibrium, a second attempt adds a drag
     proportional to the masses, which falls as the forces fall. The system then moves into a stable equilibrium.
-
-    Raises
-    ------
-    AssemblyError        if there is none near q, or displacements remain that no force opposes
+    AssemblyError if there is none near q, or displacements remain that no force opposes.
     """
     n, m = len(free), len(rows)
     at, delta, lam = ca.SX.sym("q", dae.n_q), ca.SX.sym("delta", n), ca.SX.sym("lam", m)
-    residual = imbalance(
-        dae, dae.retract(at, _displacement_matrix(dae, free) @ delta), lam, ca.SX(ca.DM(dae.p_nominal)), t0, free, rows
-    )
+    places = ca.SX(ca.DM(ca.Sparsity.triplet(dae.n_v, n, free.tolist(), list(range(n))), 1))
+    residual = imbalance(dae, dae.retract(at, places @ delta), lam, ca.SX(ca.DM(dae.p_nominal)), t0, free, rows)
     z = ca.vertcat(delta, lam)
     at_zero = [ca.substitute(e, delta, ca.SX.zeros(n, 1)) for e in (residual, ca.jacobian(residual, z))]
     f = ca.Function("balance", [at, lam], at_zero)
@@ -69,12 +65,6 @@ def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices
     )
 
 
-def _displacement_matrix(dae: DAE, free: Indices) -> ca.SX:
-    """(n_v, n): displacements along all velocities from the free ones."""
-    columns = list(range(len(free)))
-    return ca.SX(ca.DM(ca.Sparsity.triplet(dae.n_v, len(free), free.tolist(), columns), 1))
-
-
 def _damped_newton(
     dae: DAE, f: ca.Function, q: Array, t0: float, free: Indices, m: int, size: float, damped: bool
 ) -> tuple[Array, Array, Array] | None:
@@ -93,12 +83,12 @@ def _damped_newton(
             return None
         if reach <= ROUNDING and forces <= _TOLERANCE * whole and np.abs(r[n:]).max(initial=0.0) <= _TOLERANCE * size:
             return q, lam, J
-        if damped:
+        if damped and not step:
+            drag = float(np.abs(np.linalg.lstsq(M, r[:n], rcond=None)[0] / scales).max(initial=0.0)) / _FIRST_STEP
+        elif damped:
             more = forces / before
-            drag = (
-                drag * (_DRAG_DECAY * more if more < 1 else min(2.0, more)) if step else _first_drag(M, r[:n], scales)
-            )
-            before = forces or 1e-300
+            drag *= _DRAG_DECAY * more if more < 1 else min(2.0, more)
+        before = forces or 1e-300
         A = J.copy()
         A[:n, :n] -= drag * M
         weights = np.concatenate([np.ones(n), np.full(m, np.abs(A[:n, :n]).max(initial=0.0) or 1.0)])
@@ -114,11 +104,6 @@ def _damped_newton(
 def _size(dae: DAE, q: Array) -> float:
     """The largest coordinate over its scale."""
     return float(np.abs(q / dae.coordinate_scales).max(initial=0.0))
-
-
-def _first_drag(M: Array, force: Array, scales: Array) -> float:
-    speed = np.abs(np.linalg.lstsq(M, force, rcond=None)[0] / scales).max(initial=0.0)
-    return float(speed) / _FIRST_STEP
 
 
 def is_stable(K: Array, G: Array) -> bool:

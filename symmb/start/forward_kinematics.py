@@ -60,7 +60,7 @@ class _Kinematics:
         In place are the ground, bodies whose `parts` are listed, and guessed ones if no value of a joint determines
         them. A body that no joint connects with these carries the others.
         """
-        bodies = range(len(self.scene.system.bodies))
+        bodies, names = range(len(self.scene.system.bodies)), [body.name for body in self.scene.system.bodies]
         beside = self._beside(joints, handle)
         determined = {body for body, edges in beside.items() if any(has_value for _, has_value, *_ in edges)}
         placed: dict[int, int] = {}
@@ -71,7 +71,8 @@ class _Kinematics:
             for is_least, _, rows, number in beside[body]:
                 heappush(queue, (is_least, placed[body], rows, number))
 
-        guessed = [body for body in bodies if self._is_guessed(body, parts)]
+        known = [{self._numbers.get(f"{name}.{part}") for part in parts} for name in names]
+        guessed = [body for body in bodies if not known[body].isdisjoint(self.scene.guesses)]
         listed = [body for body in bodies if not self._free_parts(body, parts)]
         for body in sorted({GROUND, *listed} | (set(guessed) - determined)):
             place(body)
@@ -95,10 +96,6 @@ class _Kinematics:
             for body in self._ends[joint]:
                 beside[body].append((not has_value and not locks, has_value, where.start - where.stop, number))
         return beside
-
-    def _is_guessed(self, body: int, parts: tuple[str, ...]) -> bool:
-        name = self.scene.system.bodies[body].name
-        return any(self._numbers.get(f"{name}.{part}") in self.scene.guesses for part in parts)
 
     def _free_parts(self, body: int, parts: tuple[str, ...]) -> list[int]:
         """Numbers of those of these coordinates of a body that are not listed."""

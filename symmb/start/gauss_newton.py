@@ -85,11 +85,7 @@ class PositionRows:
         """Coordinates, states and violations after the free displacements are moved least until the rows hold.
 
         Angles count turns next to states s. Damped steps reduce the violation. Full steps may leave a place where none
-        does.
-
-        Raises
-        ------
-        FailedAssembly             if rows are not finite
+        does. FailedAssembly if rows are not finite.
         """
         units, rounding = self.dae.displacement_scales[free], 1e-15 * self.size(q)
         s = self._counted(q, s)

@@ -69,12 +69,7 @@ def _least_squares(A: Array, r: Array) -> Array:
 
 
 class _BlockSolver:
-    """Solver of A x = r in the block-triangular form of A.
-
-    Parameters
-    ----------
-    sparsity : casadi.Sparsity      of A (n, n)
-    """
+    """Solver of A x = r in the block-triangular form of A (n, n), by its sparsity."""
 
     def __init__(self, sparsity: ca.Sparsity) -> None:
         n = self._n = sparsity.size1()
@@ -144,17 +139,7 @@ class ImplicitMap:
         )
 
     def solve(self, w: Array, iterations: int = 30) -> tuple[Array, Mask]:
-        """Newton from u = 0.
-
-        Parameters
-        ----------
-        w : (N, n_w) array
-
-        Returns
-        -------
-        (N, m) array             the solutions
-        (N,) bool array          whether Newton converged
-        """
+        """Solutions (N, m) for arguments w (N, n_w) by Newton's method from u = 0, and whether it converged (N,)."""
         m = self.residual.numel_in(0)
         u = np.zeros((len(w), m))
         active = np.arange(len(w))

@@ -141,7 +141,10 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     _, v_j, s_j = ca.vertsplit(x_j, [0, dae.n_q, dae.n_q + dae.n_v, dae.n_q + dae.n_v + dae.n_s])
     s_start = ca.Function("s_start", [q_j, p], [s_j]) if dae.n_s else None
     velocities = common("velocities", [q_j, p], [v_j])
-    of_joints = None if start.joint_residuals is None else _residuals(start.joint_residuals, joints)
+    of_joints = None
+    if start.joint_residuals is not None:
+        values = start.joint_residuals(*space.of_bodies[:2], joints.p)
+        of_joints = ca.Function("listed", [joints.q, joints.v, joints.p], [values])
     dae = replace(dae, s_start=s_start)
     state, holds = start_functions(dae, start.t0, (u, p), q, velocities(q, p), of_joints, listed[others])
     if start.redundant:  # with other parameters the rows that are left out may contradict those that are kept
@@ -151,12 +154,6 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     position = ImplicitMap.of(rows[chosen], u, p)
     found = replace(start, dae=dae, q_nominal=q0, position=position, state=state, holds=holds)
     return None if found.states(p_nominal[None])[1][0] else found
-
-
-def _residuals(of_bodies: ca.Function, joints: System) -> ca.Function:
-    """(q, v, p) -> 0 where the listed values of joints hold, from a Function of coordinates of bodies."""
-    q, v, _ = joints.joints.of_bodies
-    return ca.Function("listed", [joints.q, joints.v, joints.p], [of_bodies(q, v, joints.p)])
 
 
 def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:

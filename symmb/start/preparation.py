@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import casadi as ca
@@ -10,6 +11,7 @@ import numpy as np
 
 from symmb._errors import AssemblyError
 from symmb._types import Array, Indices, Mask
+from symmb.mechanics import Constraint, FlexibleBody
 from symmb.model import DAE, Scene
 from symmb.start.assembly import assemble, listed_coordinates
 from symmb.start.consistency import check_accelerations, check_velocities
@@ -28,8 +30,7 @@ from symmb.start.rank import (
 )
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import Start, start_functions
-from symmb.start.tolerances import VIOLATION
-from symmb.start.unstretched import unstretched
+from symmb.start.tolerances import NEGLIGIBLE, VIOLATION
 from symmb.start.velocities import start_velocities
 from symmb.symbolic import batch, shared
 
@@ -41,10 +42,8 @@ parameter may vanish at its nominal value."""
 def prepare_start(scene: Scene, dae: DAE) -> Start:
     """Solve for the start at the nominal parameters, and decide on the unknowns of every sample.
 
-    Raises
-    ------
-    AssemblyError              if listed values contradict the constraints, no assembly is found near the guess, a joint
-                               is assembled the wrong way round, or the start is a singular position
+    AssemblyError if listed values contradict the constraints, no assembly is found near the guess, a joint is assembled
+    the wrong way round, or the start is a singular position.
     """
     prescribed, system = scene.prescribed, scene.system
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
@@ -55,7 +54,10 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     q0, s0 = assemble(scene, dae, t0)
     rows = _Rows(with_coarse_scales(with_states(scene, dae, s0), q0, t0), q0, t0)
     dae = rows.dae
-    independent = _independent(scene, rows)
+    try:
+        independent = independent_rows(dae, q0, t0, rows.sizes)
+    except AssemblyError as error:
+        raise AssemblyError(" ".join(_unstretched(scene)) or str(error)) from None
     placed = rows.extended(with_position_rows(system, dae, of_positions(prescribed)))
     moved = rows.extended(with_rate_rows(system, dae, of_rates(prescribed)))
     positions = _solve_positions(scene, placed, reference, free)
@@ -139,12 +141,24 @@ class _Rows:
         return row_sizes(self.G, self.general * self.dae.displacement_scales)
 
 
-def _independent(scene: Scene, rows: _Rows) -> Indices:
-    """Numbers of the independent rows."""
-    try:
-        return independent_rows(rows.dae, rows.q, rows.t0, rows.sizes)
-    except AssemblyError as error:
-        raise AssemblyError(" ".join(unstretched(scene)) or str(error)) from None
+def _unstretched(scene: Scene) -> Iterator[str]:
+    """Sentences on flexible bodies that joints hold at two nodes between which no mode stretches them."""
+    joints = [element for element in scene.system.elements if isinstance(element, Constraint)]
+    for body in scene.system.bodies:
+        if not isinstance(body, FlexibleBody) or not len(body.modes.stiffness):
+            continue
+        carriers = [carrier for joint in joints for carrier in joint.bodies()]
+        held = sorted({n for carrier in carriers if (n := body.number_of(carrier)) is not None})
+        shapes, places = body.modes.shapes, body.modes.positions
+        for a, b in combinations(held, 2):
+            line = (places[b] - places[a]) / max(float(np.linalg.norm(places[b] - places[a])), 1e-300)
+            if np.abs(line @ (shapes[b] - shapes[a])).max() <= NEGLIGIBLE * np.abs(shapes).max():
+                yield (
+                    f"FlexibleBody {body.name!r}: joints hold its nodes {a} and {b}, and none of its modes changes "
+                    f"their distance. Compute its modes with interfaces=[{a}, {b}], but for a clamped one, and with "
+                    "all shapes of these."
+                )
+                break
 
 
 def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:

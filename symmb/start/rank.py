@@ -112,12 +112,8 @@ def redundant_names(G: Array, rank: int, rows: Mapping[str, slice]) -> tuple[str
 def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
     """The decision on rank at the start: numbers of independent rows of the velocity Jacobian.
 
-    The Jacobian is measured in the DAE's scales, and its rows in `sizes` (n_r,). A rank that is larger close to the
-    start means a singular position.
-
-    Raises
-    ------
-    AssemblyError        if rows depend on each other at q (n_q,) but not close to it: a singular position
+    The Jacobian is measured in the DAE's scales, and its rows in `sizes` (n_r,). AssemblyError if rows depend on each
+    other at q (n_q,) but not close to it: a singular position.
     """
     if dae.G is None:
         return np.arange(0, dtype=np.intp)
@@ -198,7 +194,10 @@ def _positions(
 
     `rank` is that of all rows in their sizes (n_r,). Drives do not hold the walks, as they move the system.
     """
-    held, scale = _rows_without_drives(dae), own_scales(dae, q, t0)
+    # Rows of drives ask for velocities of a system at rest.
+    symbols = ca.SX.sym("q", dae.n_q), ca.SX.sym("p", len(dae.p_nominal)), ca.SX.sym("t")
+    rates = ca.sparsify(cast(ca.Function, dae.Phi_dot)(*resting(dae, *symbols[:2]), *symbols[1:]))
+    held, scale = np.setdiff1d(np.arange(dae.n_r), rates.row()), own_scales(dae, q, t0)
     own, of_positions = _above_zero(sizes)[held, None], int((held < dae.n_c).sum())
 
     def rows_at(position: Array) -> Array:
@@ -221,10 +220,3 @@ def _positions(
                 back = least_step(rows_at(position)[:of_positions], -r / own[:of_positions, 0])
                 position = np.asarray(dae.retract(position, scale * back)).ravel()
             yield position
-
-
-def _rows_without_drives(dae: DAE) -> Indices:
-    """Numbers of the rows that ask for no velocity of a system at rest, at any time."""
-    q, p, t = ca.SX.sym("q", dae.n_q), ca.SX.sym("p", len(dae.p_nominal)), ca.SX.sym("t")
-    rates = ca.sparsify(cast(ca.Function, dae.Phi_dot)(*resting(dae, q, p), p, t))
-    return np.setdiff1d(np.arange(dae.n_r), rates.row())

@@ -20,10 +20,6 @@ _REGULAR = 1e-11
 """Ratio of pivots of A A' above which the rows of A count as independent."""
 
 
-_Row = dict[int, float]
-"""Entries of a row by their columns."""
-
-
 def determining_columns(A: Array) -> Indices | None:
     """As many columns of A (m, n), with rows of norm 1, as determine its rows, in rising order.
 
@@ -51,21 +47,15 @@ def determining_columns(A: Array) -> Indices | None:
         pivot = min(strong, key=lambda k: (len(holders[k]), -abs(row[k])))
         pivots.append(pivot)
         for j in holders.pop(pivot):
-            _eliminate(rows[j], row, pivot, holders, j)
-            heappush(queue, (len(rows[j]), j))
+            other = rows[j]
+            factor = other.pop(pivot) / row[pivot]
+            for k, a in row.items():
+                if k != pivot:
+                    if k not in other:
+                        holders[k].add(j)
+                    other[k] = other.get(k, 0.0) - factor * a
+            heappush(queue, (len(other), j))
     return np.sort(np.array(pivots, dtype=np.intp))
-
-
-def _eliminate(
-    other: dict[int, float], row: dict[int, float], pivot: int, holders: dict[int, set[int]], j: int
-) -> None:
-    """Take as much of a row from another one, of number j, as makes its entry in the pivot's column vanish."""
-    factor = other.pop(pivot) / row[pivot]
-    for k, a in row.items():
-        if k != pivot:
-            if k not in other:
-                holders[k].add(j)
-            other[k] = other.get(k, 0.0) - factor * a
 
 
 def normal_solver(A: Array) -> Callable[[Array], Array] | None:

@@ -6,7 +6,6 @@ solves for the same ones from the nominal solution. Velocities follow from posit
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -70,17 +69,7 @@ class Start:
         return not self.is_equilibrium and n_u <= n_x <= MOST_COMPILED_STATES
 
     def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
-        """Starting states of N samples.
-
-        Parameters
-        ----------
-        P : (N, n_p) array
-
-        Returns
-        -------
-        (N, n_x) array         x = (q, v, s), nan where the start could not be solved
-        tuple of N str         the reason if not, else empty
-        """
+        """Starting states x = (q, v, s) of samples P (N, n_p), nan where there is none, and the reasons, else empty."""
         u, ok = self.position.solve(P)
         x = batch(self.state, u, P)[0]
         ok = ok & (batch(self.holds, x, u, P)[0] > 0).all(axis=1)
@@ -119,17 +108,9 @@ class Start:
         return Scales(length, energy, np.array([power_of_two(float(row)) for row in rows]), states, rate)
 
     def equations(self, p: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """The equations of `states` for generated code.
+        """The equations of `states` for generated code: unknowns u (n_u,), Newton's step of u, and the state (n_x,).
 
-        Parameters
-        ----------
-        p : (n_p,) SX
-
-        Returns
-        -------
-        (n_u,) SX              unknowns u
-        (n_u,) SX              Newton's step of u
-        (n_x,) SX              state of the solution u, nan if it violates rows or parameters have impossible values
+        The state is nan if the solution u violates rows or parameters p (n_p,) have impossible values.
         """
         u = ca.SX.sym("u", self.state.numel_in(0))
         J, r = self.position.jacobian(u, p), self.position.residual(u, p)
@@ -142,8 +123,10 @@ class Start:
 
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
         """Taylor coefficients x_0, ..., x_k of the start along directions, each (m, n_x), at p (n_p,) or (m, n_p)."""
-        P = parameter_jets(p, directions, order)
-        return function_jets(self.state, [self.position.jets(self.position.solve(P[0])[0], P), P])
+        P0, zeros = np.array(np.broadcast_to(p, directions.shape)), [np.zeros_like(directions)] * (order - 1)
+        P = [P0, directions, *zeros][: order + 1]
+        u = self.position.jets(self.position.solve(P0)[0], P)
+        return list(batch(jet_function(self.state, order + 1), *u, *P))
 
 
 def start_functions(
@@ -176,14 +159,3 @@ def start_functions(
 
 def _all(conditions: ca.SX) -> ca.SX:
     return reduce(ca.logic_and, ca.vertsplit(conditions), ca.SX(1))
-
-
-def parameter_jets(p: Array, directions: Array, order: int) -> list[Array]:
-    """Taylor coefficients of parameters p (n_p,) or (m, n_p) along directions (m, n_p), each (m, n_p)."""
-    zeros = [np.zeros_like(directions)] * (order - 1)
-    return [np.array(np.broadcast_to(p, directions.shape)), directions, *zeros][: order + 1]
-
-
-def function_jets(f: ca.Function, curves: Sequence[Sequence[Array]]) -> list[Array]:
-    """Taylor coefficients of a Function along curves of its arguments, given by their coefficients."""
-    return list(batch(jet_function(f, len(curves[0])), *[a for c in curves for a in c]))

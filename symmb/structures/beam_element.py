@@ -60,12 +60,7 @@ def properties(ends: Array, xi: Array) -> Array:
 
 
 def compliances(ends: Array, xi: Array, E: float, G: float) -> Array:
-    """(e, g, 6) strains per unit of axial force, both shear forces, torque and both bending moments.
-
-    Raises
-    ------
-    DeclarationError    if one is larger than numbers can be
-    """
+    """(e, g, 6) strains per unit of axial force, both shear forces, torque and both bending moments."""
     area, Iy, Iz, J, shear_y, shear_z = np.moveaxis(properties(ends, xi), -1, 0)
     with np.errstate(over="ignore", divide="ignore"):
         strains = 1 / np.stack([E * area, G * shear_y, G * shear_z, G * J, E * Iy, E * Iz], axis=-1)

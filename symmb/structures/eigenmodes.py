@@ -26,13 +26,7 @@ INDEFINITE = "the mass matrix is not positive. Check its signs and the order of 
 
 
 def factorized(K: Sparse) -> Callable[[Array], Array]:
-    """x = K⁻¹ f for a sparse positive definite K and f (d,) or (d, m).
-
-    Raises
-    ------
-    DeclarationError
-        If K is singular or indefinite: the structure is a mechanism or unstable.
-    """
+    """x = K⁻¹ f for a sparse K and f (d,) or (d, m); DeclarationError unless K is positive definite."""
     scale = stiffness_scale(K)
     lu, pivots = _pivots(K, scale)
     if lu is None or pivots.min(initial=1.0) <= SINGULAR:

@@ -19,10 +19,6 @@ class ParametricModes(Modes):
     """Modes of a structure with parameters: their inertia, stiffness and damping are expressions.
 
     The shapes are the same for all values. The fields of `Modes` are numbers, for the middles of the intervals.
-
-    Parameters
-    ----------
-    family : Family
     """
 
     family: Family  # type: ignore[misc]

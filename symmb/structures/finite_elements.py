@@ -244,6 +244,8 @@ class FiniteElements:
         O. Wallrapp, R. Schwertassek, Representation of geometric stiffening in multibody system simulation, Int. J.
         Numer. Methods Eng. 32 (1991) 1833-1850.
         """
+        from scipy.sparse import diags_array
+
         require_truth(OWNER, "stiffening", stiffening)
         require_truth(OWNER, "planar", planar)
         fixed = chosen(() if clamped is None else (clamped,), len(self.positions), f"{OWNER}: clamped")
@@ -252,7 +254,8 @@ class FiniteElements:
         locked = [2, 3, 4] if planar else []
         every = np.arange(self.K.shape[0])
         free = np.setdiff1d(every[~np.isin(every % self.per_node, locked)], self._dofs(fixed))
-        axes = self._axes()[free][:, free]
+        distinct = np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0][: self.per_node], len(self.positions))
+        axes = diags_array(distinct).tocsc()[free][:, free]  # tells motions along x, y and z apart
         motions = rigid_motions(self.positions, self.per_node)
         moves = np.setdiff1d(np.arange(6), locked)
         rigid = motions[np.ix_(free, moves)] if clamped is None else np.zeros((free.size, 0))
@@ -265,7 +268,10 @@ class FiniteElements:
         terms = self._terms
         box = {} if count == 0 else terms.box(free)
         stiffness, inner, error = spanning(*terms.matrices(free, box), solve, rigid, axes)
-        _require_modes(len(stiffness), count, cutoff, interface_nodes)
+        if count is not None and cutoff is None and len(stiffness) < count:
+            raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
+        if count != 0 and not interface_nodes and not len(stiffness):
+            raise DeclarationError(f"{OWNER}: no mode lies below cutoff={cutoff} Hz. Raise it, or ask for count=0.")
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner * self._signs(inner, free)
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
@@ -343,12 +349,6 @@ class FiniteElements:
     def _dofs(self, nodes: Sequence[int]) -> Indices:
         return (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
 
-    def _axes(self) -> Sparse:
-        """Weights that distinguish motions along x, y and z."""
-        from scipy.sparse import diags_array
-
-        return diags_array(np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0][: self.per_node], len(self.positions))).tocsc()
-
     def _signs(self, X: Array, dofs: Indices) -> Array:
         """(n,) signs that make the largest translation in each column of X, rows `dofs`, positive."""
         shapes = X[dofs % self.per_node < 3]
@@ -365,10 +365,3 @@ def _pairs(given: Any, name: str) -> list[tuple[Expr, Any]]:
     return [
         (factor if is_law(factor) else float(numbers(factor, owner, "the value")), matrix) for factor, matrix in given
     ]
-
-
-def _require_modes(found: int, count: int | None, cutoff: float | None, interfaces: list[int]) -> None:
-    if count is not None and cutoff is None and found < count:
-        raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {found} modes. Refine it.")
-    if count != 0 and not interfaces and not found:
-        raise DeclarationError(f"{OWNER}: no mode lies below cutoff={cutoff} Hz. Raise it, or ask for count=0.")

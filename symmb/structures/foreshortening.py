@@ -35,9 +35,8 @@ def foreshortening(K: Sparse, free: Indices, samples: MassSamples, axial: AxialF
 def _partial() -> Array:
     """(g, g): weights of the Gauss points in integrals up to each Gauss point, exact for polynomials."""
     legendre = np.polynomial.legendre
-    order = np.arange(XI.size)
     series = np.linalg.inv(legendre.legvander(2 * XI - 1, XI.size - 1))
-    integrals = [legendre.legval(2 * XI - 1, legendre.legint(row, lbnd=-1)) / 2 for row in np.eye(XI.size)[order]]
+    integrals = [legendre.legval(2 * XI - 1, legendre.legint(row, lbnd=-1)) / 2 for row in np.eye(XI.size)]
     return np.array(integrals).T @ series / WEIGHTS
 
 

@@ -33,20 +33,11 @@ class MassSamples:
 
     def mass_matrix(self) -> Sparse:
         """(d, d) consistent mass matrix Σ (m Nᵀ N + Θᵀ J Θ)."""
-        from scipy.sparse import csc_array, diags_array
+        from scipy.sparse import bsr_array, csc_array, diags_array
 
-        masses = diags_array(np.repeat(self.mass, 3))
-        return csc_array(
-            self.translation.T @ masses @ self.translation + self.rotation.T @ blocks(self.rotary) @ self.rotation
-        )
-
-
-def blocks(matrices: Array) -> Sparse:
-    """Block-diagonal sparse matrix of (s, 3, 3) blocks."""
-    from scipy.sparse import bsr_array
-
-    s = len(matrices)
-    return bsr_array((matrices, np.arange(s), np.arange(s + 1)), shape=(3 * s, 3 * s))
+        s, masses = len(self.mass), diags_array(np.repeat(self.mass, 3))
+        rotary = bsr_array((self.rotary, np.arange(s), np.arange(s + 1)), shape=(3 * s, 3 * s))
+        return csc_array(self.translation.T @ masses @ self.translation + self.rotation.T @ rotary @ self.rotation)
 
 
 def joined(parts: Sequence[MassSamples]) -> MassSamples:
@@ -80,14 +71,9 @@ def rigid_motions(positions: Array, per_node: int) -> Array:
     """(per_node k, 6) displacements of the nodes under unit translations and rotations about the origin."""
     motions = np.zeros((len(positions), per_node, 6))
     motions[:, :3, :3] = np.eye(3)
-    motions[:, :3, 3:] = -cross(positions)
+    x, y, z = positions.T
+    o = np.zeros_like(x)
+    motions[:, :3, 3:] = -np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)
     if per_node == 6:
         motions[:, 3:, 3:] = np.eye(3)
     return motions.reshape(-1, 6)
-
-
-def cross(vectors: Array) -> Array:
-    """(s, 3, 3) matrices of the cross products a × of (s, 3) vectors."""
-    x, y, z = vectors.T
-    o = np.zeros_like(x)
-    return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)

@@ -114,6 +114,7 @@ class Modes:
         small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
     shapes2 : (k, 3, n, n)
         D of the nodes [1/(kg m)]
+
     Raises
     ------
     DeclarationError

@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from os import PathLike, stat
@@ -82,13 +81,7 @@ def is_nastran(source: object) -> bool:
 
 
 def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
-    """Positions (3,) of the nodes of a file, by number.
-
-    Raises
-    ------
-    FileError              if the file cannot be read
-    DeclarationError       if a card has a fault, or there is none
-    """
+    """Positions (3,) of the nodes of a file, by number."""
     grids: dict[int, Array] = {}
     for card in _cards(path):
         if card.name == "GRDSET" and any(card.text(k) not in ("", "0") for k in (1, 5)):
@@ -110,13 +103,7 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
 
 
 def read_dmig(path: str | PathLike[str], letter: str) -> Matrix:
-    """The matrix DMIG of a file, or that whose name begins with a letter if there are several.
-
-    Raises
-    ------
-    FileError              if the file cannot be read
-    DeclarationError       if a card has a fault, or it is not clear which matrix is meant
-    """
+    """The matrix DMIG of a file, or that whose name begins with a letter if there are several."""
     cards: dict[str, list[_Card]] = {}
     for card in _cards(path):
         if card.name == "DMIG":
@@ -162,11 +149,7 @@ def _cards(path: str | PathLike[str]) -> tuple[_Card, ...]:
 
 @lru_cache(maxsize=2)
 def _read(path: Path, changed: int, size: int) -> tuple[_Card, ...]:
-    return tuple(_split(path))
-
-
-def _split(path: Path) -> Iterator[_Card]:
-    card: _Card | None = None
+    cards: list[_Card] = []
     for number, text in enumerate(path.read_text(encoding="latin-1").splitlines(), 1):
         line = text.split("$", 1)[0].expandtabs(8).rstrip()
         if not line:
@@ -174,15 +157,11 @@ def _split(path: Path) -> Iterator[_Card]:
         name, fields = _fields(line)
         if name.upper() == "ENDDATA":
             break
-        if name in ("", "+", "*") or name[0] in "+*":
-            if card is not None:
-                card.fields.extend(fields)
-            continue
-        if card is not None:
-            yield card
-        card = _Card(path, number, name.rstrip("*").upper(), fields)
-    if card is not None:
-        yield card
+        if name and name[0] not in "+*":
+            cards.append(_Card(path, number, name.rstrip("*").upper(), fields))
+        elif cards:  # a continuation
+            cards[-1].fields.extend(fields)
+    return tuple(cards)
 
 
 def _fields(line: str) -> tuple[str, list[str]]:

@@ -71,12 +71,7 @@ class Ranges:
         return [middle, *(middle | dict(zip(names, place.tolist(), strict=True)) for place in places)]
 
     def values(self, laws: Sequence[Expr], points: Sequence[dict[str, float]], owner: str) -> Array:
-        """Values (N, m) of laws at points.
-
-        Raises
-        ------
-        DeclarationError    if a law contains a symbol without a value, or has no finite value
-        """
+        """Values (N, m) of laws at points; DeclarationError where a symbol has no value, or a law no finite one."""
         stacked = ca.vertcat(*map(ca.SX, laws))
         symbols = ca.symvar(stacked)
         for name in names_in(laws):
@@ -141,12 +136,7 @@ class Terms:
         return float(self.ranges.values([law], self.ranges.points([]), OWNER)[0, 0])
 
     def box(self, free: Indices) -> dict[str, tuple[float, float]]:
-        """Intervals of the parameters that change the shapes of modes of the `free` degrees of freedom.
-
-        Raises
-        ------
-        DeclarationError    if there is no interval of such a parameter
-        """
+        """Intervals of the parameters that change the shapes of modes of the `free` degrees of freedom."""
         stiff, massive = (
             [law for law, A, *_ in terms if abs(A[free][:, free]).max() > 0] for terms in (self.stiffness, self.mass)
         )

@@ -14,13 +14,7 @@ Shape = tuple[int | str, ...]
 
 
 def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Array:
-    """A read-only copy of finite numbers in one of the shapes, where a letter stands for any size, or a scalar.
-
-    Raises
-    ------
-    DeclarationError
-        If the value holds a symbol, is not finite or has another shape.
-    """
+    """A read-only copy of finite numbers in one of the shapes, where a letter stands for any size, or a scalar."""
     if any(type(item).__module__.split(".")[0] in ("casadi", "sympy") for item in _items(value)):
         raise DeclarationError(
             f"{owner}: {name} holds a symbol. Modes are computed once, in numbers; a parameter of the scene would need "

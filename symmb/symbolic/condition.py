@@ -24,9 +24,7 @@ class Margin:
 def margin_of(condition: ca.SX) -> Margin:
     """The margin of a comparison, or of several that `logic_and`, `logic_or` and `logic_not` join.
 
-    Raises
-    ------
-    DeclarationError       if it is none, the same at all times, or asks for equality, which a motion passes in no time
+    DeclarationError if it is none, the same at all times, or asks for equality, which a motion passes in no time.
     """
     fault = f"the condition is no comparison, or the same at all times. {EXAMPLE}"
     if condition.numel() != 1 or condition.is_constant() or condition.is_symbolic():

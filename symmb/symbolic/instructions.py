@@ -64,7 +64,13 @@ def interpret(
     >>> interpret(f, [["x0", "x1"]], lambda code, a: f"{operation_name(code)}({', '.join(a)})", str)
     [['add(mul(x0, x1), 3.0)']]
     """
-    _require_fit(f, [len(values) for values in inputs])
+    if not f.is_a("SXFunction"):
+        raise DeclarationError(f"Function '{f.name()}' is not built from SX: expand it first, f.expand().")
+    sizes, expected = [len(values) for values in inputs], [f.nnz_in(i) for i in range(f.n_in())]
+    if sizes != expected:
+        raise DeclarationError(
+            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, but values for {sizes} are given."
+        )
     # Every work slot is written before it is read, so the filling value of `work` is never seen.
     work = [constant(0.0)] * f.sz_w()
     outputs = [[constant(0.0)] * f.nnz_out(i) for i in range(f.n_out())]
@@ -90,14 +96,3 @@ def interpret(
         else:
             work[results[0]] = operation(code, tuple(work[i] for i in arguments))
     return outputs
-
-
-def _require_fit(f: ca.Function, sizes: list[int]) -> None:
-    """DeclarationError unless f is an SX Function with inputs of these sizes."""
-    if not f.is_a("SXFunction"):
-        raise DeclarationError(f"Function '{f.name()}' is not built from SX: expand it first, f.expand().")
-    expected = [f.nnz_in(i) for i in range(f.n_in())]
-    if sizes != expected:
-        raise DeclarationError(
-            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, but values for {sizes} are given."
-        )

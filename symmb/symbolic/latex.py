@@ -59,23 +59,14 @@ def typeset(name: str) -> str:
     match = _LOCAL.fullmatch(local)
     if match is None:
         return _upright(name)
-    letters, rest, index = match["letters"], match["rest"], match["index"]
+    letters, rest = match["letters"], match["rest"]
     if len(letters) == 2 and letters[0] in "vaw" and letters[1] in "xyz":
         letters, rest = letters[0], letters[1] + rest
-    subscripts = [_subscript(rest), _upright(owner) if owner else "", index]
-    subscript = ",".join(part for part in subscripts if part)
-    return _letter(letters) + (f"_{{{subscript}}}" if subscript else "")
-
-
-def _letter(letters: str) -> str:
     letters = {"lam": "lambda", "w": "omega"}.get(letters, letters)
-    if letters in _GREEK:
-        return "\\" + letters
-    return letters if len(letters) == 1 else _upright(letters)
-
-
-def _subscript(text: str) -> str:
-    return text if len(text) < 2 or text.isdigit() else _upright(text)
+    letter = f"\\{letters}" if letters in _GREEK else letters if len(letters) == 1 else _upright(letters)
+    own = rest if len(rest) < 2 or rest.isdigit() else _upright(rest)
+    subscript = ",".join(part for part in (own, _upright(owner) if owner else "", match["index"]) if part)
+    return letter + (f"_{{{subscript}}}" if subscript else "")
 
 
 def _upright(text: str) -> str:

@@ -25,7 +25,10 @@ class MassBlocks:
         at = 0
         for n in sizes:
             block = ca.sparsify(M[at : at + n, at : at + n])
-            inverse = _inverse(block) if n <= _SMALL or block.sparsity().is_diag() else symmetric_solver(block)
+            if block.sparsity().is_diag():
+                inverse = ca.sparsify(ca.diag(1 / ca.diag(block)))
+            else:
+                inverse = ca.sparsify(ca.inv_minor(block)) if n <= _SMALL else symmetric_solver(block)
             self._blocks.append((slice(at, at + n), inverse))
             at += n
 
@@ -39,14 +42,13 @@ class MassBlocks:
         parts = []
         for at, inverse in self._blocks:
             rows = G[:, at]
-            if not isinstance(inverse, ca.SX):
-                touched = [i for i in range(rows.shape[0]) if not is_zero(rows[i, :])]
-                solved = ca.SX(*rows.shape)
-                for i in touched:
-                    solved[i, :] = inverse(rows[i, :].T).T
-                parts.append(solved)
-            else:
+            if isinstance(inverse, ca.SX):
                 parts.append(rows @ inverse)
+                continue
+            parts.append(ca.SX(*rows.shape))
+            for i in range(rows.shape[0]):
+                if not is_zero(rows[i, :]):
+                    parts[-1][i, :] = inverse(rows[i, :].T).T
         return ca.sparsify(ca.horzcat(*parts))
 
 
@@ -55,12 +57,6 @@ def is_singular(M: ca.SX, sizes: Sequence[int]) -> bool:
     starts = [sum(sizes[:k]) for k in range(len(sizes))]
     blocks = [ca.sparsify(M[at : at + n, at : at + n]) for at, n in zip(starts, sizes, strict=True)]
     return any(ca.sprank(block) < block.shape[0] for block in blocks)
-
-
-def _inverse(block: ca.SX) -> ca.SX:
-    if block.sparsity().is_diag():
-        return ca.sparsify(ca.diag(1 / ca.diag(block)))
-    return ca.sparsify(ca.inv_minor(block))
 
 
 def symmetric_solver(S: ca.SX) -> Callable[[ca.SX], ca.SX]:

@@ -31,7 +31,8 @@ class _SplitRange(NamedTuple):
         """The parts of any range."""
         if a.parts is not None and a.parts.own is self.own:
             return a.parts.before, a.parts.behind
-        return self.own if _is_same(a, self.at) else (a, a)
+        is_same = all(x.element_hash() == y.element_hash() for x, y in zip(a[:2], self.at[:2], strict=True))
+        return self.own if is_same else (a, a)
 
 
 class SymbolicRange(NamedTuple):
@@ -141,10 +142,6 @@ def _entry(entry: Entry, group: SymbolicRange, at: SymbolicRange) -> SymbolicRan
 
 _MET: dict[tuple[Any, ...], Any] = {}
 """The last entry's ranges, kept with their hashes."""
-
-
-def _is_same(a: SymbolicRange, b: SymbolicRange) -> bool:
-    return a.low.element_hash() == b.low.element_hash() and a.high.element_hash() == b.high.element_hash()
 
 
 def _point(value: ca.SX) -> SymbolicRange:
@@ -280,10 +277,6 @@ def _within_period(
     return found._replace(jumps=jumps)
 
 
-def _cut_off(value: ca.SX) -> ca.SX:
-    return ca.if_else(value < 0, ca.ceil(value), ca.floor(value))
-
-
 def _with_sign(a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
     size = _size(a)
     either = _where(b.high < 0, _negative(size), SymbolicRange(-size.high, size.high))
@@ -334,7 +327,7 @@ _RULES: dict[int, Callable[..., SymbolicRange]] = {
     ca.OP_HYPOT: lambda a, b: SymbolicRange(*map(ca.hypot, _size(a)[:2], _size(b)[:2])),
     ca.OP_FMIN: lambda a, b: SymbolicRange(ca.fmin(a.low, b.low), ca.fmin(a.high, b.high)),
     ca.OP_FMAX: lambda a, b: SymbolicRange(ca.fmax(a.low, b.low), ca.fmax(a.high, b.high)),
-    ca.OP_FMOD: lambda a, b: _within_period(_cut_off, a, b, 1.0),
+    ca.OP_FMOD: lambda a, b: _within_period(lambda q: ca.if_else(q < 0, ca.ceil(q), ca.floor(q)), a, b, 1.0),
     ca.OP_REMAINDER: lambda a, b: _within_period(lambda q: ca.floor(q + 0.5), a, b, 0.5),
     ca.OP_COPYSIGN: _with_sign,
     ca.OP_LT: lambda a, b: SymbolicRange(a.high < b.low, a.low < b.high),

@@ -269,17 +269,13 @@ class _Found:
         if on is not On.STATE:
             return _Value(applied(code, *of), on)
         if code in _FRONTS:
-            self._note_front(code, of[0])
-        value = self._on_side(code, of, is_switch)
-        return _Value(self._continued(code, of) if value is None else value, on)
-
-    def _on_side(self, code: Any, of: tuple[ca.SX, ...], is_switch: bool) -> ca.SX | None:
-        """The value on one side of the switch of an operation, if it has one that is located."""
-        if isinstance(code, Entry):
-            return self._entry(code, *of)
+            self.fronts.update(_levels(of[0]))
+            if code == ca.OP_EXP:
+                self.exponents.setdefault(of[0].element_hash(), of[0])
+        value = self._entry(code, *of) if isinstance(code, Entry) else None
         if is_switch and code in _ON_A_SIDE:
-            return _ON_A_SIDE[code](self._side(_KINKS[code][1](*of)), *of)
-        return None
+            value = _ON_A_SIDE[code](self._side(_KINKS[code][1](*of)), *of)
+        return _Value(self._continued(code, of) if value is None else value, on)
 
     def _continued(self, code: Any, of: tuple[ca.SX, ...]) -> ca.SX:
         """The value of an operation, which goes on beyond switches that kept its argument positive."""
@@ -326,11 +322,6 @@ class _Found:
             return None
         sides, coefficients = pieces.sided
         return coefficients(sides.on_side(self._side(sides.wave(at)), at), at)[entry.column]
-
-    def _note_front(self, code: Any, argument: ca.SX) -> None:
-        self.fronts.update(_levels(argument))
-        if code == ca.OP_EXP:
-            self.exponents.setdefault(argument.element_hash(), argument)
 
     def _note_power(self, code: Any, of: tuple[ca.SX, ...], value: ca.SX) -> None:
         of_powers = [self.powers.get(a.element_hash(), _Power(a.element_hash(), 1.0)) for a in of]

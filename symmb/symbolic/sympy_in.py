@@ -51,12 +51,22 @@ def from_sympy(expression: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
     import sympy
 
     _check_names(expression, symbols)
-    converted: dict[Any, ca.SX] = {}
 
+    @cache
     def convert(node: Any) -> ca.SX:
-        if node not in converted:
-            converted[node] = _convert(node, symbols, convert)
-        return converted[node]
+        if node.is_Symbol:
+            return symbols[node.name]
+        if node is sympy.nan or node is sympy.zoo:
+            raise DeclarationError(
+                f"SymPy expression contains {node}: it divides by zero, or mixes in what is not SymPy."
+            )
+        if node.is_Number or node.is_NumberSymbol:
+            return ca.SX(float(node))
+        if isinstance(node, sympy.Piecewise):
+            return _piecewise(node, convert)
+        if node.func not in _counterparts():
+            raise DeclarationError(_no_counterpart(node))
+        return _counterparts()[node.func](*map(convert, node.args))
 
     if isinstance(expression, sympy.MatrixBase):
         matrix = ca.SX(*expression.shape)
@@ -74,22 +84,6 @@ def _check_names(expression: Any, symbols: Mapping[str, ca.SX]) -> None:
         faults.append(f"Unknown symbol '{name}' in a SymPy expression. {hint}")
     if faults:
         raise DeclarationError("\n".join(faults))
-
-
-def _convert(node: Any, symbols: Mapping[str, ca.SX], convert: Callable[[Any], ca.SX]) -> ca.SX:
-    import sympy
-
-    if node.is_Symbol:
-        return symbols[node.name]
-    if node is sympy.nan or node is sympy.zoo:
-        raise DeclarationError(f"SymPy expression contains {node}: it divides by zero, or mixes in what is not SymPy.")
-    if node.is_Number or node.is_NumberSymbol:
-        return ca.SX(float(node))
-    if isinstance(node, sympy.Piecewise):
-        return _piecewise(node, convert)
-    if node.func not in _counterparts():
-        raise DeclarationError(_no_counterpart(node))
-    return _counterparts()[node.func](*map(convert, node.args))
 
 
 def _no_counterpart(node: Any) -> str:
@@ -113,10 +107,6 @@ def _piecewise(node: Any, convert: Callable[[Any], ca.SX]) -> ca.SX:
     for value, condition in reversed(branches):
         result = ca.if_else(convert(condition), convert(value), result)
     return result
-
-
-def _heaviside(x: ca.SX, at_zero: ca.SX) -> ca.SX:
-    return ca.if_else(x > 0, 1, ca.if_else(x < 0, 0, at_zero))
 
 
 @cache
@@ -158,7 +148,7 @@ def _counterparts() -> dict[Any, Callable[..., ca.SX]]:
         sp.Mod: lambda a, b: a - b * ca.floor(a / b),
         sp.Min: fold(ca.fmin),
         sp.Max: fold(ca.fmax),
-        sp.Heaviside: _heaviside,
+        sp.Heaviside: lambda x, at_zero: ca.if_else(x > 0, 1, ca.if_else(x < 0, 0, at_zero)),
         sp.Eq: lambda a, b: a == b,
         sp.Ne: lambda a, b: a != b,
         sp.Lt: lambda a, b: a < b,
