@@ -1,13 +1,14 @@
 """Pictures of bounds over time."""
 
+import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Axes, Figure, GivenAxes
 from symmb.plot.colours import BAND_COLOUR, RUN_COLOUR, colour_of
-from symmb.plot.curves import Band, PlottedBounds
 from symmb.plot.layout import (
     DASHES,
     MOST_PANELS,
@@ -22,16 +23,46 @@ from symmb.plot.layout import (
     rounding,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from symmb.plot.layout import GivenAxes
-
 _SEEN = 0.004
 """Share of a panel's height below which curves lie on each other: it is half a pixel."""
 _TINT = 0.16
 """Opacity of the band between bounds: other bands stay visible below it."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """What is filled, the reference of a comparison for one: lower, upper (n_t, n_y)."""
+
+    label: str
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True)
+class PlottedBounds:
+    """Bounds by one setting of one family of methods: lower, upper (n_t, n_y), error (n_y,), run time [s]."""
+
+    family: str
+    label: str
+    kind: str
+    lower: Array
+    upper: Array
+    error: Array
+    evaluations: int
+    seconds: float
+
+
+def family(name: str) -> str:
+    """The method without the numbers that set its resolution.
+
+    Examples
+    --------
+    >>> family("PolynomialChaos.paper(order=2)"), family("MonteCarlo(1000, sampler=Sobol())")
+    ('PolynomialChaos.paper', 'MonteCarlo(sampler=Sobol())')
+    """
+    constructor, _, options = name.partition("(")
+    shown = [option for option in options.removesuffix(")").split(", ") if re.search(r"[a-z]+\(|=[A-Z]", option)]
+    return f"{constructor}({', '.join(shown)})" if shown else constructor
 
 
 def plot_bounds(
@@ -46,8 +77,8 @@ def plot_bounds(
     inner: tuple[Array, Array] | None = None,
     nominal: Array | None = None,
     deviation: bool = False,
-    ax: "GivenAxes | None" = None,
-) -> "Figure":
+    ax: GivenAxes = None,
+) -> Figure:
     """Bounds over time, one panel an output; see `plot_comparison` for t, names, units and ax.
 
     Parameters
@@ -93,7 +124,7 @@ def plot_bounds(
 
 
 def draw_bounds(
-    panels: Sequence["Axes"],
+    panels: Sequence[Axes],
     t: Array,
     shown: Sequence[int],
     reference: Band,
@@ -114,7 +145,7 @@ def draw_bounds(
     flatten(panels, least[[*shown]])
 
 
-def _draw_pair(axes: "Axes", t: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:
+def _draw_pair(axes: Axes, t: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:
     """Two curves over time of one style, with one label."""
     axes.plot(abscissa(t), along(t, lower), label=label, **style)
     axes.plot(abscissa(t), along(t, upper), **style)
@@ -131,7 +162,7 @@ def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[f
     return float(bottom - margin), float(top + margin)
 
 
-def add_limits(figure: "Figure", ax: "GivenAxes | None", limits: Sequence[tuple[float, float]]) -> None:
+def add_limits(figure: Figure, ax: GivenAxes, limits: Sequence[tuple[float, float]]) -> None:
     """Draw limits (low, high) as lines, one pair for each panel of a picture, or for each of the caller's axes.
 
     Infinite ones are left out.

@@ -1,15 +1,13 @@
 """The picture of a comparison: bounds over time, and error against run time."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from symmb._types import Array
-from symmb.plot.bounds import draw_bounds
+from symmb._types import Array, Axes, Figure, GivenAxes, Mask
+from symmb.plot.bounds import Band, PlottedBounds, draw_bounds
 from symmb.plot.colours import colour_of
-from symmb.plot.curves import Band, PlottedBounds
 from symmb.plot.layout import (
     DASHES,
     DIAGRAM_HEIGHT,
@@ -35,12 +33,6 @@ from symmb.plot.layout import (
     style_axes,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from symmb.plot.layout import GivenAxes
-
 
 def plot_comparison(
     t: Array,
@@ -48,13 +40,13 @@ def plot_comparison(
     reference: Band,
     curves: Sequence[PlottedBounds],
     *,
-    measured: npt.NDArray[np.bool_],
+    measured: Mask,
     uncertainty: Array,
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
     title: str = "",
-    ax: "GivenAxes | None" = None,
-) -> "Figure":
+    ax: GivenAxes = None,
+) -> Figure:
     """Bounds over time above, mean error against run time below.
 
     Parameters
@@ -101,9 +93,7 @@ def plot_comparison(
     return figure
 
 
-def _draw_errors(
-    axes: "Axes", families: Sequence[Sequence[PlottedBounds]], measured: npt.NDArray[np.bool_], uncertainty: Array
-) -> None:
+def _draw_errors(axes: Axes, families: Sequence[Sequence[PlottedBounds]], measured: Mask, uncertainty: Array) -> None:
     known = uncertainty[measured & np.isfinite(uncertainty)]
     floor = max(float(known.mean()) if known.size else 0.0, LEAST_ERROR)
     axes.set(xscale="log", yscale="log")
@@ -138,7 +128,7 @@ def _draw_errors(
     style_axes(axes)
 
 
-def write_numbers(axes: "Axes", numbers: Sequence[tuple[float, float, str, str]]) -> None:
+def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) -> None:
     """Each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
     from matplotlib.patheffects import withStroke
 
@@ -164,7 +154,7 @@ def write_numbers(axes: "Axes", numbers: Sequence[tuple[float, float, str, str]]
         )
 
 
-def largest_error(curve: PlottedBounds, measured: npt.NDArray[np.bool_]) -> float:
+def largest_error(curve: PlottedBounds, measured: Mask) -> float:
     """Mean error over the outputs that count; infinite where it is not a number."""
     error = _or_infinite(curve.error[measured])
     return float(error.mean()) if error.size else 0.0
@@ -174,7 +164,7 @@ def _or_infinite(error: Array) -> Array:
     return np.where(np.isnan(error), np.inf, error)
 
 
-def hardest_outputs(curves: Sequence[PlottedBounds], measured: npt.NDArray[np.bool_]) -> list[int]:
+def hardest_outputs(curves: Sequence[PlottedBounds], measured: Mask) -> list[int]:
     """The outputs to draw, in their order: those with the largest median error."""
     if len(measured) <= MOST_PANELS or not curves:
         return list(range(min(len(measured), MOST_PANELS)))

@@ -1,17 +1,12 @@
 """Pictures of what parameters contribute to widths."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Figure
 from symmb.plot.colours import COLOURS
 from symmb.plot.layout import MOST_PANELS, abscissa, along, cyclic, outputs_of, panels_over_time, plain, shared_legend
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _HATCHES = ("", "///", "...", "xxx")
 """Patterns that tell parameters of the same colour apart."""
@@ -28,7 +23,7 @@ def plot_contributions(
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
     row: int | None = None,
-) -> "Figure":
+) -> Figure:
     """Widths alone (n_t, n_y, n_p) stacked over time below that of all, (n_t, n_y), one panel an output; at the time
     of a row, or if there is one time only, bars of alone and saved.
     """

@@ -1,42 +1,96 @@
-"""What pictures show: a band of reference bounds, and one curve for each method."""
+"""Pictures of curves over time: a trajectory, several runs, and measured values beside a fitted run."""
 
-import re
-from dataclasses import dataclass
+from collections.abc import Sequence
 
-from symmb._types import Array
+import numpy as np
 
-
-@dataclass(frozen=True)
-class Band:
-    """What is filled, the reference of a comparison for one: lower, upper (n_t, n_y)."""
-
-    label: str
-    lower: Array
-    upper: Array
-
-
-@dataclass(frozen=True)
-class PlottedBounds:
-    """Bounds by one setting of one family of methods: lower, upper (n_t, n_y), error (n_y,), run time [s]."""
-
-    family: str
-    label: str
-    kind: str
-    lower: Array
-    upper: Array
-    error: Array
-    evaluations: int
-    seconds: float
+from symmb._types import Array, Figure, GivenAxes
+from symmb.plot.colours import COLOURS, RUN_COLOUR
+from symmb.plot.layout import (
+    abscissa,
+    along,
+    cyclic,
+    flatten,
+    legends,
+    outputs_of,
+    own_legend,
+    panels_over_time,
+    rounding,
+)
 
 
-def family(name: str) -> str:
-    """The method without the numbers that set its resolution.
+def plot_trajectory(
+    t: Array,
+    values: Array,
+    names: Sequence[str],
+    *,
+    units: Sequence[str] = (),
+    chosen: Sequence[int] | None = None,
+    title: str = "",
+    ax: GivenAxes = None,
+) -> Figure:
+    """Values (n_t, n_y) over times t (n_t,) [s], one panel an output; see `plot_comparison` for names,
+    units, chosen and ax.
 
-    Examples
-    --------
-    >>> family("PolynomialChaos.paper(order=2)"), family("MonteCarlo(1000, sampler=Sobol())")
-    ('PolynomialChaos.paper', 'MonteCarlo(sampler=Sobol())')
+    In a single one of the caller's axes all outputs are drawn, each with a colour of its own.
     """
-    constructor, _, options = name.partition("(")
-    shown = [option for option in options.removesuffix(")").split(", ") if re.search(r"[a-z]+\(|=[A-Z]", option)]
-    return f"{constructor}({', '.join(shown)})" if shown else constructor
+    columns, own_names, own_units = outputs_of(names, units, chosen)
+    least = rounding(values, units)[columns]
+    figure, panels = panels_over_time("Trajectory.plot", ax, t, own_names, own_units, title=title, overlay=True)
+    several = len(panels) > 1 and panels[0] is panels[1]
+    for k, (axes, i) in enumerate(zip(panels, columns, strict=True)):
+        colour = cyclic(COLOURS, k) if several else RUN_COLOUR
+        axes.plot(abscissa(t), along(t, values[:, i]), color=colour, linewidth=1.2, label=own_names[k])
+    flatten(panels, np.full(len(panels), least.max()) if several else least)
+    if several:
+        own_legend(panels[0])
+    return figure
+
+
+def plot_family(
+    t: Array,
+    curves: Array,
+    names: Sequence[str],
+    curve_names: Sequence[str],
+    *,
+    units: Sequence[str] = (),
+    chosen: Sequence[int] | None = None,
+    title: str = "",
+    owner: str = "plot",
+    ax: GivenAxes = None,
+) -> Figure:
+    """Curves (N, n_t, n_y) over times t (n_t,) [s], one panel an output; see `plot_comparison` for the others.
+
+    Up to eight curves have a colour and a name each. More are coloured from the first to the last one, and the legend
+    names the first, the middle and the last.
+    """
+    from matplotlib import colormaps
+
+    columns, own_names, own_units = outputs_of(names, units, chosen)
+    N = len(curves)
+    few = N <= len(COLOURS)
+    shades = COLOURS if few else [colormaps["viridis"](0.9 * k / (N - 1)) for k in range(N)]
+    named = {*range(N)} if few else {0, N // 2, N - 1}
+    figure, panels = panels_over_time(owner, ax, t, own_names, own_units, title=title)
+    for axes, i in zip(panels, columns, strict=True):
+        for k in range(N):
+            label = curve_names[k] if k in named else None
+            axes.plot(abscissa(t), along(t, curves[k, :, i]), color=shades[k], linewidth=1.2, label=label)
+    flatten(panels, rounding(curves, units)[columns])
+    legends(figure, panels[:1], ax)
+    return figure
+
+
+def plot_fit(series: Sequence[tuple[str, Array, Array, Array]], ax: GivenAxes = None) -> Figure:
+    """One panel an output: its name, times [s], measured values and those of the fitted run, each (n,).
+
+    See `plot_comparison` for ax.
+    """
+    whole, names = np.concatenate([t for _, t, _, _ in series]), [name for name, *_ in series]
+    figure, panels = panels_over_time("Calibration.plot", ax, np.array([whole.min(), whole.max()]), names, [])
+    for axes, (_, t, data, fitted) in zip(panels, series, strict=True):
+        order = np.argsort(t)
+        axes.plot(t, data, ".", color=RUN_COLOUR, markersize=4, label="data")
+        axes.plot(t[order], fitted[order], color=COLOURS[0], linewidth=1.2, label="fitted run")
+    legends(figure, panels, ax)
+    return figure

@@ -16,16 +16,12 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._options import numbers_of, require_names, shown
 from symmb._table import is_timeless
-from symmb._types import Array
+from symmb._types import Array, Axes, Figure, GivenAxes
 from symmb.files import replacement, require_suffix
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, FigureBase
+    from matplotlib.figure import FigureBase
     from matplotlib.legend import Legend
-
-    GivenAxes = Axes | Sequence[Axes] | np.ndarray
-    """The axes that a caller wants a picture in: one, or one an output."""
 
 PICTURES = (".png", ".pdf", ".svg")
 """Formats of pictures."""
@@ -54,7 +50,7 @@ _SCREEN = 80
 """Pixels of a notebook for an inch of a figure."""
 
 
-def new_figure(height: float) -> "Figure":
+def new_figure(height: float) -> Figure:
     """A figure that a notebook shows without further ado."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -65,14 +61,14 @@ def new_figure(height: float) -> "Figure":
     return figure
 
 
-def png(figure: "Figure") -> bytes:
+def png(figure: Figure) -> bytes:
     """The figure as a PNG file."""
     file = io.BytesIO()
     figure.savefig(file, format="png")
     return file.getvalue()
 
 
-def narrow_png(figure: "Figure") -> bytes:
+def narrow_png(figure: Figure) -> bytes:
     """A figure of one panel as a PNG file that is legible at the width of a telephone, whatever its legend needs."""
     figure.set_size_inches(*_NARROW)
     for axes in figure.axes:
@@ -82,7 +78,7 @@ def narrow_png(figure: "Figure") -> bytes:
     return png(figure)
 
 
-def _fitted(figure: "Figure", legend: "Legend") -> float:
+def _fitted(figure: Figure, legend: "Legend") -> float:
     """Give the legend so few columns and so short lines that it fits into the figure; its height [inch]."""
     canvas: Any = figure.canvas
     handles, texts = legend.legend_handles, ["\n".join(wrap(text.get_text(), _LINE)) for text in legend.get_texts()]
@@ -95,12 +91,12 @@ def _fitted(figure: "Figure", legend: "Legend") -> float:
     return extent.height / figure.dpi
 
 
-def _shown(figure: "Figure") -> tuple[bytes, dict[str, int]]:
+def _shown(figure: Figure) -> tuple[bytes, dict[str, int]]:
     width, height = figure.get_size_inches()
     return png(figure), {"width": round(_SCREEN * width), "height": round(_SCREEN * height)}
 
 
-def save(figure: "Figure", path: str | Path | None) -> "Figure":
+def save(figure: Figure, path: str | Path | None) -> Figure:
     """Write the figure to a path, if there is one. Its suffix chooses the format."""
     if path is not None:
         suffix = require_suffix(path, *PICTURES)
@@ -110,13 +106,13 @@ def save(figure: "Figure", path: str | Path | None) -> "Figure":
 
 
 def finish(
-    figure: "Figure",
+    figure: Figure,
     owner: str,
     path: str | Path | None,
-    ax: "GivenAxes | None" = None,
+    ax: GivenAxes = None,
     figsize: tuple[float, float] | None = None,
     title: str | None = None,
-) -> "Figure":
+) -> Figure:
     """The picture of a result, with the size [inch] and the title that its caller asks for; see `save` for path.
 
     Raises
@@ -149,7 +145,7 @@ def rounding(values: Array, units: Sequence[str] = ()) -> Array:
     return np.maximum(ROUNDING[0] * size, ROUNDING[1] * np.array(alike or 0.0))
 
 
-def flatten(panels: Sequence["Axes"], least: Array) -> None:
+def flatten(panels: Sequence[Axes], least: Array) -> None:
     """Widen the axes of spreads that are rounding (n,), so that these look flat."""
     for axes, spread in zip(panels, least.tolist(), strict=True):
         low, high = axes.dataLim.intervaly
@@ -171,7 +167,7 @@ def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[
     return [names.index(name) for name in wanted]
 
 
-def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list["Axes"]:
+def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list[Axes]:
     """One panel an output, each with a title, on a common time axis."""
     columns = n_columns(len(titles))
     grid = figure.subplots(n_rows(len(titles)), columns, sharex=True, squeeze=False).ravel()
@@ -189,13 +185,13 @@ def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list["A
     return list(grid[: len(titles)])
 
 
-def _entitle(axes: "Axes", title: str) -> None:
+def _entitle(axes: Axes, title: str) -> None:
     axes.set_title(title, fontsize=9, loc="left", fontweight="bold", pad=3)
 
 
 def given_panels(
-    owner: str, ax: "GivenAxes", t: Array, names: Sequence[str], units: Sequence[str], *, overlay: bool = False
-) -> list["Axes"]:
+    owner: str, ax: GivenAxes, t: Array, names: Sequence[str], units: Sequence[str], *, overlay: bool = False
+) -> list[Axes]:
     """The caller's axes, one an output, with their labels; a single one is repeated if outputs may overlay."""
     panels = axes_in(owner, ax)
     if overlay and len(panels) == 1:
@@ -227,7 +223,7 @@ def outputs_of(
 
 def panels_over_time(
     owner: str,
-    ax: "GivenAxes | None",
+    ax: GivenAxes,
     t: Array,
     names: Sequence[str],
     units: Sequence[str],
@@ -235,7 +231,7 @@ def panels_over_time(
     title: str | None = None,
     room: float = 0.0,
     overlay: bool = False,
-) -> tuple["Figure", list["Axes"]]:
+) -> tuple[Figure, list[Axes]]:
     """A new figure with one panel an output and room for a legend [inch], or that of the caller's axes; and its panels.
 
     See `given_panels` for owner and overlay.
@@ -249,7 +245,7 @@ def panels_over_time(
     return figure, new_panels(figure, t, labels(names, units))
 
 
-def three_diagrams(owner: str, ax: "GivenAxes | None", room: float) -> tuple["Figure", list["Axes"]]:
+def three_diagrams(owner: str, ax: GivenAxes, room: float) -> tuple[Figure, list[Axes]]:
     """A new figure with three diagrams and room for a legend [inch], or that of up to three axes of the caller."""
     if ax is None:
         figure = new_figure(DIAGRAM_HEIGHT + room)
@@ -260,9 +256,7 @@ def three_diagrams(owner: str, ax: "GivenAxes | None", room: float) -> tuple["Fi
     return root(panels[0]), panels
 
 
-def finish_diagrams(
-    figure: "Figure", panels: Sequence["Axes"], ax: "GivenAxes | None", title: str, columns: int
-) -> None:
+def finish_diagrams(figure: Figure, panels: Sequence[Axes], ax: GivenAxes, title: str, columns: int) -> None:
     """The style of diagrams, and the title and legend of a new figure, or a legend in the caller's axes."""
     for axes in panels:
         style_axes(axes)
@@ -273,7 +267,7 @@ def finish_diagrams(
     figure.suptitle(plain(title), fontsize=10)
 
 
-def axes_in(owner: str, ax: "GivenAxes") -> list["Axes"]:
+def axes_in(owner: str, ax: GivenAxes) -> list[Axes]:
     """Axes that a caller gave, one or several, as a list."""
     several = isinstance(ax, list | tuple | np.ndarray)
     panels = [ax] if hasattr(ax, "fill_between") else list(np.ravel(np.asarray(ax, dtype=object))) if several else []
@@ -282,13 +276,13 @@ def axes_in(owner: str, ax: "GivenAxes") -> list["Axes"]:
     return cast("list[Axes]", panels)
 
 
-def root(axes: "Axes") -> "Figure":
+def root(axes: Axes) -> Figure:
     """The figure that axes are in, whatever parts it has."""
     figure: Any = axes.figure
     return figure.figure
 
 
-def _over_time(axes: "Axes", t: Array) -> None:
+def _over_time(axes: Axes, t: Array) -> None:
     axes.set_xlim(*abscissa(t)[[0, -1]])
     if len(t) == 1:
         axes.set_xticks([] if is_timeless(t) else t)
@@ -313,7 +307,7 @@ def along(t: Array, values: Array) -> Array:
     return np.broadcast_to(values, abscissa(t).shape)
 
 
-def style_axes(axes: "Axes") -> None:
+def style_axes(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
@@ -332,7 +326,7 @@ def cyclic(styles: Sequence[Any], k: int) -> Any:
     return styles[k % len(styles)]
 
 
-def shared_legend(figure: "FigureBase", panels: Sequence["Axes"]) -> None:
+def shared_legend(figure: "FigureBase", panels: Sequence[Axes]) -> None:
     """One legend of all panels."""
     both = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in panels)
     handles = {label: handle for pairs in both for handle, label in pairs}
@@ -343,7 +337,7 @@ def _add_legend(figure: "FigureBase", handles: Sequence[Any], texts: Sequence[st
     return figure.legend(handles, texts, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
 
 
-def legends(figure: "FigureBase", panels: Sequence["Axes"], ax: "GivenAxes | None") -> None:
+def legends(figure: "FigureBase", panels: Sequence[Axes], ax: GivenAxes) -> None:
     """One legend of a new figure, or one in each of the caller's axes."""
     if ax is None:
         return shared_legend(figure, panels)
@@ -351,7 +345,7 @@ def legends(figure: "FigureBase", panels: Sequence["Axes"], ax: "GivenAxes | Non
         own_legend(axes)
 
 
-def own_legend(axes: "Axes") -> None:
+def own_legend(axes: Axes) -> None:
     """A legend inside the axes of a caller."""
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles, [*map(plain, labels)], fontsize=8, frameon=False)

@@ -2,19 +2,12 @@
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Axes, Figure, GivenAxes
 from symmb.plot.colours import COLOURS, RUN_COLOUR
 from symmb.plot.layout import cyclic, finish_diagrams, plain, three_diagrams
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from symmb.plot.layout import GivenAxes
 
 _TINT = 0.22
 """Opacity of bands: other bands stay visible below them."""
@@ -28,8 +21,8 @@ def plot_root_locus(
     *,
     parameter: str = "",
     title: str = "",
-    ax: "GivenAxes | None" = None,
-) -> "Figure":
+    ax: GivenAxes = None,
+) -> Figure:
     """Eigenvalues in the complex plane, and frequency and damping over a parameter.
 
     Parameters
@@ -58,7 +51,7 @@ def plot_root_locus(
 
 
 def _draw_plane(
-    axes: "Axes", eigenvalues: Array, curves: Mapping[str, Array], bands: Mapping[str, tuple[Array, Array]]
+    axes: Axes, eigenvalues: Array, curves: Mapping[str, Array], bands: Mapping[str, tuple[Array, Array]]
 ) -> None:
     """The upper half of the complex plane. A circle is at the first value, a cross at the last one."""
     axes.axvline(0.0, color=RUN_COLOUR, linewidth=0.6)
@@ -77,7 +70,7 @@ def _draw_plane(
     axes.set_ylim(bottom=0.0)
 
 
-def _draw_area(axes: "Axes", left: Array, right: Array, low: Array, high: Array, *, colour: str) -> None:
+def _draw_area(axes: Axes, left: Array, right: Array, low: Array, high: Array, *, colour: str) -> None:
     """What rectangles of all values cover, and the hulls of each two that follow each other."""
     from matplotlib.colors import to_rgb
 
