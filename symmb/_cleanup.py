@@ -49,9 +49,7 @@ _SOON = 0.005
 def temporary_folder(base: Path | None = None) -> Iterator[Path]:
     """A new folder that is removed at the end of the block, in `base` or where temporary files are.
 
-    Raises
-    ------
-    OSError     if it cannot be created
+    It raises OSError if it cannot be created.
     """
     folder = _new_folder(base)
     try:
@@ -64,9 +62,7 @@ def temporary_folder(base: Path | None = None) -> Iterator[Path]:
 def lasting_folder() -> Path:
     """A new folder that is removed at the end of this process, also in workers of a pool, which skip `atexit`.
 
-    Raises
-    ------
-    OSError     if it cannot be created
+    It raises OSError if it cannot be created.
     """
     folder = _new_folder(None)
     Finalize(None, _remove, (folder.parent,), exitpriority=0)
@@ -126,13 +122,9 @@ def temporary_file(path: Path) -> Iterator[None]:
 def run_program(command: Sequence[str], seconds: float, folder: Path | None = None) -> tuple[int, str]:
     """Run a program, and return its exit status and what it wrote.
 
-    The program and those that it starts are a group of processes. They end when the time is over, and when this call
-    is interrupted. Temporary files of the program go into the folder, if it is given.
-
-    Raises
-    ------
-    OSError                         if it cannot be started
-    subprocess.TimeoutExpired       if it takes longer
+    The program and those that it starts are a group of processes. They end when the time is over, and when this call is
+    interrupted. Temporary files of the program go into the folder, if it is given. It raises OSError if it cannot be
+    started, and TimeoutExpired if it takes longer.
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "errors": "replace"}
@@ -145,9 +137,7 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
 def process_group(command: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[Any]"]:
     """A program in a group of processes of its own. What is left of the group is ended with the block.
 
-    Raises
-    ------
-    OSError     if it cannot be started
+    It raises OSError if it cannot be started.
     """
     if _LEADS:  # its parent, which ends it, does not know the program
         signal.signal(signal.SIGTERM, lambda number, frame: _end_now())

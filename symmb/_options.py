@@ -86,9 +86,7 @@ def python_number(value: float) -> float:
 def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
     """Real numbers as an array of a shape, of which lengths may be free (None), perhaps behind leading axes.
 
-    Raises
-    ------
-    DeclarationError       if they are no numbers, or have another shape
+    It raises DeclarationError if they are no numbers, or have another shape.
     """
     array = numbers_of(value)
     if array is None:
@@ -109,9 +107,7 @@ def require_name(owner: str, what: str, name: object, known: Collection[str]) ->
 def require_names(owner: str, what: str, names: object, known: Iterable[str]) -> list[str]:
     """A list of names that are all known.
 
-    Raises
-    ------
-    DeclarationError       if it is no list of names, or a name is not known
+    It raises DeclarationError if it is no list of names, or a name is not known.
     """
     if isinstance(names, str):
         raise DeclarationError(f'{owner}: expected a list of names, got the text {names!r}. Write ["{names}"].')
@@ -221,9 +217,7 @@ def require_between(options: object, name: str, text: str, low: float, high: flo
 def optional_package(name: str, what: str, extra: str) -> Any:
     """A package, or a module of one, that is loaded when `what` needs it; symmb[extra] installs it.
 
-    Raises
-    ------
-    ImportError     if it is not installed
+    It raises ImportError if it is not installed.
     """
     try:
         return import_module(name)

@@ -89,21 +89,14 @@ class FMU:
 
 
 def fmpy(module: str = "") -> Any:
-    """FMPy, or a module of it.
-
-    Raises
-    ------
-    ImportError     if it is not installed
-    """
+    """FMPy, or a module of it. It raises ImportError if it is not installed."""
     return optional_package(f"fmpy.{module}" if module else "fmpy", OWNER, "fmu")
 
 
 def described(path: Path, fmi_type: str | None) -> tuple[FMU, dict[str, Any]]:
     """An FMU, and FMPy's descriptions of its variables by their names.
 
-    Raises
-    ------
-    DeclarationError    if it is no FMU, has another interface, or has no binary for this computer
+    It raises DeclarationError if it is no FMU, has another interface, or has no binary for this computer.
     """
     fmpy()
     names = _files(path)
@@ -207,9 +200,7 @@ def _number(text: Any) -> float | None:
 def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str, float]) -> tuple[Variable, ...]:
     """The variables of an FMU that parameters set.
 
-    Raises
-    ------
-    DeclarationError    if there is no such variable, it cannot be set, or it is not a number
+    It raises DeclarationError if there is no such variable, it cannot be set, or it is not a number.
     """
     found = tuple(_found(path, known, name, "parameter") for name in parameters)
     for variable, value in zip(found, parameters.values(), strict=True):
@@ -224,9 +215,7 @@ def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str,
 def outputs_of(path: Path, known: Mapping[str, Any], outputs: Sequence[str]) -> tuple[Variable, ...]:
     """The variables of an FMU that are outputs of a study.
 
-    Raises
-    ------
-    DeclarationError    if there is no such variable, or it is not a number
+    It raises DeclarationError if there is no such variable, or it is not a number.
     """
     return tuple(_found(path, known, name, "output") for name in outputs)
 
@@ -265,9 +254,7 @@ _LOCK = threading.Lock()
 def extracted(path: Path, code: str) -> Path:
     """The folder that an FMU with this digest is extracted to, once for this process and those that it forks.
 
-    Raises
-    ------
-    SimulationError     if it cannot be extracted, or is no longer the file that was declared
+    It raises SimulationError if it cannot be extracted, or is no longer the file that was declared.
     """
     with _LOCK:
         folder = _EXTRACTED.get(code)

@@ -156,8 +156,7 @@ class FMUSimulator(BlackBox):
         return self._calls({"values": values, "folder": folder, "again": kind == _RESET})
 
     def _repeats(self, values: dict[str, float], result: Array, kind: str) -> bool:
-        """Whether a run is the same after a run of other parameters: some FMUs keep their last state or what they have
-        calculated, in the instance or beside it, or crash."""
+        """Whether a run is the same after one of other parameters. Some FMUs keep what they have found, or crash."""
         whole = {variable.name for variable in self._calls.f.parameters if variable.is_whole}
         others = {name: value if name in whole else value * (1 + _SHIFT) + _SHIFT for name, value in values.items()}
         try:
@@ -175,12 +174,7 @@ class FMUSimulator(BlackBox):
 
 
 def _step(fmu: FMU, times: Array, given: float | None) -> float:
-    """The longest communication step [s].
-
-    Raises
-    ------
-    DeclarationError    if the FMU cannot stop at the times
-    """
+    """The longest communication step [s]. It raises DeclarationError if the FMU cannot stop at the times."""
     if len(times) == 1:
         return 1.0
     own = fmu.step if fmu.fmi_type == CO_SIMULATION else None

@@ -35,11 +35,8 @@ def digest(*things: Any) -> str:
 
     A Python function counts by its code, by its defaults, and by the values of all names that the code has from
     outside. Functions and classes count in the same way, unless they are of Python or of an installed package: these
-    count by their name. Other objects count by what pickle would write of them.
-
-    Raises
-    ------
-    UndigestedError         if there is something that pickle would not write either
+    count by their name. Other objects count by what pickle would write of them. It raises UndigestedError if there is
+    something that pickle would not write either.
     """
     values = _Digests()
     try:

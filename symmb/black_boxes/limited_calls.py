@@ -39,12 +39,7 @@ class _Worker:
         return not self.thread.is_alive() or (own and self.caller() is None)
 
     def replies(self, seconds: float | None) -> bool:
-        """Whether a reply arrives in time.
-
-        Raises
-        ------
-        EOFError    if the process ends without one
-        """
+        """Whether a reply arrives in time. It raises EOFError if the process ends without one."""
         deadline = inf if seconds is None else time.monotonic() + seconds
         while not self.pipe.poll(max(min(_TICK, deadline - time.monotonic()), 0.0)):
             if self.has_ended(os.WNOHANG) and not self.pipe.poll():
@@ -120,12 +115,7 @@ class LimitedCalls:
         return LimitedCalls, (self.f, self.seconds, self.subject, self.base, self.key)
 
     def __call__(self, values: dict[str, Any]) -> Any:
-        """The result of f(**values).
-
-        Raises
-        ------
-        SimulationError     if it takes too long, raises, or ends its process
-        """
+        """The result of f(**values). It raises SimulationError if it takes too long, raises, or ends its process."""
         worker = self._worker()
         try:
             worker.pipe.send(values)

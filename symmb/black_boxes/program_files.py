@@ -54,9 +54,7 @@ def is_filled(template: str, name: str) -> bool:
 def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str, str]:
     """Texts by the path of the file in the folder of a run. A Path is a file that is read now.
 
-    Raises
-    ------
-    DeclarationError        if a path leaves the folder, or a file cannot be read
+    It raises DeclarationError if a path leaves the folder, or a file cannot be read.
     """
     if not isinstance(templates, Mapping):
         raise DeclarationError(
@@ -106,11 +104,8 @@ _AGREE = 1e-6
 def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: bool) -> Array:
     """Outputs (n_t, n_y) at times from a file with a column `time` and one for each output. Other columns are ignored.
 
-    With a single time the column `time` may be left out.
-
-    Raises
-    ------
-    SimulationError     if the file cannot be read, lacks a column, or has other times
+    With a single time the column `time` may be left out. It raises SimulationError if the file cannot be read, lacks a
+    column, or has other times.
     """
     if not path.is_file():
         raise SimulationError(f"the program wrote no file {path.name!r}")

@@ -201,9 +201,7 @@ class RunDatabase:
 def open_run_database(path: Path, create: bool = True) -> Iterator[RunDatabase]:
     """The run database in a file, which is made if there is none.
 
-    Raises
-    ------
-    DeclarationError     if the file is not a run store, is damaged, or cannot be opened or written
+    It raises DeclarationError if the file is not a run store, is damaged, or cannot be opened or written.
     """
     with ExitStack() as stack:
         try:
@@ -265,12 +263,7 @@ def _checksum(*values: Any) -> int:
 
 
 def _sound(row: Sequence[Any]) -> Sequence[Any]:
-    """A row without its checksum, which it must have.
-
-    Raises
-    ------
-    ValueError
-    """
+    """A row without its checksum. It raises ValueError if the row has another one."""
     *values, checksum = row
     if checksum != _checksum(*values):
         raise ValueError("a row has another checksum")

@@ -259,9 +259,7 @@ class Merging(Generic[S]):
 def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -> Array:
     """Samples (N, d) of a simulator's parameters.
 
-    Raises
-    ------
-    DeclarationError        if they have another shape or are no finite numbers, or progress is not a function
+    It raises DeclarationError if they have another shape or are no finite numbers, or progress is not a function.
     """
     if progress is not None and (isinstance(progress, type) or not callable(progress)):
         raise DeclarationError(f"progress: expected a function of the finished runs and all, got {shown(progress)}.")

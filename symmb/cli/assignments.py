@@ -19,9 +19,7 @@ def add_set(command: argparse.ArgumentParser) -> None:
 def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, float]]:
     """The scene of a command, and the parameters that --set gives; of a URDF file these are its numbers.
 
-    Raises
-    ------
-    DeclarationError    if a text is not of the form name=number, or the scene cannot be loaded
+    It raises DeclarationError if a text is not of the form name=number, or the scene cannot be loaded.
     """
     values = _assignments(options.set)
     scene = load_scene(options.scene, values)

@@ -33,9 +33,7 @@ def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any
 def result_path(name: str | None, *suffixes: str) -> Path | None:
     """The path of a result, or None for None.
 
-    Raises
-    ------
-    DeclarationError    if it is a folder, its folder does not exist, or its suffix is not one of those given
+    It raises DeclarationError if it is a folder, its folder does not exist, or its suffix is not one of those given.
     """
     if name is None:
         return None

@@ -24,10 +24,7 @@ def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
 
     The file runs with its own `__file__`, and it can import from its folder. `scene` is a Scene, or a function that is
     called without arguments. A scene without a name gets that of the file. `numbers` of a URDF file become parameters.
-
-    Raises
-    ------
-    DeclarationError    if there is no such file or model, it defines no `scene()`, or running it raises
+    It raises DeclarationError if there is no such file or model, it defines no `scene()`, or running it raises.
     """
     path = _find(given)
     return urdf_scene(path, numbers) if is_urdf(given) else _scene(_module(path), path)
@@ -41,9 +38,7 @@ def is_urdf(given: str) -> bool:
 def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:
     """What a file bounds, and the box: its `scene()`, or the pair of a simulator and its box of its `simulator()`.
 
-    Raises
-    ------
-    DeclarationError    as `load_scene`
+    It raises DeclarationError as `load_scene`.
     """
     path = _find(given)
     if is_urdf(given):

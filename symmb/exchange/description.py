@@ -46,12 +46,7 @@ def _variables(scene: Exported) -> list[_Variable]:
 
 
 def description(scene: Exported, version: int, identifier: str) -> bytes:
-    """modelDescription.xml of FMI 2 or 3.
-
-    Raises
-    ------
-    DeclarationError       if a name stands for two variables
-    """
+    """modelDescription.xml of FMI 2 or 3. It raises DeclarationError if a name stands for two variables."""
     variables, three = _variables(scene), version == 3
     indicators = range(scene.source.n_switches if scene.source.has_rates else 0)
     if three:

@@ -39,9 +39,7 @@ class Exported:
 def exported(subject: Scene | DAESimulator) -> Exported:
     """A scene, by the solver that pilot runs choose for studies, or one that is prepared with its own.
 
-    Raises
-    ------
-    DeclarationError       if something of the scene needs Python
+    It raises DeclarationError if something of the scene needs Python.
     """
     scene = scene_of(subject)
     if scene.figures:

@@ -12,10 +12,7 @@ from symmb.simulation import DAESimulator
 def save_scene_c(scene: Scene | DAESimulator, folder: Path) -> tuple[Path, ...]:
     """Write scene.h, scene.c and main.c, which runs the scene over its times, to a folder that exists.
 
-    Raises
-    ------
-    DeclarationError       if something of the scene needs Python
-    FileError              if a file cannot be written
+    It raises DeclarationError if something of the scene needs Python.
     """
     model = exported(scene)
     texts = scene_source(model.source) | {"main.c": (C_FOLDER / "main.c").read_text(encoding="utf-8")}

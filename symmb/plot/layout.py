@@ -115,9 +115,7 @@ def finish(
 ) -> Figure:
     """The picture of a result, with the size [inch] and the title that its caller asks for; see `save` for path.
 
-    Raises
-    ------
-    DeclarationError       if the size or the title is none, or the picture is in axes of the caller
+    It raises DeclarationError if the size or the title is none, or the picture is in axes of the caller.
     """
     for name, given in (("figsize", figsize), ("title", title)):
         if given is not None and ax is not None:

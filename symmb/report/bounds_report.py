@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError, SymmbError
+from symmb._types import Figure
 from symmb.bounds import ROUNDING, Bounds, Contributions, LimitCheck, Limits, Study, worst_rows
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
@@ -18,9 +18,6 @@ from symmb.report import document
 from symmb.report.assumptions import again, assumed, called, seed
 from symmb.report.document import section
 from symmb.simulation import DAESimulator, SceneSimulator, simulate
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
@@ -87,7 +84,7 @@ def _worst(bounds: Bounds) -> str:
     return html.page(html.table(worst_rows(cases))) if cases else ""
 
 
-def _pictures(names: Sequence[str], draw: Callable[[str], "Figure"]) -> str:
+def _pictures(names: Sequence[str], draw: Callable[[str], Figure]) -> str:
     """One picture an output: a wide one with many panels could not be read on a telephone."""
     return document.pictures((name, plot.narrow_png(draw(name))) for name in names)
 

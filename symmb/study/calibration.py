@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -12,14 +12,11 @@ from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Result, texts
 from symmb._names import counted
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
-from symmb._types import Array
+from symmb._types import Array, Figure
 from symmb.files import Record, Saved, entry
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import DAESimulator, chosen_parameters, simulator_with
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 OWNER = "calibrate"
 _ROUNDS = 3
@@ -161,7 +158,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
             rows.append([name, f"{value:.6g}", f"{size:.2g}", share])
         return rows
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+    def _figure(self, columns: list[int] | None, ax: Any) -> Figure:
         names = self.names if columns is None else [self.names[k] for k in columns]
         series = [(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in names]
         return plot.plot_fit(series, ax)
@@ -389,9 +386,7 @@ def _fitted(fit: _Fit, known_noise: Mapping[str, float], name: str) -> Calibrati
 
 
 def _least_squares(fit: _Fit, begin: Array, basis: Array, known_noise: Mapping[str, float]) -> tuple[Array, Array]:
-    """Shares of the parameters (n_p,), moved from `begin` along the orthonormal rows of a basis, and noise of the
-    outputs.
-    """
+    """Shares of the parameters (n_p,), from `begin` along orthonormal rows of a basis, and the noise of the outputs."""
     from scipy.optimize import least_squares
 
     spreads = [np.ptp(part) or np.abs(part).max() or 1.0 for part in fit.parts(fit.data)]
@@ -423,9 +418,7 @@ def _least_squares(fit: _Fit, begin: Array, basis: Array, known_noise: Mapping[s
 
 
 def _determination(fit: _Fit, u: Array, noise: Array) -> tuple[Array, Array]:
-    """Orthonormal combinations (n_p, n_p) of shares of the parameters, in rows, and how strongly the data determine
-    each: over the noise, and 0 for those that they do not.
-    """
+    """How strongly the data determine combinations of shares (n_p, n_p), 0 if not at all; and these, in rows."""
     _, sizes, directions = np.linalg.svd(fit(u)[1] * np.repeat(1 / noise, fit.counts)[:, None], full_matrices=False)
     return np.where(sizes > _UNDETERMINED * sizes.max(initial=0.0), sizes, 0.0), directions
 

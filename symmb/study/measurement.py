@@ -108,8 +108,13 @@ def compare_simulator(
     if not ran:
         reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
         raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
-    difference = None if tighter is None else _difference(simulator, tighter, box)
-    found = replace(found, noise=_noise(simulator, difference))
+    if tighter is None:
+        difference, noise = None, noise_from_runs(simulator)
+    else:  # at the centre and at two opposite corners of the box
+        points = parameter_samples(simulator, box, np.outer([0.0, -1.0, 1.0], np.ones(len(box))))
+        difference = simulator.run(points).Y - tighter.run(points).Y
+        noise = np.nan_to_num(np.abs(difference)).max(axis=(0, 1))
+    found = replace(found, noise=noise)
     found, about["solver_error"], about["doubts"] = _confronted(found, reference, [x.bounds for x in ran], difference)
     return _comparison(simulator, box, found, ran, not_run, about)
 
@@ -127,15 +132,13 @@ def _measured(
     except (PropagationError, SimulationError) as error:
         return NotRun(repr(method), str(error).removeprefix(f"{method!r}: "))
     bounds = doubted(simulator, box, bounds)
-    doubts = checked(method, simulator, box, bounds, executor).doubts
-    return _Measured(bounds, seconds, doubts)
+    return _Measured(bounds, seconds, checked(method, simulator, box, bounds, executor).doubts)
 
 
 def _confronted(
     found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
 ) -> tuple[Reference, Array | None, list[str]]:
-    """The reference with what all runs attained if none is given, within proved bounds; the error of the solver, from
-    differences to a tighter one; and what contradicts the proofs."""
+    """The reference with what runs attained, within proved bounds; the solver's error; contradictions of the proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     limits = Limits.of(bounds)
@@ -170,11 +173,10 @@ def _comparison(
 
 
 def _doubts_of(scored: Sequence[Bounds], known: Sequence[str]) -> list[str]:
-    """The doubts about the bounds, beyond those known, with the methods that they are about. Failed runs are left out,
-    as a comparison tells them together."""
+    """The doubts about the bounds, beyond those known, with the methods that they are about."""
     about = dict[str, list[str]]()
     for bounds in scored:
-        for doubt in replace(bounds, failed=()).doubts:
+        for doubt in replace(bounds, failed=()).doubts:  # a comparison tells failed runs together
             about.setdefault(doubt, []).append(bounds.method)
     return [
         doubt if len(methods) == len(scored) > 1 else f"{' and '.join(methods)}: {doubt}"
@@ -264,19 +266,6 @@ def _once(run: Callable[[], Bounds]) -> tuple[Bounds, float]:
     start = time.perf_counter()
     bounds = run()
     return bounds, time.perf_counter() - start
-
-
-def _difference(simulator: Simulator, tighter: Simulator, box: Box) -> Array:
-    """Difference (3, n_t, n_y) of both simulators at the centre and two opposite corners of the box."""
-    points = parameter_samples(simulator, box, np.outer([0.0, -1.0, 1.0], np.ones(len(box))))
-    return simulator.run(points).Y - tighter.run(points).Y
-
-
-def _noise(simulator: Simulator, difference: Array | None) -> Array | None:
-    """How far runs may be off (n_y,): as far as those of a tighter solver are away, or as a simulator says."""
-    if difference is not None:
-        return np.nan_to_num(np.abs(difference)).max(axis=(0, 1))
-    return noise_from_runs(simulator)
 
 
 def _labelled(progress: Progress | None, label: str) -> RunProgress | None:

@@ -98,7 +98,7 @@ def seconds(value: float) -> str:
 
 
 def _cells(row: Row, yardstick: Yardstick) -> list[str]:
-    score = row.score
+    score, covered = row.score, _mean(row.score.coverage, yardstick)
     return [
         row.name,
         row.kind,
@@ -109,7 +109,7 @@ def _cells(row: Row, yardstick: Yardstick) -> list[str]:
         "–" if row.estimate is None else number(_mean(score.outer_error, yardstick)),
         number(_mean(score.over, yardstick)),
         number(_mean(score.under, yardstick)),
-        _percent(_mean(score.coverage, yardstick)),
+        "–" if np.isnan(covered) else f"{100.0 * covered:.1f} %",
     ]
 
 
@@ -119,10 +119,6 @@ def _worst(row: Row, yardstick: Yardstick, outputs: Sequence[str]) -> str:
     if yardstick.zero_width[worst]:
         return "–"
     return f"{_at_most(row.score.error[worst], yardstick.uncertainty[worst])} {outputs[worst]}"
-
-
-def _percent(share: float) -> str:
-    return "–" if np.isnan(share) else f"{100.0 * share:.1f} %"
 
 
 def _at_most(error: float, uncertainty: float) -> str:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,15 +12,12 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
 from symmb._table import aligned
-from symmb._types import Array
+from symmb._types import Array, Figure
 from symmb.bounds import Method, PolynomialChaos, box_of, parameter_samples, propagate
 from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.model import Box, Scene
 from symmb.simulation import scene_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MOST_VALUES = 10_000
 """Most values of the parameter: the modes at each take a millisecond."""
@@ -119,7 +116,7 @@ class RootLocus(plot.ThreeDiagrams, Saved):
             bands = [f"bands over {self.box} by {self.method}, {self.evaluations} evaluations"]
         return [*bands, *self.remarks, *(f"doubtful: {doubt}" for doubt in self.doubts)]
 
-    def _figure(self, ax: Any) -> "Figure":
+    def _figure(self, ax: Any) -> Figure:
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
         return plot.plot_root_locus(
             self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, ax=ax
@@ -206,7 +203,6 @@ def root_locus(
     box = _others(scene, parameter, box)
     family = LinearFamily(scene)
     locus = nominal_locus(family, parameter, np.linspace(lower, upper, count))
-    modes = locus.modes
     bands, evaluations, doubts, text = {}, 0, family.doubts, ""
     if box is not None and locus.count:
         method = PolynomialChaos() if method is None else method
@@ -225,7 +221,7 @@ def root_locus(
         parameter=parameter,
         values=locus.values,
         eigenvalues=np.array([eigen.values for eigen, _ in locus.points]),
-        modes=modes,
+        modes=locus.modes,
         bands=bands,
         box=box if bands else None,
         method=text,

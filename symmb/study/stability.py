@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
-from symmb._types import Array
+from symmb._types import Array, Figure
 from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.integrate import Stiffness, stiffness
 from symmb.model import Box, Scene
@@ -27,9 +27,6 @@ from symmb.study.standard import Standard, standard_of
 from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs
 from symmb.verification import linear_theory_doubts
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TIMES = 51
 """Output times: enough to show drift over time. Steps end at output times, so more of them would shorten steps."""
@@ -138,32 +135,30 @@ class Stability(plot.ThreeDiagrams, Saved):
         own, stress = _parted(trials)
         return cls(
             **attributes(cls, record),
-            trials=tuple(own),
-            stress=tuple(stress),
+            trials=own,
+            stress=stress,
             errors={key: part.number("error") for key, part in known},
             corners={float(width): tuple(counts.astype(int).tolist()) for width, counts in corners.items()},
         )
 
-    def _figure(self, ax: Any) -> "Figure":
+    def _figure(self, ax: Any) -> Figure:
         finished = [trial for trial in self.trials if not trial.reason]
         families = dict.fromkeys(trial.family for trial in finished)
         points = {
             family: [(t.seconds, self.errors[t.key]) for t in finished if t.family == family and t.key in self.errors]
             for family in families
         }
-        drift = {
-            family: min((t for t in finished if t.family == family), key=self._far_from_usual).position
-            for family in families
-        }
+
+        def distance(trial: Trial) -> float:
+            """Orders of magnitude from an error of 1e-4."""
+            return abs(np.log10(max(self.errors.get(trial.key, 1e-4), 1e-300)) + 4)
+
+        drift = {name: min((t for t in finished if t.family == name), key=distance).position for name in families}
         stress = {
             family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
             for family in families
         }
         return plot.plot_stability(self.times, points, drift, stress, title=self.scene, ax=ax)
-
-    def _far_from_usual(self, trial: Trial) -> float:
-        """Orders of magnitude from an error of 1e-4."""
-        return abs(np.log10(max(self.errors.get(trial.key, 1e-4), 1e-300)) + 4)
 
 
 def stability(
@@ -213,29 +208,26 @@ def stability(
     require_positive("stability", "seconds", seconds)
     require_callable("stability: progress", progress, "label", "done", "all")
     with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:
-        return _studied(_StabilityStudy(scene, progress), seconds)
-
-
-def _studied(study: "_StabilityStudy", seconds: float) -> Stability:
-    study.collect(study.jobs(references()), _REFERENCE_LIMIT * seconds, _TRIALS_END * seconds)
-    known = list(study.done)
-    fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
-    jobs = study.jobs(ladders(horizon, fastest.rate))
-    harder = [job for name, make in stresses(study.scene) for job in _stress_jobs(name, make, horizon)]
-    study.announce(jobs, harder)
-    try:
-        limit = _LIMIT * seconds
-        study.collect(jobs, limit, _TRIALS_END * seconds)
-        study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), limit, seconds)
-        corners = _corners(study.whole)
-    except KeyboardInterrupt as interrupt:
-        text = f"Interrupted after {len(study.done)} of {study.total} runs."
-        carry(interrupt, study.result(len(known), {}, lambda *_: text))
-        raise
-    if all(trial.reason for trial in study.done if not trial.scene):
-        raise SimulationError(f"{study.scene.name}: no solver finishes. {known[0].reason}")
-    more = {"corners": corners, "fastest": fastest, "span": horizon, "doubts": study.doubts()}
-    return study.result(len(known), corners, partial(advice, **more))
+        study = _StabilityStudy(scene, progress)
+        study.collect(study.jobs(references()), _REFERENCE_LIMIT * seconds, _TRIALS_END * seconds)
+        known = list(study.done)
+        fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
+        jobs = study.jobs(ladders(horizon, fastest.rate))
+        harder = [job for name, make in stresses(study.scene) for job in _stress_jobs(name, make, horizon)]
+        study.announce(jobs, harder)
+        try:
+            limit = _LIMIT * seconds
+            study.collect(jobs, limit, _TRIALS_END * seconds)
+            study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), limit, seconds)
+            corners = _corners(scene)
+        except KeyboardInterrupt as interrupt:
+            text = f"Interrupted after {len(study.done)} of {study.total} runs."
+            carry(interrupt, study.result(len(known), {}, lambda *_: text))
+            raise
+        if all(trial.reason for trial in study.done if not trial.scene):
+            raise SimulationError(f"{scene.name}: no solver finishes. {known[0].reason}")
+        more = {"corners": corners, "fastest": fastest, "span": horizon, "doubts": study.doubts()}
+        return study.result(len(known), corners, partial(advice, **more))
 
 
 _STRESSED = list(under_stress(1.0))
@@ -256,7 +248,7 @@ class _StabilityStudy:
         self._simulator = prepare_equations(scene)
         if len(scene.times) < 2 or not self._simulator.dae.n_v:
             raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
-        self.whole, self.scene, self.done, self._order = scene, scene.with_times(self.times), [], []
+        self.scene, self.done, self._order = scene.with_times(self.times), [], []
         self.total = sum(map(len, references().values()))
 
     def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:
@@ -295,7 +287,7 @@ class _StabilityStudy:
         self,
         n_known: int,
         corners: dict[float, tuple[int, int]],
-        text: Callable[[list[Trial], list[Trial], dict[str, Standard]], str],
+        text: Callable[[Sequence[Trial], Sequence[Trial], dict[str, Standard]], str],
     ) -> Stability:
         """The runs so far, of which the first are for the reference of the scene."""
         known, rest = self.done[:n_known], self.done[n_known:]
@@ -309,8 +301,8 @@ class _StabilityStudy:
         return Stability(
             self.scene.name,
             self.times,
-            tuple(trials),
-            tuple(stress),
+            trials,
+            stress,
             {key: error for key, error in errors.items() if error is not None},
             standards[""].uncertainty,
             corners,
@@ -318,9 +310,9 @@ class _StabilityStudy:
         )
 
 
-def _parted(trials: Sequence[Trial]) -> tuple[list[Trial], list[Trial]]:
+def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
     """Runs of the scene, and of its harder variants."""
-    return [trial for trial in trials if not trial.scene], [trial for trial in trials if trial.scene]
+    return tuple(trial for trial in trials if not trial.scene), tuple(trial for trial in trials if trial.scene)
 
 
 def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:

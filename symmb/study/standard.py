@@ -35,10 +35,7 @@ class Standard:
     fault: str = ""
 
     def error(self, trial: Trial) -> float | None:
-        """The error of a run of the scene, at least the uncertainty.
-
-        None if the run failed, or if there is nothing to measure it with.
-        """
+        """The error of a run of the scene, at least the uncertainty; None if it failed, or nothing can measure it."""
         if self.fault or trial.reason:
             return None
         return max(distance(trial.values, self.values, self.units), self.uncertainty)

@@ -23,7 +23,7 @@ def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
         variants += [(f"stiffness x {factor:g}", lambda k=factor: stiffer(scene, k)) for factor in _LARGER]
     if len(scene.system.bodies) > 1:
         variants += [(f"mass ratio x {factor:g}", lambda k=factor: lighter(scene, k)) for factor in _LARGER]
-    if _paced(scene):
+    if _velocities(scene) or any(_slowed(element, scene, 2.0) for element in _elements(scene.system)):
         variants += [(f"time scale x {scale:g}", lambda c=scale: slower(scene, c)) for scale in _SCALES]
     begin = scene.times[0]
     for factor in _LONGER:
@@ -34,11 +34,11 @@ def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
 
 def stiffer(scene: Scene, factor: float) -> Scene:
     """The scene with springs stiffer by a factor."""
-
-    def stiff(element: Any) -> Any:
-        return _changed(element, {name: _divided(getattr(element, name), 1 / factor) for name in _stiffnesses(element)})
-
-    return _with(scene, [stiff(element) for element in _elements(scene.system)])
+    changes = [
+        (element, {name: _divided(getattr(element, name), 1 / factor) for name in _stiffnesses(element)})
+        for element in _elements(scene.system)
+    ]
+    return _with(scene, [_changed(*change) for change in changes])
 
 
 def lighter(scene: Scene, factor: float) -> Scene:
@@ -61,17 +61,11 @@ def slower(scene: Scene, scale: float) -> Scene:
     forces stay: their time constants change relative to the motion, which makes the scene stiffer or softer.
     """
     begin = float(scene.times[0])
-    elements = [_changed(e, _weakened(e, scale) | _stretched(e, scene, scale)) for e in _elements(scene.system)]
+    elements = [_changed(e, _slowed(e, scene, scale)) for e in _elements(scene.system)]
     start = {
         key: value if key not in _velocities(scene) else _divided(value, scale) for key, value in scene.start.items()
     }
     return replace(_with(scene, elements), start=start, times=begin + scale * (scene.times - begin))
-
-
-def _paced(scene: Scene) -> bool:
-    """Whether gravity, laws of time or start velocities determine the time scale of a scene."""
-    elements = _elements(scene.system)
-    return bool(_velocities(scene)) or any(_weakened(e, 2.0) or _stretched(e, scene, 2.0) for e in elements)
 
 
 def _velocities(scene: Scene) -> list[str]:
@@ -79,15 +73,8 @@ def _velocities(scene: Scene) -> list[str]:
     return [key for key in scene.start if key.rpartition(".")[2] in ("vx", "vy", "vz", "omega")]
 
 
-def _weakened(element: object, scale: float) -> dict[str, Any]:
-    """The components of gravity on another time scale."""
-    if not isinstance(element, Gravity):
-        return {}
-    return {name: _divided(getattr(element, name), scale**2) for name in ("gx", "gy", "gz")}
-
-
-def _stretched(element: object, scene: Scene, scale: float) -> dict[str, Any]:
-    """The laws of time of an element on another time scale."""
+def _slowed(element: object, scene: Scene, scale: float) -> dict[str, Any]:
+    """The components of gravity and the laws of time of an element on another time scale."""
     begin, system = float(scene.times[0]), scene.system
 
     def law(value: Any) -> Any:
@@ -100,7 +87,9 @@ def _stretched(element: object, scene: Scene, scale: float) -> dict[str, Any]:
         return ca.substitute(value, t, begin + (t - begin) / scale) if isinstance(value, ca.SX) else value
 
     own = {f.name: getattr(element, f.name) for f in fields(element) if f.init}  # pyright: ignore[reportArgumentType]
-    return {name: law(value) for name, value in own.items() if _depends_on_time(value)}
+    laws = {name: law(value) for name, value in own.items() if _depends_on_time(value)}
+    gravity = ("gx", "gy", "gz") if isinstance(element, Gravity) else ()
+    return {name: _divided(getattr(element, name), scale**2) for name in gravity} | laws
 
 
 def _depends_on_time(value: Any) -> bool:

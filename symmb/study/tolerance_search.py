@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
-from symmb._types import Array, Executor, Indices
+from symmb._types import Array, Executor
 from symmb.black_boxes import Progress, Simulator
 from symmb.bounds import Bounds, PolynomialChaos
 from symmb.model import Box
@@ -118,14 +118,9 @@ class Search:
         self.evaluations, self.remarks, self._at_nominal = 0, tuple[str, ...](), 0.0
 
     def _nominal_margin(self, surrogate: Piecewise | None, whole: Box) -> float:
-        """The least margin of the nominal values, by polynomials over a box, or by a run if these do not tell it.
-
-        Raises
-        ------
-        PropagationError       if the run fails, or breaks a limit
-        """
+        """The least margin of the nominal values, by polynomials over a box, or by a run if these do not tell it."""
         if surrogate is not None:
-            own = self._limited(surrogate)
+            own = surrogate.part(slice(None), self._columns)
             values = own.values(whole.to_unit(self._nominal)[None])[0]
             margins = self._margins(values, values)
             if (margins > 2 * own.error).all():
@@ -172,6 +167,7 @@ class Search:
         between the largest factor that keeps the limits and the least that does not.
         """
         bracket, most = _Bracket(), float(np.min(self._most / along))
+        names = {self._simulator.outputs[k] for k in self._columns}
         s, tolerance, best = 1.0, first, None
         for _ in range(_STUDIES):
             try:
@@ -181,11 +177,14 @@ class Search:
                     raise
                 bracket.fails(s, (str(error).splitlines()[0],))
             else:
-                if margin >= 0 and not self._is_doubted(bounds):
+                is_kept = margin >= 0 and not bounds.failed and not bounds.run_doubts
+                if is_kept and names.isdisjoint(bounds.doubtful()):
                     best = bounds
                     bracket.keeps(s, margin, self._at_nominal)
                 else:
-                    bracket.breaks(s, margin, bounds.doubts, self._factor_of(bounds, s * along) if margin < 0 else None)
+                    surrogate = bounds.good_surrogate(self._columns) if margin < 0 else None
+                    share = None if surrogate is None else self._factor_on(surrogate, s * along, s * along)
+                    bracket.breaks(s, margin, bounds.doubts, share)
             is_settled = tolerance == TOLERANCES[1] and bracket.low * (1 + _SETTLED) >= bracket.next_bound
             if best is not None and (bracket.low >= most or is_settled):
                 break
@@ -200,16 +199,6 @@ class Search:
         ends = (self._most < MOST) & (factors >= self._most * (1 - _SETTLED))
         names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
         return (f"Larger tolerances are not looked for: {', '.join(names)} would reach 0.",) if names else ()
-
-    def _factor_of(self, bounds: Bounds, factors: Array) -> float | None:
-        """The largest share of the factors (d,) that keeps the limits, by the polynomials of their study, if good."""
-        surrogate = bounds.good_surrogate(self._columns)
-        return None if surrogate is None else self._factor_on(surrogate, factors, factors)
-
-    def _is_doubted(self, bounds: Bounds) -> bool:
-        """Whether runs fail, or the error of an output with limits is large."""
-        names = {bounds.names[k] for k in self._columns}
-        return bool(bounds.failed or bounds.run_doubts or names & bounds.doubtful().keys())
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
         """The factors of least cost, and bounds over their box.
@@ -254,8 +243,7 @@ class Search:
 
     def _factor_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> float:
         """The largest share of the factors (d,), at most 1, whose margins on the polynomials are not negative."""
-        own = self._limited(surrogate)
-        low, high = 0.0, 1.0
+        own, low, high = surrogate.part(slice(None), self._columns), 0.0, 1.0
         if self._margins_on(own, wide, factors).min() >= 0:
             return 1.0
         while high - low > _SETTLED / 8 * high:
@@ -264,10 +252,6 @@ class Search:
             low, high = (middle, high) if is_kept else (low, middle)
         return low
 
-    def _limited(self, surrogate: Piecewise, rows: Indices | slice = slice(None)) -> Piecewise:
-        """Polynomials of the outputs with limits alone, at some times."""
-        return surrogate.part(rows, self._columns)
-
     def _allocated(self, surrogate: Piecewise, wide: Array, start: Array, cost: Callable[[Array], float]) -> Array:
         """Factors of least cost on polynomials, from those at the start.
 
@@ -275,11 +259,11 @@ class Search:
         """
         from scipy.optimize import minimize
 
-        own, scale = self._limited(surrogate), cost(start) or 1.0
+        own, scale = surrogate.part(slice(None), self._columns), cost(start) or 1.0
         rows = {int(self._margins_on(own, wide, start).min(axis=1).argmin())}
         factors = start
         for _ in range(_ROUNDS):
-            few = self._limited(surrogate, np.array(sorted(rows)))
+            few = surrogate.part(np.array(sorted(rows)), self._columns)
 
             def margins_of(z: Array, few: Piecewise = few) -> Array:
                 return self._margins_on(few, wide, start * np.exp(z)).ravel() / self._at_nominal

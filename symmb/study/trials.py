@@ -231,46 +231,40 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
     pending: list[Job] = list(jobs)
     running: list[_Running] = []
     try:
-        yield from _forked(pending, running, limit, deadline, workers)
+        while pending or running:
+            while pending and len(running) < workers:
+                job = pending.pop(0)
+                if time.monotonic() < deadline:
+                    running.append(_begin(job))
+                else:
+                    yield from _left(job, 0, LEFT_OUT)
+            ready = wait([r.pipe for r in running], _TICK)
+            for r in list(running):
+                if r.pipe in ready:
+                    try:
+                        message = r.pipe.recv()
+                        if isinstance(message, Trial):
+                            yield message
+                            r.done += 1
+                        else:
+                            r.job = replace(r.job, solvers=message)
+                        r.since = time.monotonic()
+                        ended = r.done == len(r.job.solvers)
+                    except EOFError:
+                        ended = True
+                        yield from _left(r.job, r.done, "the process broke down")
+                else:
+                    most = limit if r.done else limit + _SETUP
+                    ended = time.monotonic() - r.since > most
+                    if ended:
+                        others = _LARGER if r.job.family in CONTROLLED else _LONGER
+                        yield from _left(r.job, r.done, f"{_TOO_LONG} {most:g} s with its set-up", others)
+                if ended:
+                    _end(r)
+                    running.remove(r)
     finally:  # also where the caller is interrupted
         for r in running:
             _end(r)
-
-
-def _forked(
-    pending: list[Job], running: list[_Running], limit: float, deadline: float, workers: int
-) -> Iterator[Trial]:
-    while pending or running:
-        while pending and len(running) < workers:
-            job = pending.pop(0)
-            if time.monotonic() < deadline:
-                running.append(_begin(job))
-            else:
-                yield from _left(job, 0, LEFT_OUT)
-        ready = wait([r.pipe for r in running], _TICK)
-        for r in list(running):
-            if r.pipe in ready:
-                try:
-                    message = r.pipe.recv()
-                    if isinstance(message, Trial):
-                        yield message
-                        r.done += 1
-                    else:
-                        r.job = replace(r.job, solvers=message)
-                    r.since = time.monotonic()
-                    ended = r.done == len(r.job.solvers)
-                except EOFError:
-                    ended = True
-                    yield from _left(r.job, r.done, "the process broke down")
-            else:
-                most = limit if r.done else limit + _SETUP
-                ended = time.monotonic() - r.since > most
-                if ended:
-                    others = _LARGER if r.job.family in CONTROLLED else _LONGER
-                    yield from _left(r.job, r.done, f"{_TOO_LONG} {most:g} s with its set-up", others)
-            if ended:
-                _end(r)
-                running.remove(r)
 
 
 def _begin(job: Job) -> _Running:

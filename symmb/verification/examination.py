@@ -191,8 +191,7 @@ class Examination:
     def _falls_with_tolerance(self) -> bool:
         """Whether a run at a tenth of the tolerance has much less change of energy, and the same outputs.
 
-        So it is where forces in balance do far more work than the motion has kinetic energy, down to the digits that
-        sums of work have. On a wrong branch the change stays.
+        So it is where forces in balance do much work, down to the digits of its sum. On a wrong branch it stays.
         """
         if _change(self._energy) <= _OF_WORK * float(np.abs(self._energy.work).max()):
             return True
