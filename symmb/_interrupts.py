@@ -3,9 +3,9 @@
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any
 
 Handler = Callable[[int, FrameType | None], Any]
@@ -23,11 +23,6 @@ _AGAIN = 1e-3
 def carry(interrupt: KeyboardInterrupt, partial: Any) -> None:
     """Let an interrupt carry a result so far, in place of that of an inner part."""
     interrupt.partial = partial  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def partial_of(interrupt: KeyboardInterrupt) -> Any:
-    """The result so far; None if there is none."""
-    return getattr(interrupt, "partial", None)
 
 
 def carry_runs(interrupt: KeyboardInterrupt, runs: list[Any]) -> None:
@@ -79,7 +74,7 @@ def kept_interrupts() -> Iterator[None]:
         yield
 
 
-class Interrupts:
+class Interrupts(ExitStack):
     """A context for calls that swallow interrupts, such as those of CasADi's integrators.
 
     Attributes
@@ -88,19 +83,12 @@ class Interrupts:
     """
 
     def __init__(self) -> None:
+        super().__init__()
         self.noticed = False
-        self._entered: list[AbstractContextManager[object]] = []
 
     def __enter__(self) -> "Interrupts":
-        context = _handlers(self._noticing)
-        context.__enter__()
-        self._entered.append(context)
+        self.enter_context(_handlers(self._noticing))
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._entered.pop().__exit__(None, None, None)
 
     def raise_with(self, runs: list[Any]) -> None:
         """KeyboardInterrupt that carries runs, if an interrupt arrived."""

@@ -84,9 +84,12 @@ class BlackBox(ABC):
         faults = name_faults(names) + name_faults([*parameters])
         if not names or faults:
             raise DeclarationError(f"{owner}: outputs must be one or more different names. {' '.join(faults)}".strip())
+        for name, value in parameters.items():
+            if not is_finite_number(value):
+                raise DeclarationError(f"{owner}: parameter {name!r}: {value!r} is not a finite number.")
         times.flags.writeable = False
         vars(self).update(
-            parameters=_numbers(owner, parameters),
+            parameters={name: float(value) for name, value in parameters.items()},
             times=times,
             outputs=names,
             noise=None if noise is None else _noise(owner, noise, names),
@@ -152,13 +155,6 @@ class BlackBox(ABC):
                     merging.reduce(joined(parts, len(self.times), len(self.outputs)), indices)
         return merging.state
 
-    def _finite(self, result: Any) -> Array:
-        """A result (n_t, n_y) of which all values are finite."""
-        values = self._shaped(result)
-        if not np.isfinite(values).all():
-            raise SimulationError(self._irregular(values))
-        return values
-
     def _irregular(self, values: Array) -> str:
         """Which output is not finite first, of values (n_t, n_y)."""
         k, i = np.argwhere(~np.isfinite(values))[0]
@@ -171,7 +167,8 @@ class BlackBox(ABC):
         shape = (len(self.times), len(self.outputs))
         expected = f"expected numbers of the shape {shape} (n_t, n_y)"
         try:
-            values = np.asanyarray(np.ma.stack(result) if _has_masked_rows(result) else result)
+            has_masked = isinstance(result, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in result)
+            values = np.asanyarray(np.ma.stack(result) if has_masked else result)
             values = values.astype(float) if values.dtype.kind in "biuf" else np.array(None)
             values = np.asarray(np.ma.filled(values, np.nan))
         except (TypeError, ValueError):  # lists of different lengths
@@ -206,18 +203,6 @@ def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Ar
         if not is_finite_number(value) or value < 0:
             raise DeclarationError(f"{owner}: noise of {name!r} must be at least 0, got {shown(value)}.")
     return np.array([float(noise.get(name, 0.0)) for name in names])
-
-
-def _numbers(owner: str, parameters: Mapping[str, float]) -> dict[str, float]:
-    for name, value in parameters.items():
-        if not is_finite_number(value):
-            raise DeclarationError(f"{owner}: parameter {name!r}: {value!r} is not a finite number.")
-    return {name: float(value) for name, value in parameters.items()}
-
-
-def _has_masked_rows(result: Any) -> bool:
-    """Whether a result is a list with masked arrays or values."""
-    return isinstance(result, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in result)
 
 
 def _short(value: Any) -> str:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+import numpy as np
+
 from symmb._cleanup import process_group, temporary_folder
 from symmb._errors import DeclarationError, SimulationError
 from symmb._options import require_timeout, shown, whole
@@ -141,18 +143,15 @@ class CommandSimulator(BlackBox):
         if faults:
             raise DeclarationError("\n".join(faults))
         require_timeout(_OWNER, timeout)
-        inputs = [Path(program), *sources, *_named_files(self.command[1:])]
+        inputs = [Path(program), *sources]
+        for word in self.command[1:]:  # such as /home/model.sh or --input=/home/mesh.inp
+            names = {word, word.partition("=")[2]}
+            inputs += [Path(name) for name in names if os.path.isabs(name) and os.path.isfile(name)]
         # Programs are started by a process that ends them, and removes their folders, however this one ends.
         calls = LimitedCalls(self._made, None, "the program", self.folder) if hasattr(os, "fork") else None
         vars(self).update(_inputs=DeclaredFiles(path for path in inputs if path.exists()), _calls=calls)
 
     def _faults(self) -> Iterator[str]:
-        yield from self._faults_of_inputs()
-        yield from self._faults_of_names()
-        yield from self._faults_of_options()
-
-    def _faults_of_inputs(self) -> Iterator[str]:
-        """Templates that cannot be filled, parameters that stand nowhere and files that are missing."""
         places = {f"template {name!r}": text for name, text in self.templates.items()}
         places |= {f"argument {word!r}": word for word in self.command[1:]}
         for place, text in places.items():
@@ -161,9 +160,6 @@ class CommandSimulator(BlackBox):
             if not any(is_filled(text, name) for text in places.values()):
                 yield f"parameter {name!r} stands in no template and in no argument. Write {{{name}}} there."
         yield from (f"files: {file} does not exist." for file in self.files if not file.exists())
-
-    def _faults_of_names(self) -> Iterator[str]:
-        """Files in the folder of a run that are in the way of each other."""
         own = [str(PurePosixPath(name)) for name in self.templates]
         names = [_OUTPUT, _ERRORS, *own, *(file.name for file in self.files)]
         for name, count in Counter(names).items():
@@ -171,8 +167,6 @@ class CommandSimulator(BlackBox):
                 yield f"{name!r} is the name of two files in the folder of a run."
             if any(str(parent) in names for parent in PurePosixPath(name).parents):
                 yield f"{name!r}: its folder has the name of a file in the folder of a run."
-
-    def _faults_of_options(self) -> Iterator[str]:
         if not isinstance(self.read, str):
             if not callable(self.read):
                 yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."
@@ -198,7 +192,9 @@ class CommandSimulator(BlackBox):
         for left in range(self.retries, -1, -1):
             with temporary_folder(self.folder) as folder:
                 try:
-                    result = self._finite(self._run(folder, values))
+                    result = self._shaped(self._run(folder, values))
+                    if not np.isfinite(result).all():
+                        raise SimulationError(self._irregular(result))
                 except (Exception, SystemExit) as error:
                     if left:
                         continue
@@ -253,7 +249,8 @@ def _require_types(command: Any, files: Any, folder: Any, environment: Any) -> N
         raise DeclarationError(f"{_OWNER}: files must be a list of paths, got {shown(files)}.")
     if folder is not None and not _are_paths([folder]):
         raise DeclarationError(f"{_OWNER}: folder must be a path, got {shown(folder)}.")
-    if not _are_variables(environment):
+    are_texts = isinstance(environment, Mapping) and _are_paths([*environment, *environment.values()])
+    if not are_texts or any(not name or "=" in name for name in environment):
         raise DeclarationError(f"{_OWNER}: environment must be texts by the name of the variable.")
 
 
@@ -262,21 +259,6 @@ def _are_paths(things: Any) -> bool:
     return isinstance(things, list | tuple) and all(
         isinstance(thing, str | Path) and is_text(str(thing)) for thing in things
     )
-
-
-def _named_files(arguments: Sequence[str]) -> Iterator[Path]:
-    """Files that are named in arguments, as in `model.sh` or `--input=mesh.inp`, by their full paths."""
-    for argument in arguments:
-        for name in {argument, argument.partition("=")[2]}:
-            if os.path.isabs(name) and os.path.isfile(name):
-                yield Path(name)
-
-
-def _are_variables(environment: Any) -> bool:
-    """Whether it is a mapping of variables that can be handed to the system."""
-    if not isinstance(environment, Mapping) or not _are_paths([*environment, *environment.values()]):
-        return False
-    return all(name and "=" not in name for name in environment)
 
 
 def _program(program: str, made: set[str]) -> str:

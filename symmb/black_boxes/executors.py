@@ -123,7 +123,7 @@ def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -
 
 
 def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
-    most = _AHEAD * pool.workers_at_first
+    most = _AHEAD * (pool.workers_at_first or pool.workers)  # a cluster may get more
     running: dict[int, _Task] = {}
     killed: dict[int, tuple[Any, LostTask]] = {}
     done: queue.SimpleQueue[int] = queue.SimpleQueue()
@@ -236,7 +236,9 @@ class _Pool:
     """The executor of a user, which must offer what is called here, and how to make another."""
 
     def __init__(self, given: Any) -> None:
-        self._make = given if _is_factory(given) else None
+        named = ("submit", "map")
+        is_factory = isinstance(given, type) or (callable(given) and not any(hasattr(given, name) for name in named))
+        self._make = given if is_factory else None
         self._start(given)
 
     def __enter__(self) -> "_Pool":
@@ -246,13 +248,22 @@ class _Pool:
         if fault is not None and isinstance(self.executor, ProcessPoolExecutor):
             if self._make is not None:
                 _end_processes(self.executor)
-            elif issubclass(fault, KeyboardInterrupt):
-                _interrupt_processes(self.executor)
+            elif issubclass(fault, KeyboardInterrupt):  # as a terminal does: or else the pool waits for its tasks
+                for process in list(self.executor._processes or ()):
+                    with suppress(ProcessLookupError):
+                        os.kill(process, signal.SIGINT)
         self._end()
 
     def _start(self, given: Any) -> None:
-        self.executor = given if self._make is None else _made(self._make)
-        self._at_first: int | None = None
+        self.executor: Any = given
+        if self._make is not None:
+            try:
+                self.executor = self._make()
+            except SymmbError:
+                raise
+            except Exception as error:
+                raise DeclarationError(f"executor: the function that makes one raises {text_of(error)}.") from error
+        self.workers_at_first = 0
         self.has_begun, self._since = False, time.monotonic()
         self._options: dict[str, Any] = {}
         if hasattr(getattr(self.executor, "_client", None), "get_executor"):
@@ -262,7 +273,7 @@ class _Pool:
         if self.is_dask:
             self._options = {"pure": False, **self._options}
             try:
-                self._at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
+                self.workers_at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
             except Exception as error:  # it is closed
                 raise SimulationError(f"executor: {self.executor!r} does not answer ({text_of(error)}).") from None
         self.submits = callable(getattr(self.executor, "submit", None))
@@ -315,11 +326,6 @@ class _Pool:
         told = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
         return told if isinstance(told, int) and told > 0 else _UNKNOWN_WORKERS
 
-    @property
-    def workers_at_first(self) -> int:
-        """How many there are when the first tasks go out. A cluster may get more."""
-        return self._at_first or self.workers
-
     def look(self, futures: Sequence[Any]) -> None:
         """SimulationError if the executor has begun no task yet, and has had the time."""
         cluster: Any = getattr(self.executor, "cluster", None)
@@ -358,13 +364,6 @@ class _Pool:
                 warnings.warn(f"executor: its shutdown has raised {text_of(error)}.", SymmbWarning, stacklevel=2)
 
 
-def _interrupt_processes(pool: ProcessPoolExecutor) -> None:
-    """Interrupt the processes of a pool, as a terminal does: it waits for their tasks when it is shut down."""
-    for process in list(pool._processes or ()):
-        with suppress(ProcessLookupError):
-            os.kill(process, signal.SIGINT)
-
-
 def _end_processes(pool: ProcessPoolExecutor) -> None:
     """End the processes of a pool, whatever they do."""
     processes = list((pool._processes or {}).values())
@@ -377,26 +376,12 @@ def _end_processes(pool: ProcessPoolExecutor) -> None:
         process.kill()  # it may be in compiled code, which notices no signals
 
 
-def _made(make: Callable[[], Any]) -> Any:
-    """What a function of the user makes."""
-    try:
-        return make()
-    except SymmbError:
-        raise
-    except Exception as error:
-        raise DeclarationError(f"executor: the function that makes one raises {text_of(error)}.") from error
-
-
 def _maps_in_order(executor: Any) -> bool:
     """Whether its map is that of a function over items: tables and modules have others of that name."""
     try:
         return list(islice(executor.map(abs, [-1, 2]), 3)) == [1, 2]
     except Exception:
         return False
-
-
-def _is_factory(given: Any) -> bool:
-    return isinstance(given, type) or (callable(given) and not hasattr(given, "submit") and not hasattr(given, "map"))
 
 
 @contextmanager

@@ -202,7 +202,7 @@ def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str,
 
     It raises DeclarationError if there is no such variable, it cannot be set, or it is not a number.
     """
-    found = tuple(_found(path, known, name, "parameter") for name in parameters)
+    found = tuple(variable_of(path, known, name, "parameter") for name in parameters)
     for variable, value in zip(found, parameters.values(), strict=True):
         reason = _fixed_by(known[variable.name])
         if reason:
@@ -212,15 +212,8 @@ def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str,
     return found
 
 
-def outputs_of(path: Path, known: Mapping[str, Any], outputs: Sequence[str]) -> tuple[Variable, ...]:
-    """The variables of an FMU that are outputs of a study.
-
-    It raises DeclarationError if there is no such variable, or it is not a number.
-    """
-    return tuple(_found(path, known, name, "output") for name in outputs)
-
-
-def _found(path: Path, known: Mapping[str, Any], name: str, role: str) -> Variable:
+def variable_of(path: Path, known: Mapping[str, Any], name: str, role: str) -> Variable:
+    """A variable of an FMU. It raises DeclarationError if there is none, or it is not a number."""
     variable = known.get(name)
     if variable is None:
         raise DeclarationError(f"{OWNER}: {path.name} has no variable {name!r}.{did_you_mean(name, known)}")

@@ -20,8 +20,8 @@ from symmb.black_boxes.fmu_description import (
     described,
     extracted,
     fmpy,
-    outputs_of,
     parameters_of,
+    variable_of,
 )
 from symmb.black_boxes.fmu_runs import AGREE, RTOL, FMURunner, steps_between
 from symmb.black_boxes.identity import digest
@@ -117,7 +117,7 @@ class FMUSimulator(BlackBox):
             raise DeclarationError(f"{OWNER}: step must be a number of seconds above 0, got {shown(step)}.")
         fmu, variables = described(Path(path).resolve(), fmi_type)
         inputs = parameters_of(fmu.path, variables, self.parameters)
-        found = outputs_of(fmu.path, variables, self.outputs)
+        found = tuple(variable_of(fmu.path, variables, name, "output") for name in self.outputs)
         step = _step(fmu, self.times, step)
         patience = min(_LONG, np.inf if timeout is None else timeout / 3)
         runs = FMURunner(fmu, inputs, found, self.times, step, patience)

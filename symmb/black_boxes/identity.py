@@ -123,7 +123,8 @@ class _Digests:
         items: list[Any]
         make, arguments, state, *items = (*reduced, None, None, None, None)[:5]
         if isinstance(state, dict):  # without what is computed from the rest when it is asked for
-            state = {name: x for name, x in state.items() if not _is_computed(type(thing), name)}
+            kind, computed = type(thing), functools.cached_property
+            state = {name: x for name, x in state.items() if not isinstance(getattr(kind, name, None), computed)}
         yield ((make, arguments, state, *(None if some is None else [*some] for some in items)),)
 
 
@@ -209,10 +210,6 @@ def _is_member(name: str, member: Any) -> bool:
     if isinstance(member, types.MemberDescriptorType | types.GetSetDescriptorType) or name == "_abc_impl":
         return False
     return not (name[:2] == name[-2:] == "__") or isinstance(member, types.FunctionType | staticmethod | classmethod)
-
-
-def _is_computed(kind: type, name: str) -> bool:
-    return isinstance(getattr(kind, name, None), functools.cached_property)
 
 
 class ChangedFileError(SimulationError):

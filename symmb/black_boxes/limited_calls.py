@@ -116,7 +116,7 @@ class LimitedCalls:
 
     def __call__(self, values: dict[str, Any]) -> Any:
         """The result of f(**values). It raises SimulationError if it takes too long, raises, or ends its process."""
-        worker = self._worker()
+        worker = self.begin()
         try:
             worker.pipe.send(values)
             if not worker.replies(self.seconds):
@@ -133,17 +133,14 @@ class LimitedCalls:
             raise SimulationError(fault)
         return result
 
-    def begin(self) -> None:
-        """Start the process of this thread now: it removes what this one leaves behind, whatever ends it."""
-        self._worker()
-
     def end_process(self) -> None:
         """End the process of this thread. The next call gets a new one."""
         worker = vars(_OWN).get(self.key)
         if worker is not None:
             worker.end()
 
-    def _worker(self) -> _Worker:
+    def begin(self) -> _Worker:
+        """The process of this thread, which removes what this one leaves behind, whatever ends it."""
         own: dict[str, _Worker] = vars(_OWN)
         worker = own.get(self.key)
         if worker is None or worker not in _WORKERS:

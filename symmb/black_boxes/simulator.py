@@ -5,6 +5,7 @@ block into a small state, and the states are merged in block order. So the resul
 bit whether the blocks are run one after another, in threads, in processes or on other machines.
 """
 
+import operator
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -34,19 +35,14 @@ class Samples(Protocol):
 
     @property
     def Y(self) -> Array: ...
-
     @property
     def ok(self) -> Mask: ...
-
     @property
     def t_failed(self) -> Array: ...
-
     @property
     def messages(self) -> tuple[str, ...]: ...
-
     @property
     def events(self) -> Indices | None: ...
-
     def extremes(self) -> tuple[Array, Array]: ...
 
 
@@ -264,8 +260,6 @@ def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -
     if progress is not None and (isinstance(progress, type) or not callable(progress)):
         raise DeclarationError(f"progress: expected a function of the finished runs and all, got {shown(progress)}.")
     numbers, width = numbers_of(P), len(simulator.parameters)
-    if isinstance(P, np.ndarray) and P.dtype.kind == "b":
-        numbers = None
     if numbers is None:
         got = shown(P)[:100]
     elif not np.isfinite(numbers).all():
@@ -312,11 +306,7 @@ def _append(state: tuple[Ensemble, ...], block: Samples, indices: Indices) -> tu
     return (*state, Ensemble.of(block))
 
 
-def _chain(first: tuple[Ensemble, ...], second: tuple[Ensemble, ...]) -> tuple[Ensemble, ...]:
-    return first + second
-
-
-_GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append, merge=_chain)
+_GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append, merge=operator.add)
 
 
 class Attained:
@@ -346,18 +336,15 @@ class Attained:
             is_nominal &= np.isfinite(Y).all(axis=(1, 2))
             if is_nominal.any():
                 self.nominal = np.array(Y[int(is_nominal.argmax())])
-        for at, better, values in ((self.lower_at, lower < self.lower, Y), (self.upper_at, upper > self.upper, Y)):
+        for at, better, sign in ((self.lower_at, lower < self.lower, 1), (self.upper_at, upper > self.upper, -1)):
             if not better.any():
                 continue
-            if values is None:
+            if Y is None:
                 at[better] = len(self.blocks)
                 self.blocks.append(P)
                 continue
-            unknown = np.inf if at is self.lower_at else -np.inf
-            some = np.where(np.isnan(values[:, better]), unknown, values[:, better])
-            rows, inverse = np.unique(
-                (some.argmin if at is self.lower_at else some.argmax)(axis=0), return_inverse=True
-            )
+            some = np.where(np.isnan(Y[:, better]), np.inf, sign * Y[:, better])
+            rows, inverse = np.unique(some.argmin(axis=0), return_inverse=True)
             at[better] = len(self.blocks) + inverse
             self.blocks += [P[row : row + 1] for row in rows]
         np.minimum(self.lower, lower, out=self.lower)

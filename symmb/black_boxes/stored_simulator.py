@@ -152,7 +152,9 @@ class StoredSimulator:
 
     def _make(self, database: RunDatabase, P: Array, executor: Executor | None, progress: Progress | None) -> int:
         """Make the runs of samples P (N, d) that the database lacks, and return the number of the study."""
-        number = database.begin(self._study())
+        names, times = tuple(self.parameters), np.ascontiguousarray(self.times)
+        key = digest(self.identity, self.version, names, self.outputs, times)
+        number = database.begin(StoredStudy(key, repr(self.simulator), names, self.outputs, times))
         known, missing = database.known(number, P, getattr(self.simulator, "timeout", None)), list[Array]()
         for key, p in zip(sample_keys(P), P, strict=True):
             if key not in known:
@@ -169,11 +171,6 @@ class StoredSimulator:
             if progress is not None:
                 progress(done, len(P))
         return number
-
-    def _study(self) -> StoredStudy:
-        names, times = tuple(self.parameters), np.ascontiguousarray(self.times)
-        key = digest(self.identity, self.version, names, self.outputs, times)
-        return StoredStudy(key, repr(self.simulator), names, self.outputs, times)
 
     def __repr__(self) -> str:
         return f"StoredSimulator({self.simulator!r}, {str(self.path)!r})"

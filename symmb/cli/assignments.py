@@ -1,7 +1,6 @@
 """The option `--set`: values of parameters."""
 
 import argparse
-from collections.abc import Sequence
 
 from symmb._errors import DeclarationError
 from symmb._options import shown
@@ -21,19 +20,14 @@ def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, 
 
     It raises DeclarationError if a text is not of the form name=number, or the scene cannot be loaded.
     """
-    values = _assignments(options.set)
+    values = dict[str, float]()
+    for text in options.set:
+        name, _, value = text.partition("=")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise DeclarationError(f"--set takes name=number, got {shown(text)}.") from None
     scene = load_scene(options.scene, values)
     if is_urdf(options.scene):
         values = {parameter_name(name): value for name, value in values.items()}
     return scene, values
-
-
-def _assignments(texts: Sequence[str]) -> dict[str, float]:
-    parameters = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        try:
-            parameters[name] = float(value)
-        except ValueError:
-            raise DeclarationError(f"--set takes name=number, got {shown(text)}.") from None
-    return parameters

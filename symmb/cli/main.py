@@ -13,9 +13,9 @@ from typing import Any, NoReturn
 import symmb as mb
 from symmb._cleanup import remove_left_folders
 from symmb._errors import DeclarationError, SimulationError, SymmbError
-from symmb._interrupts import partial_of
 from symmb._progress import Progress
-from symmb.cli import specs
+from symmb._specs import Spec
+from symmb.bounds import METHODS
 from symmb.cli.assignments import add_set, scene_and_parameters
 from symmb.cli.bound import add_bound
 from symmb.cli.compare import add_compare
@@ -28,6 +28,7 @@ from symmb.cli.scene_file import load_scene, shipped_names
 from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import cache
 from symmb.drawing import FORMATS
+from symmb.integrate import SOLVERS, WORDS, read_solver
 from symmb.model import equations_text
 
 _PACKAGE = Path(mb.__file__).parent
@@ -50,7 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
     words = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(words, argparse.Namespace(words=words))
-    _tell_on_stderr(options.command)
+    log = logging.getLogger("symmb")  # what the library announces
+    log.handlers = [logging.StreamHandler(sys.stderr)]
+    log.setLevel(logging.INFO)
+    warnings.showwarning = lambda message, *_: print(f"symmb {options.command}: {message}", file=sys.stderr)
     try:
         result = options.run(options)  # its doubts, or an exit status
         sys.stdout.flush()
@@ -64,17 +68,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as interrupt:
-        _keep_partial(options, partial_of(interrupt))
+        _keep_partial(options, getattr(interrupt, "partial", None))
         return INTERRUPTED
     return 0
-
-
-def _tell_on_stderr(command: str) -> None:
-    """Print what the library announces, and its warnings, as sentences."""
-    log = logging.getLogger("symmb")
-    log.handlers = [logging.StreamHandler(sys.stderr)]
-    log.setLevel(logging.INFO)
-    warnings.showwarning = lambda message, *_: print(f"symmb {command}: {message}", file=sys.stderr)
 
 
 def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
@@ -96,7 +92,7 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
-    solver = None if options.solver is None else specs.solver(options.solver)
+    solver = None if options.solver is None else read_solver(options.solver)
     paths = result_paths(options)
     scene, parameters = scene_and_parameters(options)
     with Progress(f"simulating {scene.name}"):
@@ -160,8 +156,15 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help.\n")
 
 
+def _table(title: str, specs: Sequence[Spec]) -> str:
+    """The forms and their meanings, for `--help`."""
+    width = max(len(spec.form) for spec in specs) + 2
+    return "\n".join([f"{title}:", *(f"  {spec.form.ljust(width)}{spec.text}" for spec in specs)])
+
+
 def _parser() -> argparse.ArgumentParser:
-    methods, solvers = specs.method_table(), specs.solver_table()
+    words = f"  Words that may follow: {', '.join(WORDS)}; as in dopri:1e-8:projection."
+    methods, solvers = _table("methods", METHODS), f"{_table('solvers', SOLVERS)}\n{words}"
     parser = _Parser(
         prog="symmb",
         description="Symbolic multibody dynamics with interval parameters.",

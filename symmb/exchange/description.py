@@ -69,28 +69,24 @@ def description(scene: Exported, version: int, identifier: str) -> bytes:
             files = ET.SubElement(element, "SourceFiles")
             for name in BINARY_FILES:
                 ET.SubElement(files, "File", name=name)
-    _add_units(root, {variable.unit for variable in variables} - {""})
+    definitions = ET.SubElement(root, "UnitDefinitions")
+    for unit in sorted({variable.unit for variable in variables} - {""}):
+        powers = zip(("m", "kg", "s", "rad"), powers_of(unit), strict=True)
+        element = ET.SubElement(definitions, "Unit", name=unit)
+        ET.SubElement(element, "BaseUnit", {name: str(power) for name, power in powers if power})
     times = scene.source.times
     experiment = {"startTime": repr(float(times[0]))}
     if len(times) > 1:
         experiment |= {"stopTime": repr(float(times[-1])), "stepSize": f"{np.diff(times).max():.12g}"}
     if scene.tolerance:
         experiment["tolerance"] = repr(scene.tolerance)
-    ET.SubElement(root, "DefaultExperiment", dict(sorted(experiment.items(), key=lambda item: item[0])))
+    ET.SubElement(root, "DefaultExperiment", dict(sorted(experiment.items())))
     listed = ET.SubElement(root, "ModelVariables")
     for number, variable in enumerate(variables):
         _add_variable(listed, variable, number, three)
     _add_structure(root, variables, three)
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8", xml_declaration=True)
-
-
-def _add_units(root: ET.Element, units: set[str]) -> None:
-    definitions = ET.SubElement(root, "UnitDefinitions")
-    for unit in sorted(units):
-        powers = zip(("m", "kg", "s", "rad"), powers_of(unit), strict=True)
-        element = ET.SubElement(definitions, "Unit", name=unit)
-        ET.SubElement(element, "BaseUnit", {name: str(power) for name, power in powers if power})
 
 
 def _add_variable(listed: ET.Element, variable: _Variable, number: int, three: bool) -> None:

@@ -10,8 +10,6 @@ from symmb.integrate import CompiledSolver
 from symmb.model import Scene
 from symmb.simulation import DAESimulator, scene_of, simulator_with
 
-_SOLVERS = "DormandPrince(), EventDriven() or Rosenbrock()"
-
 
 @dataclass(frozen=True, eq=False)
 class Exported:
@@ -59,7 +57,8 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     if isinstance(solver, CompiledSolver):
         lanes = solver.lanes(dae, simulator.times, form.y, start=form.start, alone=True)
     if lanes is None or (isinstance(lanes.control, FixedStep) and lanes.scheme is None):
-        raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {_SOLVERS}.")
+        solvers = "DormandPrince(), EventDriven() or Rosenbrock()"
+        raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {solvers}.")
     parameters, outputs = tuple(scene.system.parameters), tuple(simulator.outputs)
     source = SceneSource(
         lanes=lanes,

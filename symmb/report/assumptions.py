@@ -26,7 +26,9 @@ def assumed(
     Versions are those of the report. They are those of the result too if it `is_own`, and was not read from a file.
     """
     versions = "versions" if is_own else "versions (of this report)"
-    known = [[name, text] for name, text in (*settings, (versions, _versions())) if text]
+    packages = [f"{name} {version(name)}" for name in _PACKAGES]
+    own = versions, ", ".join([*packages, f"Python {platform.python_version()}"])
+    known = [[name, text] for name, text in (*settings, own) if text]
     intervals = [] if box is None else [html.page(html.table(_intervals(box, nominal)))]
     return section("What is assumed", *intervals, html.page(html.table([["setting", "value"], *known], (0, 1))))
 
@@ -44,10 +46,6 @@ def _number(value: float) -> str:
     plain = f"{value:.12g}"
     short = np.format_float_scientific(value, precision=11, trim="-", exp_digits=1).replace("e+", "e")
     return short if abs(value) >= _LARGE and len(short) < len(plain) else plain
-
-
-def _versions() -> str:
-    return ", ".join([*(f"{name} {version(name)}" for name in _PACKAGES), f"Python {platform.python_version()}"])
 
 
 def seed(method: str) -> str:

@@ -17,7 +17,7 @@ from symmb.model import Scene, equations_text
 from symmb.report import document
 from symmb.report.assumptions import again, assumed, called, seed
 from symmb.report.document import section
-from symmb.simulation import DAESimulator, SceneSimulator, simulate
+from symmb.simulation import SceneSimulator, simulate
 
 _NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
@@ -41,13 +41,16 @@ def write_bounds(
     """
     require_suffix(path, ".html")
     check = None if limits is None else bounds.check(limits)
-    document.write(path, _title(bounds), _parts(bounds, check, command, contributions))
+    title = f"Bounds of {bounds.subject or ', '.join(bounds.names)}"
+    document.write(path, title, _parts(bounds, check, command, contributions))
 
 
 def _parts(
     bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
 ) -> Iterator[str]:
-    prepared = _prepared(bounds)
+    study, prepared = bounds.study, None
+    if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator):
+        prepared = study.prepared
     scene = None if prepared is None else prepared.scene
     yield document.warnings(bounds.doubts, bounds.remarks)
     if check is not None:
@@ -69,7 +72,9 @@ def _parts(
         equations = f"{scene.system}\n\n{equations_text(scene.system, 'system.latex()')}".rstrip()
         yield document.folded("Equations", equations)
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
-    yield section("What it cost", document.note(_cost(bounds)))
+    took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
+    weighed = " A run with derivatives counts as many as they cost." if bounds.method.startswith("Taylor(") else ""
+    yield section("What it cost", document.note(f"{bounds.evaluations} runs{took}.{weighed}"))
     yield again(command or _python(bounds, scene, check))
 
 
@@ -119,16 +124,6 @@ def _part_or_reason(part: Callable[[], str]) -> str:
         return document.note(str(error))
 
 
-def _title(bounds: Bounds) -> str:
-    return f"Bounds of {bounds.subject or ', '.join(bounds.names)}"
-
-
-def _prepared(bounds: Bounds) -> DAESimulator | None:
-    """The prepared scene of bounds that hold one."""
-    study = bounds.study
-    return study.prepared if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator) else None
-
-
 def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
     """The runs that attain the bound that is closest to a limit, or the widest bounds; the nominal run if none does."""
     worst = None if check is None else check.worst
@@ -155,12 +150,6 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
         ("why this solver", simulator.reason if of_scene else ""),
         ("simulator", "" if bounds.solver else bounds.subject),
     ]
-
-
-def _cost(bounds: Bounds) -> str:
-    took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
-    weighed = " A run with derivatives counts as many as they cost." if bounds.method.startswith("Taylor(") else ""
-    return f"{bounds.evaluations} runs{took}.{weighed}"
 
 
 def _python(bounds: Bounds, scene: Scene | None, check: LimitCheck | None) -> str:

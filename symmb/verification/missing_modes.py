@@ -202,22 +202,17 @@ def _judged(
     scene: Scene, dae: DAE, some: tuple[AttachedLoads, ...]
 ) -> tuple[tuple[str, ...], ca.Function, ca.Function]:
     """Names of outputs that follow from places; a Function (x, p, t) for these, modes and loads; and for slopes."""
-    names, y = _of_places(scene, some)
-    values = ca.vertcat(y, *[ca.vertcat(loads.body.eta, loads.wrenches) for loads in some])
-    return names, output_function(dae, scene, values), _slopes(scene, some, y)
-
-
-def _of_places(scene: Scene, some: tuple[AttachedLoads, ...]) -> tuple[tuple[str, ...], ca.SX]:
-    """Names and expressions of outputs that follow from places; those of the loaded nodes if there are none."""
     system, solved = scene.system, ca.vertcat(ca.SX(scene.system.lam), scene.system.vdot)
     places = ca.which_depends(scene.y, system.q, 1, True) or []
     forces = ca.which_depends(scene.y, solved, 1, True) or [False] * len(places)
-    chosen = [k for k in range(len(places)) if places[k] and not forces[k]]
-    if chosen:
-        return tuple(scene.curve_names[k] for k in chosen), scene.y[chosen]
-    nodes = [loads.body.node(number) for loads in some for number in loads.loaded]
-    names = tuple(f"{node.body.name}.{axis}" for node in nodes for axis in "xyz")
-    return names, scene.expression(ca.vertcat(*(node.r for node in nodes)))
+    if chosen := [k for k in range(len(places)) if places[k] and not forces[k]]:
+        names, y = tuple(scene.curve_names[k] for k in chosen), scene.y[chosen]
+    else:  # the loaded nodes
+        nodes = [loads.body.node(number) for loads in some for number in loads.loaded]
+        names = tuple(f"{node.body.name}.{axis}" for node in nodes for axis in "xyz")
+        y = scene.expression(ca.vertcat(*(node.r for node in nodes)))
+    values = ca.vertcat(y, *[ca.vertcat(loads.body.eta, loads.wrenches) for loads in some])
+    return names, output_function(dae, scene, values), _slopes(scene, some, y)
 
 
 def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Function:
