@@ -75,12 +75,7 @@ def kept_interrupts() -> Iterator[None]:
 
 
 class Interrupts(ExitStack):
-    """A context for calls that swallow interrupts, such as those of CasADi's integrators.
-
-    Attributes
-    ----------
-    noticed : bool      whether one of SIGNALS arrived
-    """
+    """A context for calls that swallow interrupts, such as those of CasADi's integrators: `noticed` tells of one."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -49,10 +49,7 @@ def name_fault(name: object, without: str = "") -> str:
     """Why a name is not allowed, as a sentence; empty if it is.
 
     Names are printed in tables, pictures, LaTeX and C, where a line break or a control character would do harm.
-
-    Parameters
-    ----------
-    without : str      characters that it must not contain either
+    A name must not contain the characters `without` either.
     """
     if not isinstance(name, str):
         return f"a name is a text, got {shown(name)}."

@@ -15,7 +15,7 @@ from symmb._names import did_you_mean, shown
 from symmb._types import Array
 
 
-def constructor_text(instance: Any, *leading: str, name: str | None = None) -> str:
+def constructor_text(instance: Any, *leading: str) -> str:
     """The call that makes an options object; fields at their defaults are left out.
 
     ``leading`` are texts for the first fields, shown as they are ("" shows nothing).
@@ -25,7 +25,7 @@ def constructor_text(instance: Any, *leading: str, name: str | None = None) -> s
         for option in fields(instance)[len(leading) :]
         if option.default is MISSING or getattr(instance, option.name) != option.default
     ]
-    return f"{name or type(instance).__name__}({', '.join([*filter(None, leading), *options])})"
+    return f"{type(instance).__name__}({', '.join([*filter(None, leading), *options])})"
 
 
 def number_text(value: float) -> str:

@@ -46,16 +46,9 @@ class Spec:
 
 
 def read_spec(text: str, specs: Sequence[Spec], what: str) -> Any:
-    """The object that a text stands for.
+    """The object of a kind that a text stands for, by the forms that are known.
 
-    Parameters
-    ----------
-    specs : the forms that are known
-    what : str      the kind of object, for messages
-
-    Raises
-    ------
-    DeclarationError    if the text has no known form, or its numbers are out of range
+    It raises DeclarationError if the text has none of these forms, or its numbers are out of range.
     """
     for spec in specs:
         match = spec.matches(text)

@@ -87,8 +87,7 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     Raises
     ------
     DeclarationError        if it is none of these, or what it has to run cannot be pickled
-    SimulationError         if an executor that was handed in as an object breaks, or if a function makes broken ones;
-                            if it returns other results than those of its tasks, or raises
+    SimulationError         if an executor breaks that no function makes anew, raises, or returns other results
     """
     if executor is None:
         yield from enumerate(map(f, items))

@@ -55,16 +55,10 @@ class FMURunner:
     _t: float = field(default=0.0, init=False)
 
     def __call__(self, values: Mapping[str, float], folder: Path, again: bool) -> Array:
-        """Outputs (n_t, n_y) of a run with these parameters.
+        """Outputs (n_t, n_y) of a run with these parameters, of the FMU that was extracted to a folder.
 
-        Parameters
-        ----------
-        folder : that the FMU was extracted to
-        again : reset the instance of the run before, if that went well; otherwise a new one is made
-
-        Raises
-        ------
-        SimulationError     if the run fails
+        Where `again` is True and the run before went well, its instance is reset; otherwise a new one is made. It
+        raises SimulationError if the run fails.
         """
         listen()
         begin = time.perf_counter()

@@ -160,26 +160,18 @@ def _code_parts(thing: types.ModuleType | types.FunctionType | type) -> Iterator
     elif _has_name(thing):
         yield f"{thing.__module__}.{thing.__qualname__}".encode()
     elif isinstance(thing, types.FunctionType):
-        yield from _function_parts(thing)
+        yield from ((part,) for part in (thing.__code__, thing.__defaults__, thing.__kwdefaults__, vars(thing)))
+        for cell in thing.__closure__ or ():
+            try:
+                yield (cell.cell_contents,)
+            except ValueError:  # a name that has no value yet
+                yield (None,)
+        for name in sorted(_global_names(thing.__code__)):
+            yield from ((name,), (thing.__globals__.get(name, getattr(builtins, name, None)),))
     else:
         yield thing.__qualname__.encode()
         yield (thing.__bases__,)
         yield from _pairs({name: member for name, member in vars(thing).items() if _is_member(name, member)})
-
-
-def _function_parts(f: types.FunctionType) -> Iterator[tuple[Any]]:
-    yield (f.__code__,)
-    yield (f.__defaults__,)
-    yield (f.__kwdefaults__,)
-    yield (vars(f),)
-    for cell in f.__closure__ or ():
-        try:
-            yield (cell.cell_contents,)
-        except ValueError:  # a name that has no value yet
-            yield (None,)
-    for name in sorted(_global_names(f.__code__)):
-        yield (name,)
-        yield (f.__globals__.get(name, getattr(builtins, name, None)),)
 
 
 def _global_names(code: types.CodeType) -> set[str]:

@@ -186,22 +186,17 @@ def _csv(path: Path) -> Mapping[str, Any]:
         mark = max(",;\t", key=header.count)
         names = [name.strip().strip('"') for name in header.rstrip("\r\n").split(mark)]
         rows = [row for row in csv.reader(file, delimiter=mark) if row]
-    _require_columns(names, rows)
-    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
-
-
-def _require_columns(names: list[str], rows: list[list[str]]) -> None:
-    """Names must differ, and each row must have one value for each."""
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise SimulationError(f"two columns {twice[0]!r}")
-    short = next((k for k, row in enumerate(rows) if len(row) < len(names)), None)
-    if short is not None:
-        raise SimulationError(f"line {short + 2} has {len(rows[short])} values for {len(names)} columns")
-    long = next((k for k, row in enumerate(rows) if any(cell.strip() for cell in row[len(names) :])), None)
-    if long is not None:
-        raise SimulationError(
-            f"line {long + 2} has {len(rows[long])} values for {len(names)} columns; decimal commas may be the reason"
-        )
+    for k, row in enumerate(rows):
+        if len(row) < len(names):
+            raise SimulationError(f"line {k + 2} has {len(row)} values for {len(names)} columns")
+    for k, row in enumerate(rows):
+        if any(cell.strip() for cell in row[len(names) :]):
+            raise SimulationError(
+                f"line {k + 2} has {len(row)} values for {len(names)} columns; decimal commas may be the reason"
+            )
+    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
 def _json(path: Path) -> Mapping[str, Any]:

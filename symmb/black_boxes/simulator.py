@@ -194,21 +194,14 @@ def stream(
     progress: Progress | None = None,
     block: int = BLOCK,
 ) -> S:
-    """The body of every ``Simulator.stream``: run blocks of samples and merge their states in block order.
+    """The body of every ``Simulator.stream``: run blocks of samples P (N, d) and merge their states in block order.
 
     Parameters
     ----------
     simulator : picklable if the executor runs in other processes
-    P : (N, d) parameter values
-    reduction : of each block
     executor : as for `executors.finished`
     progress : called after each block with the finished samples and all
     block : samples of a block; must not depend on the executor
-
-    Raises
-    ------
-    DeclarationError
-        If P does not have one column of numbers for each parameter.
     """
     P = checked_samples(simulator, P, progress)
     tasks = [(P[indices], indices) for indices in blocks(len(P), block)]
@@ -224,13 +217,7 @@ def stream(
 
 
 class Merging(Generic[S]):
-    """The state of blocks that are merged in their order.
-
-    Attributes
-    ----------
-    state : that of the blocks so far
-    count : how many blocks these are
-    """
+    """The state of the blocks so far, which are merged in their order, and how many they are."""
 
     def __init__(self, reduction: Reduction[S], progress: Progress | None, P: Array) -> None:
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")

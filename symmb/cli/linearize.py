@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import symmb as mb
 from symmb._progress import Progress
-from symmb.cli.assignments import add_set, scene_and_parameters
 from symmb.cli.result_path import result_paths, write_results
+from symmb.cli.scene_file import add_set, scene_and_parameters
 
 
 def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:

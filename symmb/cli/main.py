@@ -16,7 +16,6 @@ from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._progress import Progress
 from symmb._specs import Spec
 from symmb.bounds import METHODS
-from symmb.cli.assignments import add_set, scene_and_parameters
 from symmb.cli.bound import add_bound
 from symmb.cli.compare import add_compare
 from symmb.cli.completion import add_completion
@@ -24,7 +23,7 @@ from symmb.cli.export import add_export
 from symmb.cli.linearize import add_linearize
 from symmb.cli.result_path import result_path, result_paths, write_results
 from symmb.cli.runs import add_runs
-from symmb.cli.scene_file import load_scene, shipped_names
+from symmb.cli.scene_file import add_set, load_scene, scene_and_parameters, shipped_names
 from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import cache
 from symmb.drawing import FORMATS

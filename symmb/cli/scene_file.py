@@ -1,5 +1,6 @@
-"""Scenes from a Python or URDF file, or by name: errors are told in one sentence."""
+"""Scenes from a Python or URDF file, or by name, and the option `--set`: errors are told in one sentence."""
 
+import argparse
 import importlib.util
 import sys
 import traceback
@@ -11,8 +12,9 @@ from types import ModuleType
 from symmb import models
 from symmb._errors import DeclarationError, SymmbError, text_of
 from symmb._names import did_you_mean
+from symmb._options import shown
 from symmb.black_boxes import Simulator
-from symmb.cli.urdf_scene import urdf_scene
+from symmb.cli.urdf_scene import parameter_name, urdf_scene
 from symmb.model import Box, Scene
 
 _MODELS = Path(models.__path__[0])
@@ -33,6 +35,30 @@ def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
 def is_urdf(given: str) -> bool:
     """Whether a scene is a URDF file."""
     return given.lower().endswith(".urdf")
+
+
+def add_set(command: argparse.ArgumentParser) -> None:
+    """Add the option to a command."""
+    text = "parameters that are not nominal"
+    command.add_argument("--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help=text)
+
+
+def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, float]]:
+    """The scene of a command, and the parameters that --set gives; of a URDF file these are its numbers.
+
+    It raises DeclarationError if a text is not of the form name=number, or the scene cannot be loaded.
+    """
+    values = dict[str, float]()
+    for text in options.set:
+        name, _, value = text.partition("=")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise DeclarationError(f"--set takes name=number, got {shown(text)}.") from None
+    scene = load_scene(options.scene, values)
+    if is_urdf(options.scene):
+        values = {parameter_name(name): value for name, value in values.items()}
+    return scene, values
 
 
 def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:

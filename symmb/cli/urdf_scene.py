@@ -21,14 +21,8 @@ def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
     """The machine on its base under gravity, at rest in its zero pose, without motors, for two seconds.
 
     Outputs are the values of its joints, and the positions of bodies that move freely or in a plane.
-
-    Parameters
-    ----------
-    numbers : names of the numbers of the file that become parameters, named as `parameter_name` tells
-
-    Raises
-    ------
-    DeclarationError       if the file has faults, it has no such number, or nothing in it moves
+    `numbers` name those numbers of the file that become parameters, as `parameter_name` tells. It raises
+    DeclarationError if the file has faults, it has no such number, or nothing in it moves.
     """
     names = {name: parameter_name(name) for name in numbers}
     if len(set(names.values())) < len(names):

@@ -1,4 +1,4 @@
-"""FMUs of scenes, for FMI 2 and FMI 3."""
+"""Scenes for other programs: FMUs, for FMI 2 and FMI 3, and C source of runs with a main program."""
 
 import platform
 import re
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from symmb._errors import DeclarationError
 from symmb._options import shown
-from symmb.codegen import c_source, portable_library, scene_source
+from symmb.codegen import C_FOLDER, c_source, portable_library, scene_source
 from symmb.exchange.description import BINARY_FILES, build_description, description
 from symmb.exchange.exported import exported
 from symmb.files import replacement, require_suffix
@@ -80,6 +80,19 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     with replacement(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
             archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
+
+
+def save_scene_c(scene: Scene | DAESimulator, folder: Path) -> tuple[Path, ...]:
+    """Write scene.h, scene.c and main.c, which runs the scene over its times, to a folder that exists.
+
+    It raises DeclarationError if something of the scene needs Python.
+    """
+    model = exported(scene)
+    texts = scene_source(model.source) | {"main.c": (C_FOLDER / "main.c").read_text(encoding="utf-8")}
+    for name, text in texts.items():
+        with replacement(folder / name) as file:
+            file.write(text.encode())
+    return tuple(folder / name for name in texts)
 
 
 def _platform(version: int) -> tuple[str, str]:

@@ -156,17 +156,13 @@ def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) 
 
 def largest_error(curve: PlottedBounds, measured: Mask) -> float:
     """Mean error over the outputs that count; infinite where it is not a number."""
-    error = _or_infinite(curve.error[measured])
+    error = np.nan_to_num(curve.error[measured], nan=np.inf, posinf=np.inf)
     return float(error.mean()) if error.size else 0.0
-
-
-def _or_infinite(error: Array) -> Array:
-    return np.where(np.isnan(error), np.inf, error)
 
 
 def hardest_outputs(curves: Sequence[PlottedBounds], measured: Mask) -> list[int]:
     """The outputs to draw, in their order: those with the largest median error."""
     if len(measured) <= MOST_PANELS or not curves:
         return list(range(min(len(measured), MOST_PANELS)))
-    median = np.median([_or_infinite(curve.error) for curve in curves], axis=0)
+    median = np.median([np.nan_to_num(curve.error, nan=np.inf, posinf=np.inf) for curve in curves], axis=0)
     return sorted(np.argsort(np.where(measured, -median, 1.0), kind="stable")[:MOST_PANELS].tolist())

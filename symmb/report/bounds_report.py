@@ -15,8 +15,7 @@ from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
 from symmb.report import document
-from symmb.report.assumptions import again, assumed, called, seed
-from symmb.report.document import section
+from symmb.report.document import again, assumed, called, section, seed
 from symmb.simulation import SceneSimulator, simulate
 
 _NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
@@ -34,10 +33,7 @@ def write_bounds(
 ) -> None:
     """Write the report of bounds; see `Bounds.report`.
 
-    Parameters
-    ----------
-    command                a command that repeats the bounds, in the place of lines of Python
-    contributions          those of the bounds, if they are known: they may take further runs
+    A `command` repeats the bounds, in the place of lines of Python. Contributions that are not known may take runs.
     """
     require_suffix(path, ".html")
     check = None if limits is None else bounds.check(limits)

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from symmb.files import require_suffix
 from symmb.report import document
-from symmb.report.assumptions import again, assumed, called, seed
-from symmb.report.document import section
+from symmb.report.document import again, assumed, called, section, seed
 from symmb.study import Comparison
 
 

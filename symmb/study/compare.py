@@ -1,21 +1,43 @@
-"""Comparison of a scene or a simulator in one call."""
+"""Comparison of methods: their bounds, and their errors, run times and coverage."""
 
+import logging
+import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, cast
 
-from symmb._errors import warn_of
-from symmb._interrupts import kept_interrupts
+import numpy as np
+
+from symmb._errors import PropagationError, SimulationError, warn_of
+from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable
-from symmb._progress import shown
+from symmb._progress import RunProgress, shown
 from symmb._types import Array, Executor, Expr
-from symmb.black_boxes import Simulator
-from symmb.bounds import Bounds, Method, require_method, units_of
+from symmb.black_boxes import Simulator, StoredSimulator, noise_from_runs
+from symmb.bounds import METHODS, Bounds, Method, checked, doubted, parameter_samples, require_method, units_of
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import SceneSimulator, simulator_of
 from symmb.study.comparison_result import Comparison
-from symmb.study.measurement import compare_simulator
+from symmb.study.enclosed import Limits
+from symmb.study.metrics import Yardstick
+from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs
+from symmb.study.row import LONG, NotRun, Row
+
+_REPEATS, _ENOUGH = 3, 0.1
+"""Least number of runs whose median is the run time. Short runs are repeated until they take this long together [s]."""
+_LANES = 8
+"""Runs in a vector of the engine."""
+_UNCERTAIN = 0.05
+"""Uncertainty of the reference, over the width, above which errors are doubtful."""
+_WARM_UP = 0.5
+"""Time below which the first run does not count [s]. A longer one counts: the median leaves it out."""
+
+_LOG = logging.getLogger("symmb")
+
+Progress = Callable[[str, int, int], None]
+"""Called with the label of the work, the runs that are done and all its runs."""
 
 
 def compare(
@@ -114,3 +136,224 @@ def _methods(given: Any) -> tuple[Method, ...]:
     for method in methods:
         require_method("compare", method)
     return cast(tuple[Method, ...], methods)
+
+
+def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
+    """Several settings of each suitable method: points of curves of error against run time."""
+    methods = [method for entry in METHODS for method in entry.compared(len(box.names))]
+    return tuple(method for method in methods if not method.requires or hasattr(simulator, method.requires))
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """A method that ran: its bounds without polynomials, its run time [s], and what check runs say against them."""
+
+    bounds: Bounds
+    seconds: float
+    doubts: tuple[str, ...]
+
+
+def compare_simulator(
+    simulator: Simulator,
+    methods: Sequence[Method] | None,
+    box: Box,
+    reference: Method | Bounds | None = None,
+    *,
+    tighter: Simulator | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    **about: Any,
+) -> Comparison:
+    """Run each method over the box, and score its bounds with the reference's; see `compare`.
+
+    Without `tighter`, the same simulator with a ten times tighter tolerance, the reference has the error of the solver.
+    `about` are attributes of the Comparison that the caller knows.
+    """
+    repeats = 1 if isinstance(simulator, StoredSimulator) else _REPEATS  # a second time runs would be read, not made
+    about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": repeats, **about}
+    if methods is None:
+        methods = default_methods(simulator, box)
+    exact = simulator if tighter is None else tighter
+    runs = affordable_runs(_seconds_a_run(exact)) if reference is None else RUNS
+    _LOG.info(_announcement(methods, box, reference, runs, repeats))
+    found = find_reference(
+        exact, box, reference, runs=runs, executor=executor, progress=_labelled(progress, "reference")
+    )
+    ran, not_run = list[_Measured](), list[NotRun]()
+    try:
+        for method in methods:
+            result = _measured(method, simulator, box, repeats, executor, _labelled(progress, repr(method)))
+            if isinstance(result, NotRun):
+                not_run.append(result)
+            else:
+                ran.append(result)
+    except KeyboardInterrupt as interrupt:
+        if ran:
+            not_run += [NotRun(repr(left), "interrupted") for left in methods[len(ran) + len(not_run) :]]
+            carry(interrupt, _comparison(simulator, box, found, ran, not_run, about))
+        raise
+    if not ran:
+        reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
+        raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
+    if tighter is None:
+        difference, noise = None, noise_from_runs(simulator)
+    else:  # at the centre and at two opposite corners of the box
+        points = parameter_samples(simulator, box, np.outer([0.0, -1.0, 1.0], np.ones(len(box))))
+        difference = simulator.run(points).Y - tighter.run(points).Y
+        noise = np.nan_to_num(np.abs(difference)).max(axis=(0, 1))
+    found = replace(found, noise=noise)
+    found, about["solver_error"], about["doubts"] = _confronted(found, reference, [x.bounds for x in ran], difference)
+    return _comparison(simulator, box, found, ran, not_run, about)
+
+
+def _measured(
+    method: Method,
+    simulator: Simulator,
+    box: Box,
+    repeats: int,
+    executor: Executor | None,
+    progress: RunProgress | None,
+) -> _Measured | NotRun:
+    try:
+        bounds, seconds = _timed(partial(method.bounds, simulator, box, executor=executor, progress=progress), repeats)
+    except (PropagationError, SimulationError) as error:
+        return NotRun(repr(method), str(error).removeprefix(f"{method!r}: "))
+    bounds = doubted(simulator, box, bounds)
+    return _Measured(bounds, seconds, checked(method, simulator, box, bounds, executor).doubts)
+
+
+def _confronted(
+    found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
+) -> tuple[Reference, Array | None, list[str]]:
+    """The reference with what runs attained, within proved bounds; the solver's error; contradictions of the proofs."""
+    joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
+    attained = found if given is None or given.kind == "sampled" else None
+    limits = Limits.of(bounds)
+    if limits is not None:
+        joint = limits.limit(joint, attained is not None)
+    solver_error = None if difference is None else joint.yardstick.relative(difference)
+    faults = [] if limits is None else limits.faults(bounds, attained, joint.yardstick, solver_error)
+    return joint, solver_error, faults
+
+
+def _comparison(
+    simulator: Simulator,
+    box: Box,
+    reference: Reference,
+    ran: Sequence[_Measured],
+    not_run: Sequence[NotRun],
+    about: Mapping[str, Any],
+) -> Comparison:
+    """The rows, whose doubts contain what check runs say, and doubts about the rest: it measures errors."""
+    known = tuple(getattr(simulator, "doubts", ()))
+    doubts = *known, *_doubts_of([each.bounds for each in ran], known), *_doubt_of_reference(simulator, reference)
+    about = {**about, "doubts": (*doubts, *about.get("doubts", ()))}
+    return Comparison(
+        times=np.asarray(simulator.times, dtype=float),
+        outputs=tuple(simulator.outputs),
+        box=box,
+        reference=reference,
+        rows=tuple(_row(measured, reference.yardstick, about.get("setup_seconds")) for measured in ran),
+        not_run=tuple(not_run),
+        **about,
+    )
+
+
+def _doubts_of(scored: Sequence[Bounds], known: Sequence[str]) -> list[str]:
+    """The doubts about the bounds, beyond those known, with the methods that they are about."""
+    about = dict[str, list[str]]()
+    for bounds in scored:
+        for doubt in replace(bounds, failed=()).doubts:  # a comparison tells failed runs together
+            about.setdefault(doubt, []).append(bounds.method)
+    return [
+        doubt if len(methods) == len(scored) > 1 else f"{' and '.join(methods)}: {doubt}"
+        for doubt, methods in about.items()
+        if doubt not in known
+    ]
+
+
+def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]:
+    """The outputs whose reference is so uncertain that errors of methods cannot be told."""
+    uncertain = np.flatnonzero((reference.uncertainty > _UNCERTAIN) & ~reference.yardstick.zero_width)
+    if not uncertain.size:
+        return []
+    names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
+    return [
+        f"The reference {reference.method} is uncertain: {names} of the width. Smaller errors are not known, and "
+        "bounds that miss it by less count as covering it. Give another, such as PolynomialChaos(tolerance=1e-3)."
+    ]
+
+
+def _row(measured: _Measured, yardstick: Yardstick, setup_seconds: float | None) -> Row:
+    bounds = measured.bounds
+    return Row(
+        name=bounds.method,
+        kind=bounds.kind,
+        evaluations=bounds.evaluations,
+        failed=len(bounds.failed),
+        setup_seconds=setup_seconds,
+        run_seconds=measured.seconds,
+        lower=bounds.lower,
+        upper=bounds.upper,
+        estimate=bounds.estimate,
+        inner=bounds.inner,
+        score=yardstick.score(bounds.lower, bounds.upper, bounds.estimate),
+        failure=str(bounds.failed[0]) if bounds.failed else "",
+        failed_region=bounds.failed_region,
+        caution=bounds.caution,
+        doubts=measured.doubts,
+    )
+
+
+def _seconds_a_run(simulator: Simulator) -> float:
+    """Time of a run at the nominal parameters, as one of many in lanes and on threads [s]."""
+    P = np.array([[*simulator.parameters.values()]])
+    if isinstance(simulator, StoredSimulator):
+        return simulator.run_seconds(P[0])
+    if hasattr(simulator, "prepare"):
+        simulator.prepare()  # pyright: ignore[reportAttributeAccessIssue]
+    begin = time.perf_counter()
+    _ = simulator.run(P).Y
+    seconds = time.perf_counter() - begin
+    return seconds / (_LANES * simulator.threads) if getattr(simulator, "compiled", False) else seconds  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _announcement(
+    methods: Sequence[Method], box: Box, reference: Method | Bounds | None, runs: int, repeats: int
+) -> str:
+    """How many runs a comparison makes, and whether there are fewer because they are slow."""
+    d = len(box)
+    known = [method.planned_runs(d) for method in methods]
+    open_ended = [repr(method) for method, number in zip(methods, known, strict=True) if number is None]
+    parts = [f"{sum(filter(None, known))} for the methods"]
+    if open_ended:
+        parts.append(f"as many as they choose for {', '.join(open_ended)}")
+    fewer = ""
+    if reference is None:
+        parts.insert(0, f"{planned_runs(d, runs)} runs for the reference")
+        fewer = f" The reference takes {planned_runs(d)} runs where runs are faster." if runs < RUNS else ""
+    elif isinstance(reference, Method):
+        parts.insert(0, f"{reference.planned_runs(d) or 'some'} runs for the reference {reference!r}")
+    often = f"{_REPEATS} times or more for its run time, and once if it takes {LONG:g} s" if repeats > 1 else "once"
+    return f"This comparison makes {', '.join(parts)}.{fewer} Each method runs {often}."
+
+
+def _timed(run: Callable[[], Bounds], repeats: int = _REPEATS) -> tuple[Bounds, float]:
+    """The bounds, and the median duration of warm runs [s]; of the only run if it takes long."""
+    bounds, seconds = _once(run)
+    if seconds > LONG or repeats == 1:
+        return bounds, seconds
+    durations = [] if seconds < _WARM_UP else [seconds]
+    while len(durations) < repeats or sum(durations) < _ENOUGH:
+        durations.append(_once(run)[1])
+    return bounds, float(np.median(durations))
+
+
+def _once(run: Callable[[], Bounds]) -> tuple[Bounds, float]:
+    start = time.perf_counter()
+    bounds = run()
+    return bounds, time.perf_counter() - start
+
+
+def _labelled(progress: Progress | None, label: str) -> RunProgress | None:
+    return None if progress is None else RunProgress(progress, label)

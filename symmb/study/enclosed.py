@@ -53,11 +53,8 @@ class Limits:
     ) -> list[str]:
         """Sentences about runs that are outside, and about bounds that are outside by more than their estimates.
 
-        Parameters
-        ----------
-        attained : the reference as it was found, if its bounds are values of runs
-        yardstick : the reference's
-        solver_error : (n_y,) in the norm of `Score.error`; None where it is not known
+        `attained` is the reference as it was found, if its bounds are values of runs, and `solver_error` (n_y,) is in
+        the norm of `Score.error`.
         """
         error = np.zeros(len(bounds[0].names)) if solver_error is None else _SOLVER * solver_error
         slack = replace(yardstick, uncertainty=error).slack

@@ -105,7 +105,18 @@ def find_reference(
     PropagationError    if given bounds do not fit the simulator's times and outputs, or bounds are infinite
     """
     if isinstance(reference, Bounds):
-        return _of_bounds(_fitting(reference, simulator), seconds=None)
+        if tuple(reference.names) != tuple(simulator.outputs):
+            raise PropagationError(
+                f"The reference is of {', '.join(reference.names)}, the outputs are {', '.join(simulator.outputs)}. "
+                "Give a reference of the same outputs in the same order."
+            )
+        t, times = reference.t, simulator.times
+        if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=1e-9):
+            raise PropagationError(
+                f"The reference holds {len(t)} times from {t[0]:g} to {t[-1]:g} s, the simulator {len(times)} from "
+                f"{times[0]:g} to {times[-1]:g} s. Give both the same times."
+            )
+        return _of_bounds(reference, seconds=None)
     start = time.perf_counter()
     if reference is not None:
         bounds = reference.bounds(simulator, box, executor=executor, progress=progress)
@@ -208,18 +219,3 @@ def _of_bounds(bounds: Bounds, seconds: float | None) -> Reference:
         failed=len(bounds.failed),
         seconds=seconds,
     )
-
-
-def _fitting(bounds: Bounds, simulator: Simulator) -> Bounds:
-    if tuple(bounds.names) != tuple(simulator.outputs):
-        raise PropagationError(
-            f"The reference is of {', '.join(bounds.names)}, the outputs are {', '.join(simulator.outputs)}. "
-            "Give a reference of the same outputs in the same order."
-        )
-    if len(bounds.t) != len(simulator.times) or not np.allclose(bounds.t, simulator.times, rtol=0.0, atol=1e-9):
-        raise PropagationError(
-            f"The reference holds {len(bounds.t)} times from {bounds.t[0]:g} to {bounds.t[-1]:g} s, "
-            f"the simulator {len(simulator.times)} from {simulator.times[0]:g} to {simulator.times[-1]:g} s. "
-            "Give both the same times."
-        )
-    return bounds

@@ -37,6 +37,8 @@ WRONG_ENERGY = 0.5
 from nowhere."""
 _TICK = 0.2
 """Time between two looks at the running trials [s]: short beside a trial, long beside a look."""
+_WORKERS = 2
+"""Trials that run side by side."""
 _SETUP = 15.0
 """Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
 _DRIFT = entry(Record.size, None)
@@ -217,7 +219,7 @@ class _Running:
     done: int = 0
 
 
-def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 2) -> Iterator[Trial]:
+def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Trial]:
     """The trials of all jobs, as they end.
 
     A trial that takes longer than the limit [s] with its set-up is stopped, and the slower ones of its job are left
@@ -232,7 +234,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
     running: list[_Running] = []
     try:
         while pending or running:
-            while pending and len(running) < workers:
+            while pending and len(running) < _WORKERS:
                 job = pending.pop(0)
                 if time.monotonic() < deadline:
                     running.append(_begin(job))

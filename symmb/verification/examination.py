@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from symmb._types import Array, Indices, Mask
+from symmb._types import Array, Mask
 from symmb.formulations import Formulation
 from symmb.integrate import CVODES, Run, refined
 from symmb.model import DAE
@@ -86,7 +86,10 @@ class Examination:
     @classmethod
     def of(cls, way: Way, p: Array, t: Array, x: Array, work: Array, is_close: bool = False) -> "Examination":
         """Of a run with states x (m, n_x): at all its times, or evenly chosen ones if they are many."""
-        some = _evenly(way.bodies.dae, _known(x))
+        known = _known(x)
+        end = len(known) - 1 if known.all() else int(known.argmin())  # the first time behind a failure
+        number = min(_number(way.bodies.dae), end + 1)
+        some = np.unique(np.append(np.linspace(0, end, number).astype(np.intp), max(end - 1, 0)))
         if len(some) < len(t):
             t, x, work = t[some], x[some], work[some]
         return cls(way, p, t, x, work, is_close)
@@ -272,9 +275,3 @@ def _number(dae: DAE) -> int:
 def _known(x: Array) -> Mask:
     """Which states (m, n_x) are known."""
     return np.atleast_1d(np.isfinite(x).all(axis=1))
-
-
-def _evenly(dae: DAE, known: Mask) -> Indices:
-    """Of many times, some of those before a failure, and the first one behind it."""
-    end = len(known) - 1 if known.all() else int(known.argmin())
-    return np.unique(np.append(np.linspace(0, end, min(_number(dae), end + 1)).astype(np.intp), max(end - 1, 0)))

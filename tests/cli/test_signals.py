@@ -20,7 +20,7 @@ import symmb as mb
 from symmb import _cleanup
 from symmb._interrupts import kept_interrupts
 from symmb.cli.main import main
-from symmb.study import measurement
+from symmb.study import compare
 
 T = np.linspace(0.0, 1.0, 5)
 
@@ -98,7 +98,7 @@ def test_so_does_one_that_is_interrupted_in_its_check_runs(monkeypatch):
             raise KeyboardInterrupt
         return bounds
 
-    monkeypatch.setattr(measurement, "checked", interrupted)
+    monkeypatch.setattr(compare, "checked", interrupted)
     with pytest.raises(KeyboardInterrupt) as caught:
         mb.compare(Interrupted(10**9), [mb.Vertex(), mb.Scanning(5)], BOX, mb.Scanning(3))
     partial = caught.value.partial

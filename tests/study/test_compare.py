@@ -10,8 +10,8 @@ import pytest
 from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 
 import symmb as mb
-from symmb.study import measurement as compare
-from symmb.study.measurement import compare_simulator, default_methods
+from symmb.study import compare
+from symmb.study.compare import compare_simulator, default_methods
 
 T = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(k=(0.5, 1.5))

@@ -9,7 +9,7 @@ from small_scenes import state
 
 import symmb as mb
 from symmb.bounds.method import Method
-from symmb.study import measurement
+from symmb.study import compare
 
 T = np.linspace(0.0, 2.0, 9)
 BOX = mb.Box(k=(0.9, 1.1))
@@ -61,7 +61,7 @@ def test_the_reference_is_proved_to_be_near_the_true_bounds(tmp_path):
 
 
 def test_a_reference_ends_where_proved_bounds_end():
-    found = measurement.compare_simulator(mb.DAESimulator(_decay()), [mb.TaylorModel(order=6)], BOX, Claim(off=0.2))
+    found = compare.compare_simulator(mb.DAESimulator(_decay()), [mb.TaylorModel(order=6)], BOX, Claim(off=0.2))
     np.testing.assert_allclose(np.hstack([found.reference.lower, found.reference.upper]), TRUE, atol=1e-6)
     assert found.reference.proved is None  # what is not attained may miss either way
 
