@@ -8,10 +8,10 @@ import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb.black_boxes import Simulator
-from symmb.bounds import limit_pairs, read_method
+from symmb.bounds import limit_pairs
+from symmb.cli import specs
 from symmb.cli.result_path import result_paths, write_results
 from symmb.cli.scene_file import load_subject
-from symmb.integrate import read_solver
 from symmb.report import write_bounds
 
 _NO_CONTRIBUTIONS = "Contributions of parameters take further runs here: --contributions makes them."
@@ -40,8 +40,8 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
 
 
 def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
-    method = read_method(options.method)
-    solver = None if options.solver is None else read_solver(options.solver)
+    method = specs.method(options.method)
+    solver = None if options.solver is None else specs.solver(options.solver)
     paths = result_paths(options)
     limits = _limits(options)
     subject, own = load_subject(options.scene)

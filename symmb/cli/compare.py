@@ -14,11 +14,10 @@ from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb._types import Executor
 from symmb.black_boxes import Simulator
-from symmb.bounds import read_method
+from symmb.cli import specs
 from symmb.cli.result_path import result_paths, write_results
 from symmb.cli.scene_file import is_urdf, load_subject
 from symmb.cli.urdf_scene import parameter_name
-from symmb.integrate import read_solver
 from symmb.report import write_comparison
 
 
@@ -56,8 +55,8 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
 
 
 def _compare(options: argparse.Namespace) -> tuple[str, ...]:
-    methods = None if options.methods is None else [read_method(text) for text in options.methods]
-    solver = None if options.solver is None else read_solver(options.solver)
+    methods = None if options.methods is None else [specs.method(text) for text in options.methods]
+    solver = None if options.solver is None else specs.solver(options.solver)
     paths = result_paths(options)
     if options.workers is not None and options.workers < 1:
         raise DeclarationError(f"--workers takes a number of processes from 1 on, got {options.workers}.")

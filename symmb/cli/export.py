@@ -8,10 +8,10 @@ from pathlib import Path
 import symmb as mb
 from symmb._errors import DeclarationError, SymmbWarning
 from symmb._progress import Progress
+from symmb.cli import specs
 from symmb.cli.result_path import result_path
 from symmb.cli.scene_file import load_scene
 from symmb.exchange import save_scene_c
-from symmb.integrate import read_solver
 from symmb.simulation import prepare_equations
 
 
@@ -36,7 +36,7 @@ def _codegen(options: argparse.Namespace) -> None:
     folder = Path(options.output)
     if folder.exists() and not folder.is_dir():
         raise DeclarationError(f"{folder} is a file; -o takes the folder that the C files go to.")
-    solver = None if options.solver is None else read_solver(options.solver)
+    solver = None if options.solver is None else specs.solver(options.solver)
     scene = load_scene(options.scene)
     with Progress("generating C"):
         equations = prepare_equations(scene)
@@ -52,7 +52,7 @@ def _codegen(options: argparse.Namespace) -> None:
 
 def _fmu(options: argparse.Namespace) -> None:
     result_path(options.output, ".fmu")
-    solver = None if options.solver is None else read_solver(options.solver)
+    solver = None if options.solver is None else specs.solver(options.solver)
     scene = load_scene(options.scene)
     with Progress(f"exporting {scene.name}"):
         mb.save_fmu(scene if solver is None else mb.prepare(scene, solver), options.output, options.fmi)

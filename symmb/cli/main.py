@@ -14,8 +14,7 @@ import symmb as mb
 from symmb._cleanup import remove_left_folders
 from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._progress import Progress
-from symmb._specs import Spec
-from symmb.bounds import METHODS
+from symmb.cli import specs
 from symmb.cli.bound import add_bound
 from symmb.cli.compare import add_compare
 from symmb.cli.completion import add_completion
@@ -27,7 +26,6 @@ from symmb.cli.scene_file import add_set, load_scene, scene_and_parameters, ship
 from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import cache
 from symmb.drawing import FORMATS
-from symmb.integrate import SOLVERS, WORDS, read_solver
 from symmb.model import equations_text
 
 _PACKAGE = Path(mb.__file__).parent
@@ -91,7 +89,7 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
-    solver = None if options.solver is None else read_solver(options.solver)
+    solver = None if options.solver is None else specs.solver(options.solver)
     paths = result_paths(options)
     scene, parameters = scene_and_parameters(options)
     with Progress(f"simulating {scene.name}"):
@@ -155,15 +153,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help.\n")
 
 
-def _table(title: str, specs: Sequence[Spec]) -> str:
-    """The forms and their meanings, for `--help`."""
-    width = max(len(spec.form) for spec in specs) + 2
-    return "\n".join([f"{title}:", *(f"  {spec.form.ljust(width)}{spec.text}" for spec in specs)])
-
-
 def _parser() -> argparse.ArgumentParser:
-    words = f"  Words that may follow: {', '.join(WORDS)}; as in dopri:1e-8:projection."
-    methods, solvers = _table("methods", METHODS), f"{_table('solvers', SOLVERS)}\n{words}"
+    methods, solvers = specs.method_table(), specs.solver_table()
     parser = _Parser(
         prog="symmb",
         description="Symbolic multibody dynamics with interval parameters.",

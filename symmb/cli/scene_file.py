@@ -141,14 +141,9 @@ def _foreign(path: Path) -> Iterator[None]:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise DeclarationError(f"{path} raised {_sentence(error, path)}") from error
+        frames = traceback.extract_tb(error.__traceback__)  # a SyntaxError contains its line
+        lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
+        where = f" (line {lines[-1]})" if lines else ""
+        raise DeclarationError(f"{path} raised {text_of(error)}{where}.") from error
     finally:
         sys.path = before
-
-
-def _sentence(error: BaseException, path: Path) -> str:
-    """Kind and text of an error, and its last line in the file. A SyntaxError contains its line."""
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
-    where = f" (line {lines[-1]})" if lines else ""
-    return f"{text_of(error)}{where}."

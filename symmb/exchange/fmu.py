@@ -75,7 +75,9 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     files |= {f"sources/{name}": text.encode() for name, text in texts.items()}
     if version == 3:
         files["sources/buildDescription.xml"] = build_description(identifier)
-    folder, suffix = _platform(version)
+    of_two, of_three, suffix = _SYSTEMS["darwin" if sys.platform == "darwin" else "linux"]
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    folder = f"{of_two}64" if version == 2 else f"{machine}-{of_three}"
     files[f"binaries/{folder}/{identifier}{suffix}"] = portable_library(texts, BINARY_FILES)
     with replacement(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
@@ -93,10 +95,3 @@ def save_scene_c(scene: Scene | DAESimulator, folder: Path) -> tuple[Path, ...]:
         with replacement(folder / name) as file:
             file.write(text.encode())
     return tuple(folder / name for name in texts)
-
-
-def _platform(version: int) -> tuple[str, str]:
-    """The folder of binaries for this computer, and the suffix of libraries."""
-    of_two, of_three, suffix = _SYSTEMS["darwin" if sys.platform == "darwin" else "linux"]
-    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
-    return (f"{of_two}64" if version == 2 else f"{machine}-{of_three}"), suffix

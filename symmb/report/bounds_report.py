@@ -15,7 +15,7 @@ from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
 from symmb.model import Scene, equations_text
 from symmb.report import document
-from symmb.report.document import again, assumed, called, section, seed
+from symmb.report.document import assumed, called, section, seed
 from symmb.simulation import SceneSimulator, simulate
 
 _NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
@@ -71,7 +71,7 @@ def _parts(
     took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
     weighed = " A run with derivatives counts as many as they cost." if bounds.method.startswith("Taylor(") else ""
     yield section("What it cost", document.note(f"{bounds.evaluations} runs{took}.{weighed}"))
-    yield again(command or _python(bounds, scene, check))
+    yield section("To repeat it", html.text(command or _python(bounds, scene, check)))
 
 
 def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:

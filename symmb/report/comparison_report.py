@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from symmb import _html as html
 from symmb.files import require_suffix
 from symmb.report import document
-from symmb.report.document import again, assumed, called, section, seed
+from symmb.report.document import assumed, called, section, seed
 from symmb.study import Comparison
 
 
@@ -35,4 +36,4 @@ def _parts(comparison: Comparison, command: str) -> Iterator[str]:
     solver = f"solver={called(comparison.solver)}" if comparison.solver else ""
     call = ", ".join(filter(None, [subject, f"[{called(*methods)}]", called(repr(comparison.box)), solver]))
     lines = f'import symmb as mb\ncomparison = mb.compare({call})\ncomparison.report("report.html")'
-    yield again(command or lines)
+    yield section("To repeat it", html.text(command or lines))

@@ -155,8 +155,3 @@ def seed(method: str) -> str:
 def called(*texts: str) -> str:
     """Arguments of a call in Python from the texts of methods, boxes and solvers; empty ones are left out."""
     return ", ".join(_CALL.sub(r"mb.\1", text) for text in texts if text)
-
-
-def again(lines: str) -> str:
-    """How to find a result again: lines of Python, or a command."""
-    return section("To repeat it", html.text(lines))

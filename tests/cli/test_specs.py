@@ -6,10 +6,9 @@ import re
 import pytest
 
 import symmb as mb
-from symmb.bounds import METHODS, read_method
 from symmb.bounds.method import Method
+from symmb.cli import specs
 from symmb.cli.main import main
-from symmb.integrate import SOLVERS, read_solver
 from symmb.integrate.solver import Solver
 
 
@@ -28,15 +27,15 @@ def concrete(kind):
 
 
 def test_every_method_and_solver_has_a_spec():
-    made = {type(read_method(written(spec.form))) for spec in METHODS}
-    made |= {type(read_solver(written(spec.form))) for spec in SOLVERS}
+    made = {type(specs.method(written(spec.form))) for spec in specs.METHODS}
+    made |= {type(specs.solver(written(spec.form))) for spec in specs.SOLVERS}
     assert made == {*concrete(Method), *concrete(Solver)}
 
 
-@pytest.mark.parametrize("spec", METHODS, ids=lambda spec: spec.form)
+@pytest.mark.parametrize("spec", specs.METHODS, ids=lambda spec: spec.form)
 def test_a_methods_spec_reads_as_its_text_says(spec):
     text = re.sub(r"(R?TOL)|[A-Z]{4,}", lambda name: "0.125" if name[1] else "3", spec.text)
-    read = repr(read_method(written(spec.form)))
+    read = repr(specs.method(written(spec.form)))
     assert text.removesuffix(", adaptive") in (read, read.replace("(3)", "(order=3)"))
 
 
@@ -46,7 +45,7 @@ def test_help_prints_the_table(capsys):
             main(arguments)
         assert stop.value.code == 0
         shown = capsys.readouterr().out
-        for spec in (*METHODS, *SOLVERS):
+        for spec in (*specs.METHODS, *specs.SOLVERS):
             assert spec.form in shown and spec.text in shown
 
 
@@ -60,7 +59,7 @@ def test_help_prints_the_table(capsys):
     ],
 )
 def test_words_of_solvers(text, solver):
-    assert read_solver(text) == solver
+    assert specs.solver(text) == solver
 
 
 @pytest.mark.parametrize(
@@ -74,4 +73,4 @@ def test_words_of_solvers(text, solver):
 )
 def test_wrong_words_of_solvers(text, message):
     with pytest.raises(mb.DeclarationError, match=message):
-        read_solver(text)
+        specs.solver(text)
