@@ -4,7 +4,6 @@ The fixed parts of the C are in the folder c.
 """
 
 from symmb.codegen import cache
-from symmb.codegen.arrays import Program, programs
 from symmb.codegen.build import (
     INSTALL,
     SLOW,
@@ -19,7 +18,6 @@ from symmb.codegen.c_source import C_FOLDER, c_number, c_source
 from symmb.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
 from symmb.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, Tolerances
 from symmb.codegen.failures import REASONS, FailureCode
-from symmb.codegen.graph import graph_of
 from symmb.codegen.model_source import Scheme, model_function, scheme_function
 from symmb.codegen.scene_source import SceneSource, scene_source
 from symmb.codegen.threads import cores, on_threads, side_by_side

@@ -1,6 +1,5 @@
 """Laws of time, and kinks or jumps, in equations of motion."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -8,7 +7,6 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
-from symmb.codegen import Program, graph_of, programs
 from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
 from symmb.symbolic import On, batch, branches, has_kinks, laws, switching, with_common_expressions
@@ -126,14 +124,14 @@ def longest_step(dae: DAE, times: Array) -> float:
     return float(dae.remembered(Pulses, times)(dae.p_nominal[None])[0])
 
 
-def _signals(dae: DAE, _: Array) -> tuple[Program, Sequence[Program]] | None:
-    """Laws of time: what of them depends on parameters alone, and the laws; None if there are none."""
+def _signals(dae: DAE, _: Array) -> ca.Function | None:
+    """(p, t) -> laws of time; None if there are none."""
     f = dae.remembered(_equations)
     x, p, time = f.sx_in()
     time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
     if not time_laws.numel():
         return None
-    return programs(graph_of(ca.Function("signals", [ca.SX(0, 1), p, time], [ca.densify(time_laws)])))
+    return ca.Function("signals", [p, time], [ca.densify(time_laws)])
 
 
 class Pulses:
@@ -160,15 +158,13 @@ class Pulses:
         latest = self._latest
         if latest[0] != P.tobytes():  # several solvers run at the same parameters
             stops = np.empty((len(P), 0)) if self._switches is None else self._switches(P)
-            pulses = [self._shortest(*self._signals, p, own) for p, own in zip(P, stops, strict=True)]
+            pulses = [self._shortest(self._signals, p, own) for p, own in zip(P, stops, strict=True)]
             self._latest = latest = P.tobytes(), np.array(pulses) / 2
         return latest[1]
 
-    def _shortest(self, prepare: Program, signals: Sequence[Program], p: Array, stops: Array) -> float:
+    def _shortest(self, signals: ca.Function, p: Array, stops: Array) -> float:
         """Duration of the shortest pulse with parameters p (n_p,)."""
-        x = np.empty((0, 1))
-        with np.errstate(all="ignore"):
-            values = signals[0](x, prepare(x, p[:, None], self._t[:1]), self._t)
+        values = batch(signals, p, self._t[:, None])[0].T
         return min((_shortest_pulse(self._t, law, stops) for law in values), default=np.inf)
 
 

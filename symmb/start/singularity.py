@@ -7,9 +7,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
-from symmb.codegen import Program, graph_of, programs
 from symmb.model import DAE
-from symmb.symbolic import evaluated, pattern, rotation_matrix
+from symmb.symbolic import evaluated, nonzeros, pattern, rotation_matrix
 
 NEARLY_SINGULAR = 1e-2
 """Least over largest singular value of unit rows below which a position counts as nearly singular."""
@@ -55,11 +54,11 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     return Singularity(float(times[k]), float(sigma[rank - 1] / sigma[0]), names)
 
 
-def _unit_rows(dae: DAE, _: Array) -> tuple[Program, Program, Mask]:
+def _unit_rows(dae: DAE, _: Array) -> tuple[ca.Function, Mask]:
     """The Jacobian (n_r, n_v) in scales of displacements, with rows of norm 1 and rotations about the world's axes.
 
     Its singular values are those with rotations about axes of the bodies, but a wheel that spins does not change it.
-    Programs compute what depends on parameters alone, and its entries, which stand row by row in its pattern.
+    A function of x, p and t computes its entries, which stand row by row in its pattern.
     """
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     turned = ca.diag(ca.SX(ca.DM(dae.displacement_scales)))
@@ -70,8 +69,7 @@ def _unit_rows(dae: DAE, _: Array) -> tuple[Program, Program, Mask]:
     rows = ca.sparsify(cast(ca.Function, dae.G)(*dae.arguments(x, p, t))[dae.lasting.tolist(), :] @ turned)
     lengths = ca.sqrt(ca.sum2(rows**2))
     rows = ca.diag(1 / ca.densify(lengths + (lengths == 0))) @ rows
-    prepare, (entries,) = programs(graph_of(ca.Function("unit_rows", [x, p, t], [rows.T])))
-    return prepare, entries, pattern(rows.sparsity())
+    return ca.Function("unit_rows", [x, p, t], [rows.T]), pattern(rows.sparsity())
 
 
 def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
@@ -81,10 +79,8 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
     of its entries. So a matrix is left out that is too close to one whose singular values are known to have a ratio
     below that of a singular position, and below the smallest one so far.
     """
-    prepare, rows, where = dae.remembered(_unit_rows)
-    x, rank = np.ascontiguousarray(X.T), dae.rank + dae.lasting.size - dae.n_r
-    with np.errstate(all="ignore"):
-        entries = rows(x, prepare(x[:, :1], p[:, None], times[:1]), times)  # (n, m)
+    rows, where = dae.remembered(_unit_rows)
+    entries, rank = nonzeros(rows, X, p, times[:, None]).T, dae.rank + dae.lasting.size - dae.n_r  # (n, m)
     squares = np.einsum("nm,nm->m", entries, entries)
     closest, smallest, count = None, NEARLY_SINGULAR, 1
     rest: Indices = np.arange(len(X), dtype=np.intp)

@@ -19,13 +19,14 @@ def values(scene, *names):
     return [found[name] for name in names]
 
 
-def cart(mass=1.0, length=2.0):
+def cart(mass=1.0, length=2.0, parameters=None):
     """A cart on a rail along x, and a rod that hangs from it."""
     wagon, rod = mb.Body("cart", 1.0, 1.0), mb.Body("rod", mass, mass * length**2 / 12)
     return mb.System(
         wagon, rod,
         mb.Prismatic("rail", GROUND.point(0, 0), wagon.point(0, 0), axis=(1, 0, 0)),
         mb.Revolute("pin", wagon.point(0, 0), rod.point(0, length / 2)),
+        parameters=parameters,
     )  # fmt: skip
 
 
@@ -182,7 +183,7 @@ def test_loops_on_a_moving_wagon_ride_along():
 def test_start_velocities_have_derivatives_by_parameters():
     """A rod that turns on a cart of speed u, at angle a and of length l: omega = (w - u) / (l cos a) for a tip at w."""
     p = mb.Parameters(u=0.0, w=2.0, a=0.4, l=0.7)
-    system = mb.System(*cart(length=2 * p.l).elements, parameters=p)
+    system = cart(length=2 * p.l, parameters=p)
     simulator = mb.DAESimulator(mb.Scene(system, {"cart.vx": p.u, "rod.vx": p.w, "rod.theta": p.a}))
     at = simulator.start.dae.v_names.index("rod.omega") + simulator.start.dae.n_q
     P = np.array([[0.0, 2.0, 0.4, 0.7], [1.0, -1.0, 0.9, 2.0]])
