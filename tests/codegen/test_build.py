@@ -9,12 +9,14 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from faults import refused
 from mechanisms import double_pendulum
+from processes import in_time, program
 
 import symmb as mb
 from symmb.codegen import build, cache
@@ -23,8 +25,6 @@ from symmb.codegen.c_source import c_source
 ANSWER, PLANTED = "int answer(void) { return 42; }\n", "int answer(void) { return 666; }\n"
 ROOT = Path(mb.__file__).parents[1]
 LOADS = f"from symmb.codegen.build import load; print(load({ANSWER!r}).answer())"
-
-pytestmark = pytest.mark.skipif(not build.has_compiler(), reason="needs a C compiler")
 
 
 def libraries(folder):
@@ -38,14 +38,9 @@ def answer(source=ANSWER):
 
 
 def process(folder, **environment):
-    return subprocess.Popen(
-        [sys.executable, "-c", LOADS],
-        cwd=ROOT,
-        env={**os.environ, "XDG_CACHE_HOME": str(folder), **environment},
-        stdout=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    options = {"stdout": subprocess.PIPE, "text": True, "start_new_session": True}
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder), **environment}
+    return subprocess.Popen([sys.executable, "-c", LOADS], cwd=ROOT, env=environment, **options)
 
 
 @pytest.fixture(scope="session")
@@ -124,20 +119,16 @@ def test_another_source_compiler_or_processor_is_another_library(folder, monkeyp
     assert answer() == 42
     compiler = build._compiler()
     other = {
-        "path": build._Compiler(f"{Path(compiler.path).parent}/./{Path(compiler.path).name}", *_rest(compiler)),
-        "version": build._Compiler(compiler.path, "another", compiler.flags),
-        "flags": build._Compiler(compiler.path, compiler.version, (*compiler.flags, "-DOTHER")),
+        "path": {"path": f"{Path(compiler.path).parent}/./{Path(compiler.path).name}"},
+        "version": {"version": "another"},
+        "flags": {"flags": (*compiler.flags, "-DOTHER")},
     }
     if changed in other:
-        monkeypatch.setattr(build, "_compiler", lambda: other[changed])
+        monkeypatch.setattr(build, "_compiler", lambda: replace(compiler, **other[changed]))
     if changed == "processor":
         monkeypatch.setattr(build, "_processor", lambda: "another")
     assert answer(ANSWER + "\n" * (changed == "source")) == 42
     assert len({path.name.partition("-")[0] for path in cache.contents()}) == 2
-
-
-def _rest(compiler):
-    return compiler.version, compiler.flags
 
 
 # --- many processes, and killed ones -------------------------------------------
@@ -150,18 +141,13 @@ def test_processes_that_build_the_same_at_once_all_get_it(folder):
 
 
 def test_a_killed_build_leaves_nothing_that_is_loaded(folder, tmp_path):
-    compiler, started = tmp_path / "slow-cc", tmp_path / "started"
-    compiler.write_text(
-        f'#!/bin/sh\ncase "$*" in *model.c*) echo half > "$3"; touch {started}; sleep 60;; esac\n'
-        f'exec {build._compiler().path} "$@"\n'
-    )
-    compiler.chmod(0o700)
+    started, real = tmp_path / "started", build._compiler().path
+    slow = f'case "$*" in *model.c*) echo half > "$3"; touch {started}; sleep 60;; esac\nexec {real} "$@"'
+    compiler = program(tmp_path / "slow-cc", slow)
     temporary = tmp_path / "tmp"
     temporary.mkdir(mode=0o700)
     run = process(folder.parent, CC=str(compiler), TMPDIR=str(temporary))
-    deadline = time.monotonic() + 60
-    while not started.exists() and time.monotonic() < deadline:
-        time.sleep(0.01)
+    in_time(started.exists, 60)
     os.killpg(run.pid, signal.SIGKILL)
     assert run.communicate() == ("", None) and run.returncode == -signal.SIGKILL and started.exists()
     assert list(libraries(folder)) == []
@@ -218,8 +204,7 @@ def test_nothing_is_taken_from_where_others_can_write(tmp_path, monkeypatch, mad
     if mode == 0o1777 and place != "folder":  # like /tmp: others cannot rename what is in it
         assert cache.folder() == folder
         return
-    with pytest.raises(mb.SymmbError, match=rf"others can write to {opened}\. Delete .* or set XDG_CACHE_HOME"):
-        cache.folder()
+    refused(rf"others can write to {opened}\. Delete .* or set XDG_CACHE_HOME", cache.folder, error=mb.SymmbError)
     assert answer() == 42
     assert list(folder.iterdir()) == [planted]
 
@@ -227,8 +212,7 @@ def test_nothing_is_taken_from_where_others_can_write(tmp_path, monkeypatch, mad
 def test_nothing_is_taken_from_a_folder_of_another_user(folder, made, monkeypatch):
     planted_in(folder, made)
     monkeypatch.setattr(os, "getuid", lambda: 12345)
-    with pytest.raises(mb.SymmbError, match="belongs to another user"):
-        cache.folder()
+    refused("belongs to another user", cache.folder, error=mb.SymmbError)
     assert cache.find(made[0].partition("-")[0]) is None
 
 
@@ -265,8 +249,7 @@ def test_links_are_followed_to_folders_that_are_the_user_s_own(tmp_path, monkeyp
     assert cache.folder() == target.resolve()
     planted_in(target, made)
     target.parent.chmod(0o777)
-    with pytest.raises(mb.SymmbError, match=f"others can write to {target.parent}"):
-        cache.folder()
+    refused(f"others can write to {target.parent}", cache.folder, error=mb.SymmbError)
     assert answer() == 42
 
 
@@ -275,8 +258,7 @@ def test_nothing_is_built_where_others_can_write(folder, tmp_path, monkeypatch):
     shared.mkdir()
     shared.chmod(0o777)
     monkeypatch.setattr("tempfile.tempdir", str(shared))
-    with pytest.raises(mb.SymmbError, match=f"others can write to {shared}.*set TMPDIR"):
-        answer()
+    refused(f"others can write to {shared}.*set TMPDIR", answer, error=mb.SymmbError)
 
 
 # --- no room -------------------------------------------------------------------
@@ -316,12 +298,10 @@ def test_a_source_that_no_compiler_builds_is_told(folder, compilers):
 # --- compilers -----------------------------------------------------------------
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="wraps cc")
 @pytest.mark.parametrize("unknown", ["-march=native", "-lmvec"])
 def test_a_compiler_that_does_not_know_an_option_does_without(folder, tmp_path, monkeypatch, unknown):
-    compiler = tmp_path / "cc"
-    compiler.write_text(f'#!/bin/sh\nfor a; do [ "$a" = {unknown} ] && exit 1; done\nexec {shutil.which("cc")} "$@"\n')
-    compiler.chmod(0o700)
+    script = f'for a; do [ "$a" = {unknown} ] && exit 1; done\nexec {shutil.which("cc")} "$@"'
+    compiler = program(tmp_path / "cc", script)
     monkeypatch.setenv("CC", str(compiler))
     found = build._compiler.__wrapped__()
     assert found.path == str(compiler) and unknown not in found.flags
@@ -342,12 +322,9 @@ def let_hang_briefly(monkeypatch, *words):
     monkeypatch.setattr(build, "run_program", hurried)
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="wraps cc")
 @pytest.mark.parametrize("name, arguments", [("my cc", ""), ("mycc", " cc -DOTHER")], ids=["blank", "arguments"])
 def test_cc_is_a_path_or_a_path_with_arguments(folder, compilers, tmp_path, monkeypatch, name, arguments):
-    compiler = tmp_path / name
-    compiler.write_text(f'#!/bin/sh\n[ "$1" = cc ] && shift\nexec {shutil.which("cc")} "$@"\n')
-    compiler.chmod(0o700)
+    compiler = program(tmp_path / name, f'[ "$1" = cc ] && shift\nexec {shutil.which("cc")} "$@"')
     monkeypatch.setenv("CC", f"{compiler}{arguments}")
     assert build._compiler().command == (str(compiler), *arguments.split())
     assert build.load(ANSWER, "answer").answer() == 42
@@ -405,9 +382,8 @@ EMPTY = (
 def test_a_compiler_that_fails_at_a_model_gives_way_to_the_next_and_then_to_cvodes(
     folder, compilers, tmp_path, monkeypatch, how
 ):
-    compiler = tmp_path / "bad"
-    compiler.write_text(f'#!/bin/sh\ncase "$*" in *model.c*) {how};; *) exec {shutil.which("cc")} "$@";; esac\n')
-    compiler.chmod(0o700)
+    script = f'case "$*" in *model.c*) {how};; *) exec {shutil.which("cc")} "$@";; esac'
+    compiler = program(tmp_path / "bad", script)
     monkeypatch.setenv("CC", str(compiler))
     if "sleep" in how:
         let_hang_briefly(monkeypatch, str(compiler), "model.c")
@@ -481,11 +457,8 @@ def test_nan_and_infinity_pass_through():
 
 def test_what_a_compiler_can_do_is_asked_once_and_for_each_anew(folder, tmp_path):
     asked = tmp_path / "asked"
-    wrapper = tmp_path / "wrapper"
-    wrapper.write_text(
-        f'#!/bin/sh\ncase "$*" in *probe.c*) echo x >> {asked};; esac\nexec {build._compiler().path} "$@"\n'
-    )
-    wrapper.chmod(0o700)
+    script = f'case "$*" in *probe.c*) echo x >> {asked};; esac\nexec {build._compiler().path} "$@"'
+    wrapper = program(tmp_path / "wrapper", script)
     for _ in range(2):
         run = process(folder.parent, CC=str(wrapper))
         assert (run.communicate(timeout=60)[0], run.returncode) == ("42\n", 0)

@@ -5,11 +5,11 @@ import warnings
 import casadi as ca
 import numpy as np
 import pytest
+from small_scenes import particle
 
 import symmb as mb
 from symmb.events.switches import longest_step
 
-G, HEIGHT, STIFFNESS = 9.81, 0.1, 1e5
 TIMES = np.linspace(0, 10, 21)
 
 
@@ -60,23 +60,10 @@ def test_pulses_are_as_short_as_they_are(law, shortest):
     assert longest_step(mb.compile_dae(scene.system), TIMES) == pytest.approx(shortest / 2, rel=0.01)
 
 
-def bouncing(damping=0.0):
-    """A bead that falls onto a stiff stop and rises again; with the time from top to top."""
-    bead = mb.Body("bead", 1.0, pose=mb.Particle())
-    law = ca.if_else(bead.y < 0, -STIFFNESS * bead.y - damping * bead.vy, 0)
-    rate = np.sqrt(STIFFNESS)
-    # In contact y = g/k (cos - 1) - v0/rate sin, which is back at 0 after the angle pi + 2 atan(g / (rate v0)) ...
-    speed = np.sqrt(2 * G * HEIGHT)
-    contact = (np.pi + 2 * np.arctan(G / (rate * speed))) / rate
-    # ... since gravity makes a contact longer than half a swing.
-    period = 2 * speed / G + contact
-    system = mb.System(bead, mb.Gravity(0, -G), mb.Force("stop", bead.point(0, 0), (0, law)))
-    times = period * np.arange(5)
-    return mb.Scene(system, {"bead.y": HEIGHT}, times, {"y": bead.y, "vy": bead.vy}, name="bouncing")
-
-
 def test_kinks_are_told_where_symmb_chooses():
-    scene = bouncing().with_times(np.linspace(0, 1, 2001))
+    """A bead falls onto a stiff stop and rises again."""
+    law = lambda p, bead: (0, ca.if_else(bead.y < 0, -1e5 * bead.y, 0) - 9.81)  # noqa: E731
+    scene = particle(law, np.linspace(0, 1, 2001), {"mass.y": 0.1}, ("y",))
     run = mb.simulate(scene)
     below = np.count_nonzero(np.diff(run["y"] > 0))
     assert below >= 6 and f"kinks or jumps (comparison) met {below} times or more" in run.reason
@@ -106,11 +93,9 @@ def test_pulses_beside_larger_motions_of_a_law_are_not_stepped_over(solver):
     """10 ms of a force beside a sine of its size, and beside a longer pulse ten times as high."""
     short = ca.if_else(mb.t > 7.5, ca.if_else(mb.t < 7.51, 1.0, 0.0), 0.0)
     long = ca.if_else(mb.t > 1, ca.if_else(mb.t < 3, 1.0, 0.0), 0.0)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
     for force, gained in ((10 * ca.sin(2 * np.pi * mb.t / 10) + 10 * short, 0.1), (100 * long + 10 * short, 200.1)):
-        push = mb.Force("push", ball.point(0, 0), (force, 0))
-        run = mb.simulate(mb.Scene(mb.System(ball, push), {}, np.linspace(0, 10, 11), {"v": ball.vx}), solver)
-        assert run["v"][-1] == pytest.approx(gained, abs=1e-5 * max(gained, 1))
+        run = mb.simulate(particle(lambda p, mass, force=force: force, np.linspace(0, 10, 11), {}, ("vx",)), solver)
+        assert run["vx"][-1] == pytest.approx(gained, abs=1e-5 * max(gained, 1))
 
 
 # -- Drives ------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import pytest
 from conftest import ALL_SOLVERS
 from mechanisms import double_pendulum, explosion, spinning_body
 from numpy.testing import assert_allclose, assert_array_equal
+from small_scenes import particle
 
 import symmb as mb
 from models import double_pendulum as paper
@@ -89,9 +90,7 @@ def test_controlled_steps_follow_the_tolerance(make):
 @pytest.mark.filterwarnings("ignore:.*energy drifts:symmb.SymmbWarning")
 def test_a_step_that_newton_cannot_take_is_cut():
     """x'' = -1e6 x^3 from x = 1 in steps of a fifth of a second: thirty times the time it takes to turn."""
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    push = mb.Force("push", ball.point(0, 0), (-1e6 * ball.x**3, 0))
-    scene = mb.Scene(mb.System(ball, push), {"ball.x": 1.0}, times=[0.0, 1.0], outputs={"x": ball.x})
+    scene = particle(lambda p, mass: -1e6 * mass.x**3, [0.0, 1.0], {"mass.x": 1.0})
     run = mb.simulate(scene, mb.NSTIFFSI2(step=0.2))
     assert np.isfinite(run.values).all() and run.statistics["integrator"]["steps"] > 5
 
@@ -170,15 +169,3 @@ def test_a_single_row_and_a_coordinate_that_nothing_touches(solver):
     )
     exact = mb.simulate(scene, mb.CVODES(rtol=1e-11)).values
     assert_allclose(mb.simulate(scene, solver).values, exact, atol=5e-3)
-
-
-@pytest.mark.parametrize("solver", [mb.NSTIFFSI2(step=1e-2), mb.Rosenbrock(), mb.GeneralizedAlpha(step=1e-2)], ids=repr)
-def test_a_lost_sample_leaves_its_neighbours_as_if_it_had_not_been_there(solver):
-    simulator = mb.DAESimulator(explosion(), solver)
-    together = simulator.run(np.array([[0.3], [1.0], [0.25], [2.0]]))
-    assert_array_equal(together.ok, [True, False, True, False])
-    assert_allclose(together.t_failed[[1, 3]], [1.0, 0.5], atol=0.11)
-    alone = simulator.run(np.array([[0.3], [0.25]]))
-    assert_array_equal(together.Y[[0, 2]], alone.Y)
-    lower, upper = simulator.run(np.array([[0.3], [1.0], [0.25]])).extremes()
-    assert_array_equal([lower, upper], [alone.Y.min(axis=0), alone.Y.max(axis=0)])

@@ -68,10 +68,7 @@ def test_all_output_grids_of_a_scene_get_the_same_solver(make):
 
 @pytest.mark.parametrize("periods", [10, 1000])
 def test_energy_is_judged_between_output_times_at_which_a_motion_rests(periods):
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    spring = mb.Spring("spring", GROUND.point(0, 0), mass.point(0, 0), 1.0, 0.0)
-    times = np.linspace(0.0, 2 * np.pi * periods, 11)
-    run = mb.simulate(mb.Scene(mb.System(mass, spring), {"mass.x": 1.0}, times))
+    run = mb.simulate(oscillator(2).with_times(np.linspace(0.0, 2 * np.pi * periods, 11)))
     assert run.energy.kinetic.max() < 1e-9
     assert 0 < run.energy_drift < 1e-6
     assert run.doubts == ()

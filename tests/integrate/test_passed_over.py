@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
+from small_scenes import particle
 
 import symmb as mb
 
@@ -60,13 +61,12 @@ def test_bounds_of_a_study_know_each_turn():
 @pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.CVODES(), mb.Rosenbrock()], ids=repr)
 @pytest.mark.parametrize(("width", "gravity"), [(0.01, 0.0), (0.001, 0.05)])
 def test_a_force_contact_that_is_short_in_the_run_acts(width, gravity, solver):
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    bump = 0.1 / (1 + ((ball.x - 0.48712) / width) ** 2)
-    push = mb.Force("push", ball.point(0, 0), (0, ca.fmax(0, bump - ball.y) * 100 / width - gravity))
-    scene = mb.Scene(mb.System(ball, push), {"ball.vx": 1.0, "ball.y": 0.05}, np.linspace(0, 1, 21), {"vy": ball.vy})
+    bump = lambda x: 0.1 / (1 + ((x - 0.48712) / width) ** 2)  # noqa: E731
+    law = lambda p, mass: (0, ca.fmax(0, bump(mass.x) - mass.y) * 100 / width - gravity)  # noqa: E731
+    scene = particle(law, np.linspace(0, 1, 21), {"mass.vx": 1.0, "mass.y": 0.05}, ("vy",))
 
     def rates(t, x):
-        return [x[1], 100 / width * max(0, 0.1 / (1 + ((t - 0.48712) / width) ** 2) - x[0]) - gravity]
+        return [x[1], 100 / width * max(0, bump(t) - x[0]) - gravity]
 
     exact = solve_ivp(rates, (0, 1), [0.05, 0.0], rtol=1e-10, atol=1e-12, max_step=width / 20).y[1, -1]
     assert mb.simulate(scene, solver)["vy"][-1] == pytest.approx(exact, rel=1e-5)
@@ -101,10 +101,8 @@ PERIODIC = {
 @pytest.mark.parametrize("law", PERIODIC)
 def test_each_period_of_a_law_of_time_acts(law, solver):
     law, end, exact = PERIODIC[law]
-    body = mb.Body("body", 1.0, pose=mb.Particle())
-    push = mb.Force("push", body.point(0, 0), (law(mb.t), 0))
-    run = mb.simulate(mb.Scene(mb.System(body, push), times=np.linspace(0, end, 7), outputs={"v": body.vx}), solver)
-    assert run["v"][-1] == pytest.approx(exact, rel=1e-6)
+    run = mb.simulate(particle(lambda p, mass: law(mb.t), np.linspace(0, end, 7), {}, ("vx",)), solver)
+    assert run["vx"][-1] == pytest.approx(exact, rel=1e-6)
 
 
 @pytest.mark.parametrize("height", [0.6, 100.0])
@@ -113,10 +111,9 @@ def test_each_period_of_a_law_of_time_acts(law, solver):
 )
 def test_a_smooth_wall_turns_a_motion_back(law, width, height):
     """Its work is more than the energy of the motion."""
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    wall = mb.Force("wall", ball.point(0, 0), (-height * law((ball.x - 0.48712) / width) / (2 * width), 0))
-    scene = mb.Scene(mb.System(ball, wall), {"ball.vx": 1.0}, np.linspace(0, 1, 21), {"v": ball.vx})
-    assert mb.simulate(scene, mb.CVODES())["v"][-1] == pytest.approx(-1.0, abs=1e-8)
+    wall = lambda p, mass: -height * law((mass.x - 0.48712) / width) / (2 * width)  # noqa: E731
+    scene = particle(wall, np.linspace(0, 1, 21), {"mass.vx": 1.0}, ("vx",))
+    assert mb.simulate(scene, mb.CVODES())["vx"][-1] == pytest.approx(-1.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("start", [-3.8216, -0.4, -2.2, 1.1, 3.8216])
@@ -165,15 +162,9 @@ def test_a_study_of_pulses_that_are_shorter_than_the_steps_of_its_check_is_not_d
 @pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.CVODES(), mb.CVODES(stiff=True)], ids=repr)
 def test_windows_that_are_much_shorter_than_times_of_passes_may_be_off(rate, growth, width, solver):
     """Each window has the impulse of a triangle, its width over the speed there."""
-    body, turning = mb.Body("body", 1.0, pose=mb.Particle()), mb.Body("wheel", 1.0, 2.0)
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), turning.point(0, 0))
-    motor = mb.Actuator("motor", hinge, 2.0 * growth)
-    near = width - ca.fabs(ca.fmod(hinge.angle + 1000 * np.pi, 2 * np.pi) - 1)
-    push = mb.Force("push", body.point(0, 0), (ca.fmax(near, 0) / width, 0))
+    near = lambda a: width - ca.fabs(ca.fmod(a + 1000 * np.pi, 2 * np.pi) - 1)  # noqa: E731
     end = 60.0
-    start = {"hinge.angle": 0.0, "hinge.angle_rate": rate}
-    system = mb.System(body, turning, hinge, motor, push)
-    run = mb.simulate(mb.Scene(system, start, np.linspace(0, end, 7), {"v": body.vx}), solver)
+    run = mb.simulate(wheel(lambda a: ca.fmax(near(a), 0) / width, rate, end, growth), solver)
     last = rate * end + growth * end**2 / 2
     angles = 1 + 2 * np.pi * np.arange(-60, 60)
     passed = angles[(angles > min(0.0, last)) & (angles < max(0.0, last))]

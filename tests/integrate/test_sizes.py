@@ -68,12 +68,9 @@ def test_angles_of_tiny_mechanisms_are_not_held_below_their_rounding():
             guess |= {f"crank{i}.x": length * (pin[0] + np.cos(1.3) / 2), f"crank{i}.theta": 1.3}
             guess |= {f"crank{i}.y": length * (pin[1] + np.sin(1.3) / 2)}
         del guess["crank0.theta"]
-        scene = mb.Scene(
-            mb.System(plate, *cranks, *joints, mb.Gravity(0, -length * rate**2)),
-            {"crank0.theta": 1.3, "crank0.omega": 1.5 * rate},
-            np.linspace(0, 5 / rate, 21),
-            guess=guess,
-        )
+        system = mb.System(plate, *cranks, *joints, mb.Gravity(0, -length * rate**2))
+        start = {"crank0.theta": 1.3, "crank0.omega": 1.5 * rate}
+        scene = mb.Scene(system, start, np.linspace(0, 5 / rate, 21), guess=guess)
         return mb.simulate(scene, mb.DormandPrince()).statistics["integrator"]["steps"]
 
     assert steps(1e-6, 3e4) < 2 * steps(1.0, 1.0)

@@ -6,6 +6,8 @@ import pytest
 from conftest import in_turns
 from numpy.testing import assert_allclose
 from scipy.special import gammaln
+from small_scenes import particle
+from test_passed_over import wheel
 from test_step_ends import ULP, pushed
 
 import symmb as mb
@@ -47,13 +49,10 @@ TURNING = [None, mb.DormandPrince(), mb.CVODES(), mb.IDAS(), mb.CVODES(stiff=Tru
 )
 def test_powers_of_a_wheel_s_cosine_act_in_each_turn(solver, power, start):
     """The first force may be 1e-100. The mean of cos(x)**2n over a turn is (2n)! / (2**n n!)**2, here n = power."""
-    body, wheel = mb.Body("body", 1.0, pose=mb.Particle()), mb.Body("wheel", 1.0, 2.0)
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), wheel.point(0, 0))
-    push = mb.Force("push", body.point(0, 0), (((1 + ca.cos(hinge.angle - 2)) / 2) ** power, 0))
-    system = mb.System(body, wheel, hinge, push)
-    scene = mb.Scene(system, {"hinge.angle": start, "hinge.angle_rate": 6.0}, [0.0, 10 * np.pi / 3], {"v": body.vx})
+    end = 10 * np.pi / 3
+    scene = wheel(lambda a: ((1 + ca.cos(start + a - 2)) / 2) ** power, 6.0, end).with_times([0.0, end])
     mean = np.exp(gammaln(2 * power + 1) - 2 * gammaln(power + 1) - 2 * power * np.log(2))
-    assert_allclose(mb.simulate(scene, solver)["v"][-1], 10 * np.pi / 3 * mean, rtol=2e-6)
+    assert_allclose(mb.simulate(scene, solver)["v"][-1], end * mean, rtol=2e-6)
 
 
 @pytest.mark.parametrize("width", [1e-3, 1e-7])
@@ -67,13 +66,12 @@ def test_pulses_of_time_have_their_impulse(solver, pulse, width):
 @pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6])
 @pytest.mark.parametrize("solver", [None, mb.DormandPrince()], ids=repr)
 def test_a_motion_beside_the_middle_of_a_pulse_in_the_plane(solver, width):
-    p = mb.Parameters(width=width)
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    distance = ((mass.x - 2.1) ** 2 + mass.y**2) / p.width**2
-    push = mb.Force("push", mass.point(0, 0), (ca.exp(-distance) / (np.sqrt(np.pi) * p.width), 0))
+    def push(p, mass):
+        return ca.exp(-((mass.x - 2.1) ** 2 + mass.y**2) / p.width**2) / (np.sqrt(np.pi) * p.width)
+
     start = {"mass.vx": 1.0, "mass.y": width / 3}
-    run = mb.simulate(mb.Scene(mb.System(mass, push, parameters=p), start, [0.0, 5.0], {"v": mass.vx}), solver)
-    assert_allclose(run["v"][-1], np.sqrt(1 + 2 * np.exp(-1 / 9)), rtol=0, atol=1e-6 + 8 * ULP / width)
+    run = mb.simulate(particle(push, [0.0, 5.0], start, ("vx",), width=(width, width)), solver)
+    assert_allclose(run["vx"][-1], np.sqrt(1 + 2 * np.exp(-1 / 9)), rtol=0, atol=1e-6 + 8 * ULP / width)
 
 
 def test_every_sample_has_its_own_pulse():

@@ -37,15 +37,6 @@ def test_zones_of_position_are_right_or_refused(solver, width):
         assert_allclose(run["v"][1:], np.sqrt(3), rtol=0, atol=error + 4 * ULP / width)
 
 
-def test_every_sample_has_its_own_passes():
-    times, gaps = np.linspace(0, 20, 41), np.geomspace(1e-2, 1e-5, 11)
-    simulator = mb.DAESimulator(oscillator(1e6, 1e-3, times), mb.Rosenbrock())
-    P = np.tile(simulator.dae.p_nominal, (11, 1))
-    P[:, list(simulator.parameters).index("wall")] = 1 - gaps
-    for y, gap in zip(simulator.run(P).Y, gaps, strict=True):
-        assert_allclose(y[:, 0], bouncing(1e6, gap, times), rtol=0, atol=1e-3)
-
-
 def test_passes_are_those_of_the_closed_form():
     simulator = mb.DAESimulator(oscillator(1e6, 1e-2, np.linspace(0, 4, 5)))
     x0, _ = simulator.start.states(simulator.dae.p_nominal[None])

@@ -59,13 +59,9 @@ def test_constrained_motions_through_a_zone(solver, width):
     p = mb.Parameters(width=width)
     bob = mb.Body("bob", 1.0, pose=mb.Particle())
     push = ca.if_else(ca.logic_and(bob.x > 0.3, bob.x < 0.3 + p.width), 4 / p.width, 0)
-    system = mb.System(
-        bob,
-        mb.Force("push", bob.point(0, 0), (push, 0)),
-        mb.Distance("rod", bob.point(0, 0), mb.Ground().point(0, 0), 1.0),
-        mb.Gravity(0, -9.81),
-        parameters=p,
-    )
+    rod = mb.Distance("rod", bob.point(0, 0), mb.Ground().point(0, 0), 1.0)
+    force = mb.Force("push", bob.point(0, 0), (push, 0))
+    system = mb.System(bob, force, rod, mb.Gravity(0, -9.81), parameters=p)
     times = np.linspace(0, 0.4, 5)
     outputs = {"y": bob.y, "energy": (bob.vx**2 + bob.vy**2) / 2 + 9.81 * bob.y, "x": bob.x}
     scene = mb.Scene(system, {"bob.x": 0.0, "bob.y": -1.0, "bob.vx": 2.0}, times, outputs)

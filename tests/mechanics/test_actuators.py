@@ -140,11 +140,8 @@ def test_a_controller_follows_an_angle_over_many_turns(coordinates):
 def test_a_stop_with_an_elastic_law_holds_for_half_a_period(slides):
     """m = 1 meets k = 400 at 0.5 with speed 2: v / w sin(w t) inside, and the speed back after pi / w."""
     body = mb.Body("body", 1.0, 1.0)
-    joint = (
-        mb.Prismatic("joint", GROUND.point(0, 0), body.point(0, 0), axis=(1, 0, 0))
-        if slides
-        else mb.Revolute("joint", GROUND.point(0, 0), body.point(0, 0))
-    )
+    kind, axis = (mb.Prismatic, (1, 0, 0)) if slides else (mb.Revolute, (0, 0, 1))
+    joint = kind("joint", GROUND.point(0, 0), body.point(0, 0), axis=axis)
     stop = mb.Stop("limit", joint, -0.5, 0.5, mb.KelvinVoigt(400.0))
     key, value = ("body.vx", joint.displacement) if slides else ("body.omega", joint.angle)
     scene = mb.Scene(mb.System(body, joint, stop), {key: 2.0}, np.linspace(0, 1, 41), {"x": value})

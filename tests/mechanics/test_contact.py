@@ -1,10 +1,8 @@
 """Contacts in motion: published impacts, momentum, energy, clearances, and bounds over an uncertain gap."""
 
-import json
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
+import problems
 import pytest
 import sympy as sp
 from numpy.testing import assert_allclose
@@ -12,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 
-KNOWN = json.loads((Path(__file__).parents[1] / "data" / "contact.json").read_text(encoding="utf-8"))
+KNOWN = problems.read("contact")
 GROUND = mb.Ground()
 SOLVERS = (mb.DormandPrince(rtol=1e-9), mb.CVODES(), mb.Rosenbrock())
 solvers = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
@@ -146,12 +144,8 @@ def test_backlash_lets_go_both_ways(solver):
     law = mb.KelvinVoigt(k, 20.0)
     rack = mb.Body("rack", m, pose=mb.Particle())
     rotor = mb.Body("rotor", 1.0, m, mb.Planar())
-    system = mb.System(
-        rack,
-        rotor,
-        mb.ToothContact("tooth", GROUND.point(0.3, 0), rack.point(0, 0), (1, 0, 0), play, law),
-        mb.TorsionContact("coupling", GROUND, rotor, play, law, angle=0.3),
-    )
+    tooth = mb.ToothContact("tooth", GROUND.point(0.3, 0), rack.point(0, 0), (1, 0, 0), play, law)
+    system = mb.System(rack, rotor, tooth, mb.TorsionContact("coupling", GROUND, rotor, play, law, angle=0.3))
     times = np.linspace(0, 0.1, 41)
     start = {"rack.x": 0.3, "rack.vx": 1.5, "rotor.theta": 0.3, "rotor.omega": 1.5}
     run = mb.simulate(mb.Scene(system, start, times), solver)

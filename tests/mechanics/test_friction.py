@@ -1,10 +1,8 @@
 """Friction: its formula, decay and standstill, stick and slip in closed form, and slip in two directions."""
 
-import json
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
+import problems
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
@@ -12,21 +10,23 @@ from scipy.integrate import solve_ivp
 import symmb as mb
 from models import stick_slip
 
-KNOWN = json.loads((Path(__file__).parents[1] / "data" / "contact.json").read_text(encoding="utf-8"))["coulomb"]
+KNOWN = problems.read("contact")["coulomb"]
 GROUND = mb.Ground()
 SOLVERS = (mb.DormandPrince(), mb.CVODES(rtol=1e-10, stiff=True), mb.Rosenbrock())
 solvers = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
+
+
+def rubbed(block, normal, law):
+    """Friction of a block along x."""
+    return mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), normal, law)
 
 
 def decaying(law, times):
     """The block of the reference, let go from x0 on a spring."""
     p = KNOWN["parameters"]
     block = mb.Body("block", float(p["m"]), pose=mb.Particle())
-    system = mb.System(
-        block,
-        mb.Spring("spring", GROUND.point(0, 0), block.point(0, 0), float(p["k"])),
-        mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), p["N"], law),
-    )
+    spring = mb.Spring("spring", GROUND.point(0, 0), block.point(0, 0), float(p["k"]))
+    system = mb.System(block, spring, rubbed(block, p["N"], law))
     return mb.Scene(system, {"block.x": float(p["x0"]), "block.y": 0.0, "block.z": 0.0}, times)
 
 
@@ -69,12 +69,8 @@ def test_bristles_hold_a_block_that_is_shaken():
     last = {}
     for law in (mb.Bristle(0.3, 1e4, damping=60.0, static=0.4), mb.Coulomb(0.3, 1e-3, static=0.4)):
         block = mb.Body("block", 1.0, pose=mb.Particle())
-        push = 1.5 + 0.5 * ca.sin(10 * np.pi * mb.t)
-        system = mb.System(
-            block,
-            mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law),
-            mb.Force("push", block.point(0, 0), (push, 0)),
-        )
+        push = mb.Force("push", block.point(0, 0), (1.5 + 0.5 * ca.sin(10 * np.pi * mb.t), 0))
+        system = mb.System(block, rubbed(block, 10.0, law), push)
         run = mb.simulate(mb.Scene(system, times=[0.0, 1.0, 2.0, 20.0]), mb.Rosenbrock(rtol=1e-9))
         last[type(law)] = run["block.x"]
     held = last[mb.Bristle]
@@ -196,11 +192,7 @@ def test_bristles_follow_their_published_equation():
     mu, k, c = 0.3, 1e3, 30.0
     block = mb.Body("block", 1.0, pose=mb.Particle())
     law = mb.Bristle(mu, k, c)
-    system = mb.System(
-        block,
-        mb.Motion("drive", block.x, 1e-3 * ca.sin(20 * mb.t)),
-        mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), 5.0, law),
-    )
+    system = mb.System(block, mb.Motion("drive", block.x, 1e-3 * ca.sin(20 * mb.t)), rubbed(block, 5.0, law))
     times = np.linspace(0, 1, 101)
     run = mb.simulate(mb.Scene(system, times=times), mb.DormandPrince(rtol=1e-9))
 

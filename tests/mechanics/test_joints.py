@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import ALL_JOINTS
+from faults import refused
 from joints import KINDS, bundle, coast, derivative, make_body, numbers, random_state
 from numpy.testing import assert_allclose
 
@@ -62,17 +63,14 @@ def test_a_joint_has_the_rows_theory_gives_it_and_their_derivatives(joint, a, b)
 
 @pytest.mark.parametrize(("joint", "a", "b"), REFUSED)
 def test_bodies_that_make_no_sense_are_refused_by_name(joint, a, b):
-    with pytest.raises(mb.DeclarationError, match=rf"{joint.name} 'joint': makes no sense on .* body '[ab]'\. Use "):
-        declared(joint, a, b)
+    refused(rf"{joint.name} 'joint': makes no sense on .* body '[ab]'\. Use ", declared, joint, a, b)
 
 
 @pytest.mark.parametrize("joint", ALL_JOINTS, ids=lambda j: j.name)
 def test_both_points_on_one_body_or_on_the_ground_are_refused(joint):
     body = make_body("Spatial", "a")
-    with pytest.raises(mb.DeclarationError, match="both points are on body 'a'"):
-        bundle(body, joint.between(body, body))
-    with pytest.raises(mb.DeclarationError, match="both points are on the ground"):
-        bundle(body, joint.between(mb.Ground(), mb.Ground()))
+    refused("both points are on body 'a'", bundle, body, joint.between(body, body))
+    refused("both points are on the ground", bundle, body, joint.between(mb.Ground(), mb.Ground()))
 
 
 @pytest.mark.parametrize(("joint", "a", "b"), ADMITTED)
@@ -137,34 +135,29 @@ def test_a_velocity_row_adds_to_G_and_gamma_but_not_to_Phi():
     assert_allclose(numbers(dae.gamma, q, v, [], 0.0), -v[2] * (-c * v[0] - s * v[1]))
 
 
-@pytest.mark.parametrize(
-    ("joint", "poses", "text"),
-    [
-        (
-            lambda a, b: mb.Revolute("elbow", a, b, axis=(1, 0, 0)),
-            "Planar",
-            r"axis \(1, 0, 0\) leaves the plane of planar",
-        ),
-        (
-            lambda a, b: mb.Revolute("elbow", a, b, axis_b=(0, 1, 0)),
-            "Planar",
-            r"axis \(0, 1, 0\) leaves the plane of planar",
-        ),
-        (lambda a, b: mb.Prismatic("elbow", a, b), "Planar", r"axis \(0, 0, 1\) leaves the plane of planar"),
-        (lambda a, b: mb.PointOnLine("elbow", a, b), "Planar", r"axis \(0, 0, 1\) leaves the plane of planar"),
-        (lambda a, b: mb.Gear("elbow", a, b, axis=(0, 1, 0), ratio=2), "Planar", "leaves the plane of planar"),
-        (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 0, 0)), "Spatial", "has no direction"),
-        (lambda a, b: mb.Universal("elbow", a, b), "Spatial", "needs axis_b"),
-        (lambda a, b: mb.Distance("elbow", a, b, 0.0), "Spatial", "length 0.0 is not positive.* use Spherical"),
-        (lambda a, b: mb.Distance("elbow", a, b, -1), "Spatial", "length -1 is not positive"),
-        (lambda a, b: mb.Revolute("elbow", a, "b"), "Spatial", "expected a point, got str"),
-        (lambda a, b: mb.Revolute("elbow", a.body, b), "Spatial", r"expected a point, got Body\. Use body\.point"),
-        (lambda a, b: mb.Screw("elbow", a, b, pitch="steep"), "Spatial", "pitch: 'steep' is no number"),
-        (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 1)), "Planar", "leaves the plane"),
-        (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 1, 0, 0)), "Spatial", "elbow.* has 4 components"),
-    ],
-)
+FAULTS = [
+    (lambda a, b: mb.Revolute("elbow", a, b, axis=(1, 0, 0)), "Planar", r"axis \(1, 0, 0\) leaves the plane of planar"),
+    (
+        lambda a, b: mb.Revolute("elbow", a, b, axis_b=(0, 1, 0)),
+        "Planar",
+        r"axis \(0, 1, 0\) leaves the plane of planar",
+    ),
+    (lambda a, b: mb.Prismatic("elbow", a, b), "Planar", r"axis \(0, 0, 1\) leaves the plane of planar"),
+    (lambda a, b: mb.PointOnLine("elbow", a, b), "Planar", r"axis \(0, 0, 1\) leaves the plane of planar"),
+    (lambda a, b: mb.Gear("elbow", a, b, axis=(0, 1, 0), ratio=2), "Planar", "leaves the plane of planar"),
+    (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 0, 0)), "Spatial", "has no direction"),
+    (lambda a, b: mb.Universal("elbow", a, b), "Spatial", "needs axis_b"),
+    (lambda a, b: mb.Distance("elbow", a, b, 0.0), "Spatial", "length 0.0 is not positive.* use Spherical"),
+    (lambda a, b: mb.Distance("elbow", a, b, -1), "Spatial", "length -1 is not positive"),
+    (lambda a, b: mb.Revolute("elbow", a, "b"), "Spatial", "expected a point, got str"),
+    (lambda a, b: mb.Revolute("elbow", a.body, b), "Spatial", r"expected a point, got Body\. Use body\.point"),
+    (lambda a, b: mb.Screw("elbow", a, b, pitch="steep"), "Spatial", "pitch: 'steep' is no number"),
+    (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 1)), "Planar", "leaves the plane"),
+    (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 1, 0, 0)), "Spatial", "elbow.* has 4 components"),
+]
+
+
+@pytest.mark.parametrize(("joint", "poses", "text"), FAULTS)
 def test_faults_of_a_joint_name_it(joint, poses, text):
     a, b = make_body(poses, "a"), make_body(poses, "b")
-    with pytest.raises(mb.DeclarationError, match=f"'elbow'.*{text}|{text}"):
-        mb.System(a, b, joint(a.point(0, 0), b.point(0, 0)))
+    refused(f"'elbow'.*{text}|{text}", mb.System, a, b, joint(a.point(0, 0), b.point(0, 0)))

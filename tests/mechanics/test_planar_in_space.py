@@ -30,16 +30,9 @@ def run(system, start, bodies, joint, **more):
     """Positions, velocities, turns and the reaction in a joint of the same names, whatever the poses are."""
     outputs = {}
     for b in bodies:
-        R = b.rotation
-        omega = b.omega if b.omega.numel() == 1 else b.omega[2]
-        outputs |= {
-            f"{b.name}.px": b.point(0.3, 0.1).x,
-            f"{b.name}.py": b.point(0.3, 0.1).y,
-            f"{b.name}.pvx": b.point(0.3, 0.1).vx,
-            f"{b.name}.pvy": b.point(0.3, 0.1).vy,
-            f"{b.name}.turn": ca.atan2(R[1, 0], R[0, 0]),
-            f"{b.name}.spin": omega,
-        }
+        point, R = b.point(0.3, 0.1), b.rotation
+        outputs |= {f"{b.name}.p{name}": getattr(point, name) for name in ("x", "y", "vx", "vy")}
+        outputs |= {f"{b.name}.turn": ca.atan2(R[1, 0], R[0, 0]), f"{b.name}.spin": b.omega[b.omega.numel() - 1]}
     reaction = system.reaction(joint)
     outputs |= {"fx": reaction.fx, "fy": reaction.fy, "fz": reaction.fz, "tx": reaction.tx, "tz": reaction.tz}
     scene = mb.Scene(system, start=start, times=TIMES, outputs=outputs, **more)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from faults import refused
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -26,13 +27,8 @@ def test_cantilever_in_the_plane(pose, ground_is_b):
     """Clamped 1 m left of the centre of mass; weight there, a force at the tip, a torque."""
     ground, b = mb.Ground(), beam(pose)
     ends = (b.point(-1, 0), ground.point(0.5, 0.25)) if ground_is_b else (ground.point(0.5, 0.25), b.point(-1, 0))
-    system = mb.System(
-        b,
-        mb.Weld("clamp", *ends),
-        mb.Gravity(0, -G),
-        mb.Force("tip", b.point(1, 0), (3, 5)),
-        mb.Torque("twist", b, 0.7),
-    )
+    loads = mb.Gravity(0, -G), mb.Force("tip", b.point(1, 0), (3, 5)), mb.Torque("twist", b, 0.7)
+    system = mb.System(b, mb.Weld("clamp", *ends), *loads)
     force, torque = reaction(system, "clamp")
     sign = -1 if ground_is_b else 1
     assert_allclose(force, sign * np.array([-3, 2 * G - 5, 0]), atol=1e-12)
@@ -67,12 +63,8 @@ def test_a_carriage_off_its_guide_s_point(pose, ground_is_b):
     """Loads across the guide: the moment is taken where the second body's own point is."""
     ground, b = mb.Ground(), beam(pose)
     points = (ground.point(0, 0), b.point(0.1, 0))
-    system = mb.System(
-        b,
-        mb.Prismatic("guide", *(reversed(points) if ground_is_b else points), axis=(1, 0, 0)),
-        mb.Gravity(0, -G),
-        mb.Force("push", b.point(0.4, 0.2), (0, -6)),
-    )
+    guide = mb.Prismatic("guide", *(reversed(points) if ground_is_b else points), axis=(1, 0, 0))
+    system = mb.System(b, guide, mb.Gravity(0, -G), mb.Force("push", b.point(0.4, 0.2), (0, -6)))
     force, torque = reaction(system, "guide", {"beam.x": 1.5})
     sign = -1 if ground_is_b else 1
     assert_allclose(force, sign * np.array([0, 2 * G + 6, 0]), atol=1e-12)
@@ -157,9 +149,6 @@ def test_an_unknown_joint_is_told():
     system = mb.System(
         b, mb.Revolute("elbow", mb.Ground().point(0, 0), b.point(0, 0)), mb.Motion("drive", b.theta, mb.t)
     )
-    with pytest.raises(mb.DeclarationError, match=r"No joint 'elbw' between two bodies\. Did you mean 'elbow'\?"):
-        system.reaction("elbw")
-    with pytest.raises(mb.DeclarationError, match="No joint 'drive' between two bodies"):
-        system.reaction("drive")
-    with pytest.raises(mb.DeclarationError, match=r"No constraint 'driv' with multipliers\. Did you mean 'drive'\?"):
-        system.lam("driv")
+    refused(r"No joint 'elbw' between two bodies\. Did you mean 'elbow'\?", system.reaction, "elbw")
+    refused("No joint 'drive' between two bodies", system.reaction, "drive")
+    refused(r"No constraint 'driv' with multipliers\. Did you mean 'drive'\?", system.lam, "driv")

@@ -4,15 +4,23 @@ import re
 
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 BASE = '<link name="base"/>'
+HAND = '<link name="hand"/>'
 ARM = f'<link name="arm">{INERTIAL}</link>'
 ENDS = '<parent link="base"/><child link="arm"/>'
 LIMIT = '<limit lower="-1" upper="1"/>'
-HINGE = f'<joint name="elbow" type="continuous">{ENDS}</joint>'
+
+
+def joint(name, parent, child):
+    return f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/></joint>'
+
+
+HINGE = joint("elbow", "base", "arm")
 
 
 def robot(*lines):
@@ -42,142 +50,110 @@ def elbow(kind, inside, ends=ENDS):
     return robot(BASE, ARM, f'<joint name="elbow" type="{kind}">', f"{ends}{inside}", "</joint>")
 
 
-MALFORMED = {
-    "empty": ("", 1, "the document", "not well-formed"),
-    "no XML": ("mass = 3", 1, "the document", "not well-formed"),
-    "cut off": ('<robot name="r">\n<link name="arm">\n', 3, "<link name='arm'>", "not well-formed"),
-    "mismatched tag": (robot('<link name="arm">', "</joint>"), 3, "<link name='arm'>", "not well-formed"),
-    "attribute twice": (robot('<link name="a" name="b"/>'), 2, "<robot name='r'>", "not well-formed"),
-    "unknown entity": (robot('<link name="&arm;"/>'), 2, "<robot name='r'>", "not well-formed"),
-    "entity": (
-        '<!DOCTYPE robot [\n<!ENTITY a "x">\n]>\n<robot name="&a;"/>',
-        2,
-        "<!ENTITY a>",
-        "entities are not read",
-    ),
-    "entities in entities": (
+MALFORMED = [
+    ("", 1, "the document", "not well-formed"),
+    ("mass = 3", 1, "the document", "not well-formed"),
+    ('<robot name="r">\n<link name="arm">\n', 3, "<link name='arm'>", "not well-formed"),
+    (robot('<link name="arm">', "</joint>"), 3, "<link name='arm'>", "not well-formed"),
+    (robot('<link name="a" name="b"/>'), 2, "<robot name='r'>", "not well-formed"),
+    (robot('<link name="&arm;"/>'), 2, "<robot name='r'>", "not well-formed"),
+    ('<!DOCTYPE robot [\n<!ENTITY a "x">\n]>\n<robot name="&a;"/>', 2, "<!ENTITY a>", "entities are not read"),
+    (
         '<!DOCTYPE robot [\n<!ENTITY a "xxxxxxxx">\n<!ENTITY b "&a;&a;&a;&a;">\n]>\n<robot name="&b;"/>',
         2,
         "<!ENTITY a>",
         "entities are not read",
     ),
-    "external entity": (
+    (
         '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/hostname">]>\n<robot name="r">&a;</robot>',
         1,
         "<!ENTITY a>",
         "entities are not read",
     ),
-    "encoding": ('<?xml version="1.0" encoding="no-such"?>\n<robot/>', 1, "the document", "not well-formed|decoded"),
-    "another format": ('<sdf version="1.6">\n</sdf>', 1, "<sdf>", "must be <robot>"),
-    "no link": ('<robot name="r">\n</robot>', 1, "<robot name='r'>", "no <link>"),
-    "robot without a name": ('<robot name="">\n<link name="a"/></robot>', 1, "<robot>", "'name' is empty"),
-    "xacro": (robot('<xacro:include filename="a"/>'), 2, "<xacro:include>", "run it through the program xacro"),
-    "misspelt link": (robot('<lnk name="arm"/>'), 2, "<lnk name='arm'>", "did you mean <link>"),
-    "misspelt joint": (robot(BASE, '<jiont name="e"/>'), 3, "<jiont name='e'>", "did you mean <joint>"),
-    "inertia outside": (robot(BASE, INERTIAL), 3, "<inertial>", "stands right in <robot>"),
-    "link without a name": (robot("<link/>"), 2, "<link>", "no attribute 'name'"),
-    "empty name": (robot('<link name=" "/>'), 2, "<link>", "'name' is empty"),
-    "dotted name": (robot('<link name="a.b"/>'), 2, "<link name='a.b'>", "cannot be used"),
-    "long name": (robot(f'<link name="{"a" * 101}"/>'), 2, "<link name=", "1 to 100"),
-    "two links of a name": (robot(BASE, BASE), 3, "<link name='base'>", "used twice, first in line 2"),
-    "two joints of a name": (
-        robot(BASE, ARM, '<link name="hand"/>', HINGE, HINGE.replace("arm", "hand")),
+    ('<?xml version="1.0" encoding="no-such"?>\n<robot/>', 1, "the document", "not well-formed|decoded"),
+    ('<sdf version="1.6">\n</sdf>', 1, "<sdf>", "must be <robot>"),
+    ('<robot name="r">\n</robot>', 1, "<robot name='r'>", "no <link>"),
+    ('<robot name="">\n<link name="a"/></robot>', 1, "<robot>", "'name' is empty"),
+    (robot('<xacro:include filename="a"/>'), 2, "<xacro:include>", "run it through the program xacro"),
+    (robot('<lnk name="arm"/>'), 2, "<lnk name='arm'>", "did you mean <link>"),
+    (robot(BASE, '<jiont name="e"/>'), 3, "<jiont name='e'>", "did you mean <joint>"),
+    (robot(BASE, INERTIAL), 3, "<inertial>", "stands right in <robot>"),
+    (robot("<link/>"), 2, "<link>", "no attribute 'name'"),
+    (robot('<link name=" "/>'), 2, "<link>", "'name' is empty"),
+    (robot('<link name="a.b"/>'), 2, "<link name='a.b'>", "cannot be used"),
+    (robot(f'<link name="{"a" * 101}"/>'), 2, "<link name=", "1 to 100"),
+    (robot(BASE, BASE), 3, "<link name='base'>", "used twice, first in line 2"),
+    (
+        robot(BASE, ARM, HAND, HINGE, joint("elbow", "base", "hand")),
         6,
         "<joint name='elbow'>",
         "used twice, first in line 5",
     ),
-    "two inertials": (link(INERTIAL + INERTIAL), 3, "<inertial> of <link name='arm'>", "second <inertial>"),
-    "misspelt inertial": (link("<inertail/>"), 3, "<inertail> of <link name='arm'>", "did you mean <inertial>"),
-    "no mass": (inertial(moments()), 3, "<inertial> of <link name='arm'>", "no <mass>"),
-    "mass without value": (inertial("<mass/>" + moments()), 3, "<mass> of <link name='arm'>", "no attribute 'value'"),
-    "mass misspelt": (inertial('<mass vale="1"/>' + moments()), 3, "<mass> of", "did you mean 'value'"),
-    "mass as a word": (inertial('<mass value="heavy"/>' + moments()), 3, "<mass> of", "'heavy', which is no number"),
-    "mass unexpanded": (
-        inertial('<mass value="${m}"/>' + moments()),
-        3,
-        "<mass> of",
-        "run the file through xacro first",
-    ),
-    "mass below 0": (inertial('<mass value="-1"/>' + moments()), 3, "<mass> of", "-1 is negative"),
-    "mass infinite": (inertial('<mass value="inf"/>' + moments()), 3, "<mass> of", "not finite"),
-    "mass twice": (inertial('<mass value="1 2"/>' + moments()), 3, "<mass> of", "holds 2 numbers, where one number"),
-    "no inertia": (inertial('<mass value="1"/>'), 3, "<inertial> of <link name='arm'>", "no <inertia>"),
-    "moment missing": (inertial('<mass value="1"/>' + moments(izz=None)), 3, "<inertia> of", "no attribute 'izz'"),
-    "moment too large": (inertial('<mass value="1"/>' + moments(izz="9")), 3, "<inertia> of", "exceeds the sum"),
-    "moment below 0": (inertial('<mass value="1"/>' + moments(ixx="-1")), 3, "<inertia> of", "below 0"),
-    "products too large": (inertial('<mass value="1"/>' + moments(ixy="3")), 3, "<inertia> of", "below 0"),
-    "two coordinates": (inertial('<origin xyz="1 2"/>'), 3, "<origin> of <link name='arm'>", "2 numbers, where 3"),
-    "misspelt origin": (inertial('<orign xyz="1 2 3"/>'), 3, "<orign> of <link name='arm'>", "did you mean <origin>"),
-    "unknown angles": (inertial('<origin quat="1 0 0 0"/>'), 3, "<origin> of", "'quat' is not known; known are xyz"),
-    "no geometry": (link("<visual/>"), 3, "<visual> of <link name='arm'>", "no <geometry>"),
-    "empty geometry": (shape(""), 3, "<geometry> of <link name='arm'>", "it is empty"),
-    "misspelt shape": (shape('<cylindre radius="1"/>'), 3, "<cylindre> of", "did you mean <cylinder>"),
-    "box without size": (shape("<box/>"), 3, "<box> of <link name='arm'>", "no attribute 'size'"),
-    "flat box": (shape('<box size="1 0 1"/>'), 3, "<box> of <link name='arm'>", "size 0 is not positive"),
-    "ball of two numbers": (shape('<sphere radius="1 2"/>'), 3, "<sphere> of <link name='arm'>", "2 numbers"),
-    "cylinder without length": (shape('<cylinder radius="1"/>'), 3, "<cylinder> of", "no attribute 'length'"),
-    "mesh without file": (shape("<mesh/>"), 3, "<mesh> of <link name='arm'>", "no attribute 'filename'"),
-    "joint without a name": (robot(BASE, f'<joint type="fixed">{ENDS}</joint>'), 3, "<joint>", "no attribute 'name'"),
-    "joint without a type": (robot(BASE, f'<joint name="e">{ENDS}</joint>'), 3, "<joint name='e'>", "'type'"),
-    "unknown type": (elbow("hinge", ""), 4, "<joint name='elbow'>", "type 'hinge' is not known"),
-    "no parent": (elbow("fixed", "", '<child link="arm"/>'), 4, "<joint name='elbow'>", "no <parent>"),
-    "no child": (elbow("fixed", "", '<parent link="base"/>'), 4, "<joint name='elbow'>", "no <child>"),
-    "parent without link": (elbow("fixed", "", "<parent/>"), 5, "<parent> of <joint name='elbow'>", "'link'"),
-    "unknown child": (elbow("fixed", "", ENDS.replace("arm", "amr")), 5, "<child> of", "no link 'amr'; did you mean"),
-    "own parent": (elbow("fixed", "", ENDS.replace("base", "arm")), 4, "<joint name='elbow'>", "are both 'arm'"),
-    "axis of 0": (elbow("continuous", '<axis xyz="0 0 0"/>'), 5, "<axis> of <joint name='elbow'>", "no direction"),
-    "axis without xyz": (elbow("continuous", "<axis/>"), 5, "<axis> of <joint name='elbow'>", "no attribute 'xyz'"),
-    "revolute without limits": (elbow("revolute", ""), 4, "<joint name='elbow'>", "must have limits"),
-    "limits exchanged": (elbow("revolute", '<limit lower="2" upper="1"/>'), 5, "<limit> of", "exchange them"),
-    "effort below 0": (elbow("revolute", '<limit effort="-1"/>'), 5, "<limit> of", "effort -1 is negative"),
-    "damping below 0": (elbow("continuous", '<dynamics damping="-1"/>'), 5, "<dynamics> of", "damping -1 is negative"),
-    "unknown dynamics": (elbow("continuous", '<dynamics stiffness="1"/>'), 5, "<dynamics> of", "'stiffness' is not"),
-    "damping of a plane": (elbow("planar", '<dynamics damping="1"/>'), 5, "<dynamics> of", "no single rate"),
-    "misspelt mimic": (elbow("continuous", '<mimik joint="a"/>'), 5, "<mimik> of", "did you mean <mimic>"),
-    "mimic of nothing": (
-        elbow("continuous", '<mimic joint="a"/>'),
-        5,
-        "<mimic> of <joint name='elbow'>",
-        "no joint 'a'",
-    ),
-    "mimic of itself": (elbow("continuous", '<mimic joint="elbow"/>'), 5, "<mimic> of", "follows itself"),
-    "fixed mimic": (elbow("fixed", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no value that could follow"),
-    "two parents": (
-        robot(BASE, ARM, HINGE, HINGE.replace("elbow", "other")),
+    (link(INERTIAL + INERTIAL), 3, "<inertial> of <link name='arm'>", "second <inertial>"),
+    (link("<inertail/>"), 3, "<inertail> of <link name='arm'>", "did you mean <inertial>"),
+    (inertial(moments()), 3, "<inertial> of <link name='arm'>", "no <mass>"),
+    (inertial("<mass/>" + moments()), 3, "<mass> of <link name='arm'>", "no attribute 'value'"),
+    (inertial('<mass vale="1"/>' + moments()), 3, "<mass> of", "did you mean 'value'"),
+    (inertial('<mass value="heavy"/>' + moments()), 3, "<mass> of", "'heavy', which is no number"),
+    (inertial('<mass value="${m}"/>' + moments()), 3, "<mass> of", "run the file through xacro first"),
+    (inertial('<mass value="-1"/>' + moments()), 3, "<mass> of", "-1 is negative"),
+    (inertial('<mass value="inf"/>' + moments()), 3, "<mass> of", "not finite"),
+    (inertial('<mass value="1 2"/>' + moments()), 3, "<mass> of", "holds 2 numbers, where one number"),
+    (inertial('<mass value="1"/>'), 3, "<inertial> of <link name='arm'>", "no <inertia>"),
+    (inertial('<mass value="1"/>' + moments(izz=None)), 3, "<inertia> of", "no attribute 'izz'"),
+    (inertial('<mass value="1"/>' + moments(izz="9")), 3, "<inertia> of", "exceeds the sum"),
+    (inertial('<mass value="1"/>' + moments(ixx="-1")), 3, "<inertia> of", "below 0"),
+    (inertial('<mass value="1"/>' + moments(ixy="3")), 3, "<inertia> of", "below 0"),
+    (inertial('<origin xyz="1 2"/>'), 3, "<origin> of <link name='arm'>", "2 numbers, where 3"),
+    (inertial('<orign xyz="1 2 3"/>'), 3, "<orign> of <link name='arm'>", "did you mean <origin>"),
+    (inertial('<origin quat="1 0 0 0"/>'), 3, "<origin> of", "'quat' is not known; known are xyz"),
+    (link("<visual/>"), 3, "<visual> of <link name='arm'>", "no <geometry>"),
+    (shape(""), 3, "<geometry> of <link name='arm'>", "it is empty"),
+    (shape('<cylindre radius="1"/>'), 3, "<cylindre> of", "did you mean <cylinder>"),
+    (shape("<box/>"), 3, "<box> of <link name='arm'>", "no attribute 'size'"),
+    (shape('<box size="1 0 1"/>'), 3, "<box> of <link name='arm'>", "size 0 is not positive"),
+    (shape('<sphere radius="1 2"/>'), 3, "<sphere> of <link name='arm'>", "2 numbers"),
+    (shape('<cylinder radius="1"/>'), 3, "<cylinder> of", "no attribute 'length'"),
+    (shape("<mesh/>"), 3, "<mesh> of <link name='arm'>", "no attribute 'filename'"),
+    (robot(BASE, f'<joint type="fixed">{ENDS}</joint>'), 3, "<joint>", "no attribute 'name'"),
+    (robot(BASE, f'<joint name="e">{ENDS}</joint>'), 3, "<joint name='e'>", "'type'"),
+    (elbow("hinge", ""), 4, "<joint name='elbow'>", "type 'hinge' is not known"),
+    (elbow("fixed", "", '<child link="arm"/>'), 4, "<joint name='elbow'>", "no <parent>"),
+    (elbow("fixed", "", '<parent link="base"/>'), 4, "<joint name='elbow'>", "no <child>"),
+    (elbow("fixed", "", "<parent/>"), 5, "<parent> of <joint name='elbow'>", "'link'"),
+    (elbow("fixed", "", ENDS.replace("arm", "amr")), 5, "<child> of", "no link 'amr'; did you mean"),
+    (elbow("fixed", "", ENDS.replace("base", "arm")), 4, "<joint name='elbow'>", "are both 'arm'"),
+    (elbow("continuous", '<axis xyz="0 0 0"/>'), 5, "<axis> of <joint name='elbow'>", "no direction"),
+    (elbow("continuous", "<axis/>"), 5, "<axis> of <joint name='elbow'>", "no attribute 'xyz'"),
+    (elbow("revolute", ""), 4, "<joint name='elbow'>", "must have limits"),
+    (elbow("revolute", '<limit lower="2" upper="1"/>'), 5, "<limit> of", "exchange them"),
+    (elbow("revolute", '<limit effort="-1"/>'), 5, "<limit> of", "effort -1 is negative"),
+    (elbow("continuous", '<dynamics damping="-1"/>'), 5, "<dynamics> of", "damping -1 is negative"),
+    (elbow("continuous", '<dynamics stiffness="1"/>'), 5, "<dynamics> of", "'stiffness' is not"),
+    (elbow("planar", '<dynamics damping="1"/>'), 5, "<dynamics> of", "no single rate"),
+    (elbow("continuous", '<mimik joint="a"/>'), 5, "<mimik> of", "did you mean <mimic>"),
+    (elbow("continuous", '<mimic joint="a"/>'), 5, "<mimic> of <joint name='elbow'>", "no joint 'a'"),
+    (elbow("continuous", '<mimic joint="elbow"/>'), 5, "<mimic> of", "follows itself"),
+    (elbow("fixed", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no value that could follow"),
+    (
+        robot(BASE, ARM, HINGE, joint("other", "base", "arm")),
         5,
         "<child> of <joint name='other'>",
         "joint 'elbow' in line 4 carries the link 'arm' already",
     ),
-    "two bases": (robot(BASE, ARM), 3, "<link name='arm'>", "no joint connects this link with 'base'"),
-    "circle": (
-        robot(
-            BASE,
-            ARM,
-            HINGE,
-            HINGE.replace("elbow", "back").replace("base", "x").replace("arm", "base").replace("x", "arm"),
-        ),
-        1,
-        "<robot name='r'>",
-        "carry each other in a circle",
-    ),
-    "circle apart": (
-        robot(
-            BASE,
-            ARM,
-            '<link name="hand"/>',
-            HINGE.replace("base", "hand"),
-            HINGE.replace("arm", "hand").replace("base", "arm").replace("elbow", "wrist"),
-        ),
+    (robot(BASE, ARM), 3, "<link name='arm'>", "no joint connects this link with 'base'"),
+    (robot(BASE, ARM, HINGE, joint("back", "arm", "base")), 1, "<robot name='r'>", "carry each other in a circle"),
+    (
+        robot(BASE, ARM, HAND, joint("elbow", "hand", "arm"), joint("wrist", "arm", "hand")),
         5,
         "<joint name='elbow'>",
         "form a circle",
     ),
-}
+]
 
 
-@pytest.mark.parametrize("case", MALFORMED)
-def test_a_fault_is_one_sentence_with_line_and_element(case, tmp_path):
-    text, line, element, fault = MALFORMED[case]
+@pytest.mark.parametrize(("text", "line", "element", "fault"), MALFORMED)
+def test_a_fault_is_one_sentence_with_line_and_element(text, line, element, fault, tmp_path):
     path = tmp_path / "bad.urdf"
     path.write_text(text)
     with pytest.raises(mb.DeclarationError) as error:
@@ -201,24 +177,17 @@ def test_extensions_of_other_programs_are_passed_over(tmp_path):
     more = ('<gazebo reference="arm"><mu1>0.2</mu1></gazebo>', '<transmission name="t"><type>x</type></transmission>')
     more += ('<ros2_control name="c"/>', '<material name="red"><color rgba="1 0 0 1"/></material>')
     capsule = '<visual><geometry><drake:capsule radius="1" length="2"/></geometry></visual>'
-    path.write_text(robot(BASE, ARM.replace("<inertial>", f"{capsule}<inertial>"), HINGE, *more))
+    mesh = '<visual><geometry><mesh filename="file://[::1"/></geometry></visual>'  # an address that is none
+    path.write_text(robot(BASE, ARM.replace("<inertial>", f"{capsule}{mesh}<inertial>"), HINGE, *more))
     assert set(mb.load_urdf(path).joints) == {"elbow"}
 
 
-def test_a_file_that_is_not_there():
-    with pytest.raises(mb.DeclarationError, match=r"none.urdf: this file cannot be read"):
-        mb.load_urdf("none.urdf")
-
-
-@pytest.mark.parametrize("value", ["1e200", "1e31 0 0", "0 -1e300 0"])
-def test_numbers_beyond_those_of_any_machine(value, tmp_path):
+@pytest.mark.parametrize(("mass", "place"), [("1e200", "0 0 0"), ("1", "1e31 0 0"), ("1", "0 -1e300 0")])
+def test_numbers_beyond_those_of_any_machine(mass, place, tmp_path):
     """Their products are no numbers: the body was called one with NaN."""
     path = tmp_path / "large.urdf"
-    place = f'<origin xyz="{value}"/>' if " " in value else ""
-    mass = "1" if " " in value else value
-    path.write_text(link(f'<inertial>{place}<mass value="{mass}"/>{moments()}</inertial>'))
-    with pytest.raises(mb.DeclarationError, match=r"beyond 1e\+30; give it in SI units\.$"):
-        mb.load_urdf(path)
+    path.write_text(link(f'<inertial><origin xyz="{place}"/><mass value="{mass}"/>{moments()}</inertial>'))
+    refused(r"beyond 1e\+30; give it in SI units\.$", mb.load_urdf, path)
 
 
 @pytest.mark.parametrize(
@@ -233,12 +202,4 @@ def test_numbers_beyond_those_of_any_machine(value, tmp_path):
 def test_options_of_other_kinds(options, tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(robot(BASE, ARM, HINGE))
-    with pytest.raises(mb.DeclarationError, match=next(iter(options))):
-        mb.load_urdf(path, **options)
-
-
-def test_meshes_whose_address_is_none(tmp_path):
-    path = tmp_path / "arm.urdf"
-    mesh = '<visual><geometry><mesh filename="file://[::1"/></geometry></visual>'
-    path.write_text(robot(BASE, ARM.replace("</link>", f"{mesh}</link>"), HINGE))
-    assert mb.load_urdf(path).joints
+    refused(next(iter(options)), mb.load_urdf, path, **options)

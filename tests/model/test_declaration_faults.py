@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
+from faults import refused
 
 import symmb as mb
 
@@ -14,248 +15,182 @@ P = mb.Parameters(l1=1.0, m1=2.0, none=0.0)
 ROD1, ROD2, STRANGER = (mb.Body(name, 1.0, 0.1, mb.Planar()) for name in ("rod1", "rod2", "stranger"))
 TOP = mb.Body("top", 1.0, (0.1, 0.1, 0.2), mb.Spatial())
 BALL = mb.Body("ball", 1.0, pose=mb.Particle())
+ORIGIN, CENTRE = GROUND.point(0, 0), ROD1.point(0, 0)
 
 
 def spatial(**more):
     return mb.Body("plate", 1.0, pose=mb.Spatial(), **more)
 
 
-FAULTS = {
-    "a parameter among the elements": (
-        lambda: [P],
-        r"neither a body, a constraint nor a force\. Name parameters as parameters=p",
-    ),
-    "a name used twice": (
-        lambda: [ROD1, mb.Torque("rod1", ROD1, 1.0)],
-        "Torque 'rod1': the name is used twice. Choose another.",
-    ),
-    "two gravities": (lambda: [mb.Gravity(0, 1), mb.Gravity(1, 0)], "Gravity 'gravity': the name is used twice"),
-    "a dot in a name": (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name is a text without \. \[ \] ␣"),
-    "no name": (lambda: [mb.Body("", 1.0, 0.1)], "Body '': a name has 1 to 100 printable characters"),
-    "a body left out": (
-        lambda: [mb.Revolute("elbow", ROD1.point(0, 0), ROD2.point(0, 0))],
+FAULTS = [
+    (lambda: [P], r"neither a body, a constraint nor a force\. Name parameters as parameters=p"),
+    (lambda: [mb.Torque("rod1", ROD1, 1.0)], "Torque 'rod1': the name is used twice. Choose another."),
+    (lambda: [mb.Gravity(0, 1), mb.Gravity(1, 0)], "Gravity 'gravity': the name is used twice"),
+    (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name is a text without \. \[ \] ␣"),
+    (lambda: [mb.Body("", 1.0, 0.1)], "Body '': a name has 1 to 100 printable characters"),
+    (
+        lambda: [mb.Revolute("elbow", CENTRE, ROD2.point(0, 0))],
         r"Revolute 'elbow': body 'rod2' is not part of the System\. Add it",
     ),
-    "a symbol of a body left out": (
+    (
         lambda: [mb.Torque("drive", ROD1, STRANGER.theta)],
         r"Torque 'drive': torque: symbol 'stranger\.theta' belongs to no parameter and no body of the System",
     ),
-    "a parameter of another set": (
+    (
         lambda: [mb.Torque("drive", ROD1, mb.Parameters(m11=1.0).m11)],
         r"symbol 'm11' belongs to no parameter .* Did you mean 'm1'\?",
     ),
-    "an axis that moves in its body": (
-        lambda: [mb.Prismatic("slide", mb.Ground().point(0, 0), ROD1.point(0, 0), axis=(1, mb.t, 0)), ROD1],
+    (
+        lambda: [mb.Prismatic("slide", ORIGIN, CENTRE, axis=(1, mb.t, 0)), ROD1],
         r"Prismatic 'slide': axis .* depends on t\. Give one of numbers and parameters",
     ),
-    "a near miss in SymPy": (
+    (
         lambda: [mb.Torque("drive", ROD1, sp.Symbol("rod1.teta"))],
         r"Torque 'drive': torque: Unknown symbol 'rod1\.teta' .*Did you mean 'rod1\.theta'\?",
     ),
-    "SX mixed with SymPy": (
+    (
         lambda: [mb.Torque("drive", ROD1, ROD1.theta * sp.Symbol("l1"))],
         r"Torque 'drive': torque: .*(contains nan|contains NaN)",
     ),
-    "SymPy mixed with SX": (
+    (
         lambda: [mb.Torque("drive", ROD1, sp.Symbol("l1") * ROD1.theta)],
         r"Torque 'drive': torque: .*(contains nan|contains NaN)",
     ),
-    "a NaN in a law": (
-        lambda: [mb.Force("push", ROD1.point(0, 0), (np.nan, 0))],
-        "Force 'push': force: contains NaN or infinity",
-    ),
-    "a function of Python's math": (
-        lambda: [mb.Force("push", ROD1.point(0, 0), (math.sin(mb.t), 0))],
+    (lambda: [mb.Force("push", CENTRE, (np.nan, 0))], "Force 'push': force: contains NaN or infinity"),
+    (
+        lambda: [mb.Force("push", CENTRE, (math.sin(mb.t), 0))],
         r"Force 'push': force: contains NaN or infinity\. Python's math gives NaN .* use casadi\.sin\(mb\.t\)",
     ),
-    "an infinite stiffness": (
-        lambda: [mb.Spring("s", GROUND.point(0, 0), ROD1.point(0, 0), np.inf)],
-        "^Spring 's': stiffness: contains NaN or infinity",
-    ),
-    "an infinite damping": (
-        lambda: [mb.Damper("d", GROUND.point(0, 0), ROD1.point(0, 0), np.inf)],
-        "^Damper 'd': damping: contains NaN or infinity",
-    ),
-    "both in a strut": (
-        lambda: [mb.SpringDamper("s", GROUND.point(0, 0), ROD1.point(0, 0), 1.0, np.inf)],
+    (lambda: [mb.Spring("s", ORIGIN, CENTRE, np.inf)], "^Spring 's': stiffness: contains NaN or infinity"),
+    (lambda: [mb.Damper("d", ORIGIN, CENTRE, np.inf)], "^Damper 'd': damping: contains NaN or infinity"),
+    (
+        lambda: [mb.SpringDamper("s", ORIGIN, CENTRE, 1.0, np.inf)],
         "^SpringDamper 's': damping: contains NaN or infinity",
     ),
-    "a NaN in a point": (
-        lambda: [mb.Revolute("elbow", GROUND.point(0, 0), ROD1.point(np.nan, 0))],
-        "Revolute 'elbow': contains NaN or infinity",
-    ),
-    "a negative mass": (lambda: [mb.Body("b", -1.0, 1.0)], "Body 'b': mass is negative at the nominal parameters"),
-    "a mass negative at the nominal parameters": (
-        lambda: [mb.Body("b", P.l1 - P.m1, 1.0)],
-        "Body 'b': mass is negative at the nominal parameters",
-    ),
-    "a negative inertia": (lambda: [spatial(inertia=(1, -1, 1))], "Body 'plate': inertia is negative"),
-    "a mass that is 0 by its parameter": (
-        lambda: [mb.Body("b", P.none, 1.0)],
-        "Body 'b': mass vanishes.* Write 0 for a massless",
-    ),
-    "a mass of two numbers": (lambda: [mb.Body("b", (1, 2), 1.0)], "Body 'b': mass has 2 components|'b': mass"),
-    "a mass that is a text": (lambda: [mb.Body("b", "heavy", 1.0)], "Body 'b': mass: 'heavy' is no number"),
-    "a mass that moves": (
-        lambda: [mb.Body("b", ROD1.omega, 1.0), ROD1],
-        r"must not depend on velocities \(rod1\.omega\)",
-    ),
-    "an inertia of the wrong shape": (
+    (lambda: [mb.Revolute("elbow", ORIGIN, ROD1.point(np.nan, 0))], "Revolute 'elbow': contains NaN or infinity"),
+    (lambda: [mb.Body("b", -1.0, 1.0)], "Body 'b': mass is negative at the nominal parameters"),
+    (lambda: [mb.Body("b", P.l1 - P.m1, 1.0)], "Body 'b': mass is negative at the nominal parameters"),
+    (lambda: [spatial(inertia=(1, -1, 1))], "Body 'plate': inertia is negative"),
+    (lambda: [mb.Body("b", P.none, 1.0)], "Body 'b': mass vanishes.* Write 0 for a massless"),
+    (lambda: [mb.Body("b", (1, 2), 1.0)], "Body 'b': mass has 2 components|'b': mass"),
+    (lambda: [mb.Body("b", "heavy", 1.0)], "Body 'b': mass: 'heavy' is no number"),
+    (lambda: [mb.Body("b", ROD1.omega, 1.0), ROD1], r"must not depend on velocities \(rod1\.omega\)"),
+    (
         lambda: [mb.Body("b", 1.0, (1, 2, 3), mb.Planar())],
         r"Body 'b': inertia of shape \(3, 1\) does not fit Planar\(\); expected one scalar about z",
     ),
-    "a scalar inertia in space": (
-        lambda: [spatial(inertia=1.0)],
-        "does not fit Spatial.*three principal values or a 3x3",
-    ),
-    "a ragged inertia": (
-        lambda: [spatial(inertia=[[1, 0, 0], [0, 1]])],
-        "Body 'plate': inertia: its rows have 3 and 2",
-    ),
-    "an inertia that is not symmetric": (
-        lambda: [spatial(inertia=[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]])],
-        "Body 'plate': inertia matrix is not symmetric",
-    ),
-    "an inertia of a particle": (
-        lambda: [mb.Body("b", 1.0, 1.0, mb.Particle())],
-        r"does not fit Particle\(\); expected none",
-    ),
-    "a force out of the plane": (
-        lambda: [ROD1, mb.Force("push", ROD1.point(0, 0), (0, 0, 2))],
+    (lambda: [spatial(inertia=1.0)], "does not fit Spatial.*three principal values or a 3x3"),
+    (lambda: [spatial(inertia=[[1, 0, 0], [0, 1]])], "Body 'plate': inertia: its rows have 3 and 2"),
+    (lambda: [spatial(inertia=[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]])], "Body 'plate': inertia matrix is not symmetric"),
+    (lambda: [mb.Body("b", 1.0, 1.0, mb.Particle())], r"does not fit Particle\(\); expected none"),
+    (
+        lambda: [mb.Force("push", CENTRE, (0, 0, 2))],
         r"Force 'push': force along z \(2\.?\) leaves the plane of planar body 'rod1'\. Leave it out",
     ),
-    "a particle on a planar body": (
-        lambda: [ROD1, BALL, mb.Spring("rubber", ROD1.point(0, 0), BALL.point(0, 0), 1.0)],
+    (
+        lambda: [ROD1, BALL, mb.Spring("rubber", CENTRE, BALL.point(0, 0), 1.0)],
         r"Spring 'rubber': force along z .* planar body 'rod1'\. Particle 'ball' may leave it: use pose=Planar\(\)",
     ),
-    "a torque out of the plane": (
-        lambda: [ROD1, mb.Torque("twist", ROD1, (1, 0, 0))],
+    (
+        lambda: [mb.Torque("twist", ROD1, (1, 0, 0))],
         r"Torque 'twist': torque about x \(.*\) leaves the plane of planar body 'rod1'",
     ),
-    "gravity out of the plane": (
-        lambda: [ROD1, mb.Gravity(0, 0, -9.81)],
-        "Gravity 'gravity': force along z .* body 'rod1'",
-    ),
-    "a torque on a particle": (
-        lambda: [BALL, mb.Torque("twist", BALL, 1.0)],
-        r"Torque 'twist': makes no sense on Particle\(\) body 'ball'",
-    ),
-    "a force that is no vector": (
-        lambda: [ROD1, mb.Force("push", ROD1.point(0, 0), 3.0)],
-        r"Force 'push': expected a force \(fx, fy",
-    ),
-    "a spring within one body": (
-        lambda: [ROD1, mb.Spring("s", ROD1.point(0, 0), ROD1.point(1, 0), 1.0)],
-        "^Spring 's': both points are on body 'rod1'",
-    ),
-    "a bushing with two stiffnesses": (
-        lambda: [TOP, mb.Bushing("b", GROUND.point(0, 0), TOP.point(0, 0), (1, 2))],
+    (lambda: [mb.Gravity(0, 0, -9.81)], "Gravity 'gravity': force along z .* body 'rod1'"),
+    (lambda: [BALL, mb.Torque("twist", BALL, 1.0)], r"Torque 'twist': makes no sense on Particle\(\) body 'ball'"),
+    (lambda: [mb.Force("push", CENTRE, 3.0)], r"Force 'push': expected a force \(fx, fy"),
+    (lambda: [mb.Spring("s", CENTRE, ROD1.point(1, 0), 1.0)], "^Spring 's': both points are on body 'rod1'"),
+    (
+        lambda: [TOP, mb.Bushing("b", ORIGIN, TOP.point(0, 0), (1, 2))],
         "Bushing 'b': stiffness has 2 components; expected one or three",
     ),
-    "a torsion spring without an axis": (
+    (
         lambda: [TOP, mb.TorsionSpring("s", GROUND, TOP, 1.0, axis=(0, 0, 0))],
         "TorsionSpring 's': axis .* has no direction",
     ),
-    "a torsion spring out of the plane": (
-        lambda: [ROD1, mb.TorsionSpring("s", GROUND, ROD1, 1.0, axis=(1, 0, 0))],
-        "TorsionSpring 's': axis .* leaves the plane",
-    ),
-    "a torsion spring between points": (
-        lambda: [ROD1, mb.TorsionSpring("s", GROUND, ROD1.point(0, 0), 1.0)],
-        "TorsionSpring 's': expected a body, got Point",
-    ),
-    "a drive of a number": (
-        lambda: [ROD1, mb.Motion("drive", 1.0, mb.t)],
-        "Motion 'drive': no coordinate can meet the row",
-    ),
-    "a drive of a velocity": (
-        lambda: [ROD1, mb.Motion("drive", ROD1.vx, mb.t)],
+    (lambda: [mb.TorsionSpring("s", GROUND, ROD1, 1.0, axis=(1, 0, 0))], "TorsionSpring 's': axis .* leaves the plane"),
+    (lambda: [mb.TorsionSpring("s", GROUND, CENTRE, 1.0)], "TorsionSpring 's': expected a body, got Point"),
+    (lambda: [mb.Motion("drive", 1.0, mb.t)], "Motion 'drive': no coordinate can meet the row"),
+    (
+        lambda: [mb.Motion("drive", ROD1.vx, mb.t)],
         "Motion 'drive': a position row must not contain velocities. Use VelocityConstraint",
     ),
-    "a drive of nothing": (lambda: [ROD1, mb.Motion("drive", ROD1.x, ROD1.x)], "Motion 'drive': all its rows vanish"),
-    "a velocity row without velocities": (
-        lambda: [ROD1, mb.VelocityConstraint("roll", (ROD1.x,))],
+    (lambda: [mb.Motion("drive", ROD1.x, ROD1.x)], "Motion 'drive': all its rows vanish"),
+    (
+        lambda: [mb.VelocityConstraint("roll", (ROD1.x,))],
         "VelocityConstraint 'roll': expressions must be linear in the velocities, and contain some",
     ),
-    "a velocity row that is not linear": (
-        lambda: [ROD1, mb.VelocityConstraint("roll", (ROD1.vx**2,))],
+    (
+        lambda: [mb.VelocityConstraint("roll", (ROD1.vx**2,))],
         "VelocityConstraint 'roll': expressions must be linear in the velocities",
     ),
-    "a contact without a law": (
-        lambda: [ROD1, mb.Contact("c", ROD1.point(0, 0), GROUND.point(0, 0), (0, 1), 1e5)],
+    (
+        lambda: [mb.Contact("c", CENTRE, ORIGIN, (0, 1), 1e5)],
         r"Contact 'c': expected a law of contact, got 100000\.0\. Use HuntCrossley\(\.\.\.\)",
     ),
-    "a contact with a plane without direction": (
-        lambda: [ROD1, mb.Contact("c", ROD1.point(0, 0), GROUND.point(0, 0), (0, 0), mb.KelvinVoigt(1e5))],
+    (
+        lambda: [mb.Contact("c", CENTRE, ORIGIN, (0, 0), mb.KelvinVoigt(1e5))],
         r"Contact 'c': normal \(0, 0\) has no direction\. Give a vector that is not zero",
     ),
-    "a contact with what is no friction": (
-        lambda: [ROD1, mb.Contact("c", ROD1.point(0, 0), GROUND.point(0, 0), (0, 1), mb.KelvinVoigt(1e5), 0.1, 0.3)],
+    (
+        lambda: [mb.Contact("c", CENTRE, ORIGIN, (0, 1), mb.KelvinVoigt(1e5), 0.1, 0.3)],
         r"Contact 'c': expected a friction law, got 0\.3\. Use Coulomb\(\.\.\.\) or Bristle\(\.\.\.\)",
     ),
-    "a law of contact with an unknown symbol": (
-        lambda: [ROD1, mb.Contact("c", ROD1.point(0, 0), GROUND.point(0, 0), (0, 1), mb.KelvinVoigt(STRANGER.x))],
+    (
+        lambda: [mb.Contact("c", CENTRE, ORIGIN, (0, 1), mb.KelvinVoigt(STRANGER.x))],
         r"Contact 'c': stiffness: symbol 'stranger\.x' belongs to no parameter and no body",
     ),
-    "a coupling that turns out of the plane": (
-        lambda: [ROD1, mb.TorsionContact("k", GROUND, ROD1, 0.1, mb.KelvinVoigt(1e5), axis=(1, 0, 0))],
+    (
+        lambda: [mb.TorsionContact("k", GROUND, ROD1, 0.1, mb.KelvinVoigt(1e5), axis=(1, 0, 0))],
         r"TorsionContact 'k': axis \(1, 0, 0\) leaves the plane\. Planar bodies turn about z",
     ),
-    "a coupling of particles": (
+    (
         lambda: [BALL, mb.TorsionContact("k", GROUND, BALL, 0.1, mb.KelvinVoigt(1e5))],
         r"TorsionContact 'k': makes no sense on Particle\(\) body 'ball'",
     ),
-    "friction along nothing": (
-        lambda: [ROD1, mb.Friction("f", GROUND.point(0, 0), ROD1.point(0, 0), (0, 0), 1.0, mb.Coulomb(0.3, 1e-3))],
+    (
+        lambda: [mb.Friction("f", ORIGIN, CENTRE, (0, 0), 1.0, mb.Coulomb(0.3, 1e-3))],
         r"Friction 'f': axis \(0, 0\) has no direction",
     ),
-    "a nonlinear spring without a law": (
-        lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), 30.0)],
+    (
+        lambda: [mb.NonlinearSpring("n", ORIGIN, CENTRE, 30.0)],
         r"NonlinearSpring 'n': pull 30\.0 is no law\. Give a function of length and rate",
     ),
-    "a nonlinear spring that decides by if": (
-        lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), lambda d, v: d if d > 1 else 0)],
+    (
+        lambda: [mb.NonlinearSpring("n", ORIGIN, CENTRE, lambda d, v: d if d > 1 else 0)],
         r"NonlinearSpring 'n': Python's if, and, or, max and min cannot decide .* Write casadi\.if_else",
     ),
-    "a nonlinear spring of an unknown symbol": (
-        lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), lambda d, v: STRANGER.x * d)],
+    (
+        lambda: [mb.NonlinearSpring("n", ORIGIN, CENTRE, lambda d, v: STRANGER.x * d)],
         r"NonlinearSpring 'n': pull: symbol 'stranger\.x' belongs to no parameter",
     ),
-    "soil on both sides": (
-        lambda: [ROD1, mb.Soil("s", ROD1.point(0, 0), ROD1.point(1, 0), (0, 1), mb.KelvinVoigt(1e5))],
+    (
+        lambda: [mb.Soil("s", CENTRE, ROD1.point(1, 0), (0, 1), mb.KelvinVoigt(1e5))],
         "Soil 's': both points are on body 'rod1', nothing is left to act on",
     ),
-    "velocity rows that are no tuple": (
-        lambda: [ROD1, mb.VelocityConstraint("roll", ROD1.vx)],
+    (
+        lambda: [mb.VelocityConstraint("roll", ROD1.vx)],
         "VelocityConstraint 'roll': expressions must be a tuple, got SX",
     ),
-}
+]
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_told_with_names_and_remedy(fault):
-    elements, text = FAULTS[fault]
+@pytest.mark.parametrize(("elements", "text"), FAULTS)
+def test_a_fault_is_told_with_names_and_remedy(elements, text):
     needed = [] if any(e in (ROD1, TOP, BALL) for e in elements() if isinstance(e, mb.Body)) else [ROD1]
-    with pytest.raises(mb.DeclarationError, match=text):
-        mb.System(*needed, *elements(), parameters=P)
+    refused(text, mb.System, *needed, *elements(), parameters=P)
 
 
 def test_all_faults_of_a_system_are_told_at_once():
     with pytest.raises(mb.DeclarationError) as told:
         mb.System(
             ROD1, ROD1, mb.Body("b", -1.0, 1.0),
-            mb.Revolute("elbow", ROD1.point(0, 0), ROD2.point(0, 0), axis=(1, 0, 0)),
-            mb.Distance("rope", GROUND.point(0, 0), ROD1.point(0, 0), -1.0),
+            mb.Revolute("elbow", CENTRE, ROD2.point(0, 0), axis=(1, 0, 0)),
+            mb.Distance("rope", ORIGIN, CENTRE, -1.0),
         )  # fmt: skip
     faults = str(told.value).split("\n")
     assert len(faults) == 6
-    for name in (
-        "'rod1': the name",
-        "'b': mass is negative",
-        "body 'rod2' is not part",
-        "'rod1'. Planar",
-        "'rope': length",
-    ):
+    names = "'rod1': the name", "'b': mass is negative", "body 'rod2' is not part", "'rod1'. Planar", "'rope': length"
+    for name in names:
         assert any(name in fault for fault in faults), name
 
 
@@ -263,7 +198,7 @@ def test_all_faults_of_the_laws_are_told_at_once():
     with pytest.raises(mb.DeclarationError) as told:
         mb.System(
             ROD1,
-            mb.Force("push", ROD1.point(0, 0), (STRANGER.x, 0, 1)),
+            mb.Force("push", CENTRE, (STRANGER.x, 0, 1)),
             mb.Torque("twist", ROD1, ca.SX.sym("c")),
             mb.Motion("drive", STRANGER.x, mb.t),
             mb.Gravity(0, 0, -9.81),
@@ -287,13 +222,10 @@ def test_all_faults_of_the_laws_are_told_at_once():
         (lambda: TOP.theta, r"Body 'top' is Spatial\(\) and has no single angle theta\. Use joint\.angle"),
         *(
             (lambda turn=turn: mb.rotation(*turn), "rotation: angle .* must be finite, and the axis not 0")
-            for turn in (
-                ((1, 0, 0), np.nan),
-                ((1, 0, 0), np.array([np.inf])),
-                ((0, np.nan, 0), 0.3),
-                ((0, P.l1 * np.nan, 0), 0.3),
-                ((0, 0, 0), 0.3),
-            )
+            for turn in [
+                *(((1, 0, 0), angle) for angle in (np.nan, np.array([np.inf]))),
+                *((axis, 0.3) for axis in ((0, np.nan, 0), (0, P.l1 * np.nan, 0), (0, 0, 0))),
+            ]
         ),
         (lambda: mb.ddt(ROD1.vx), r"ddt takes expressions of positions, but 'rod1\.vx' is a velocity"),
     ],
@@ -301,7 +233,7 @@ def test_all_faults_of_the_laws_are_told_at_once():
 def test_faults_outside_of_a_system(declare, text):
     with pytest.raises(mb.DeclarationError, match=text):
         point = declare()
-        mb.System(ROD1, mb.Revolute("hinge", GROUND.point(0, 0), point))  # a point is judged by who uses it
+        mb.System(ROD1, mb.Revolute("hinge", ORIGIN, point))  # a point is judged by who uses it
 
 
 def test_an_unknown_parameter_is_an_attribute_error_that_lists_the_known():
@@ -329,8 +261,7 @@ def test_inertias_that_no_body_has(inertia, is_possible):
     if is_possible:
         prepare()
         return
-    with pytest.raises(mb.SymmbError, match="inertia"):
-        prepare()
+    refused("inertia", prepare, error=mb.SymmbError)
 
 
 def test_a_box_in_which_a_moment_of_inertia_exceeds_the_others():
@@ -343,8 +274,7 @@ def test_a_box_in_which_a_moment_of_inertia_exceeds_the_others():
 def test_bodies_without_inertia_that_nothing_carries_are_named():
     rod = mb.Body("rod", 0.0, 0.1)
     scene = mb.Scene(mb.System(rod), times=[0.0, 1.0])
-    with pytest.raises(mb.DeclarationError, match=r"Nothing determines the acceleration of rod\.vx, rod\.vy"):
-        mb.DAESimulator(scene)
+    refused(r"Nothing determines the acceleration of rod\.vx, rod\.vy", mb.DAESimulator, scene)
 
 
 def test_python_cannot_decide_on_expressions():
@@ -366,10 +296,10 @@ def test_faults_of_laws_masses_names_and_forgotten_parameters_come_together():
     ball, cube = mb.Body("ball", p.m, pose=mb.Particle()), mb.Body("cube", -1.0, 1.0)
     elements = (
         ball, cube,
-        mb.Spring("spring", GROUND.point(0, 0), ball.point(0, 0), p.k * p.c),
+        mb.Spring("spring", ORIGIN, ball.point(0, 0), p.k * p.c),
         mb.Gravity(0, -p.g),
         mb.Impact("floor", ball.y, p.e),
-        mb.Revolute("hinge", GROUND.point(0, 0), cube.point(0, 0), axis=(0, 0, 0)),
+        mb.Revolute("hinge", ORIGIN, cube.point(0, 0), axis=(0, 0, 0)),
         mb.Motion("drive", cube.x, np.nan),
     )  # fmt: skip
     with pytest.raises(mb.DeclarationError) as error:

@@ -31,7 +31,7 @@ def tree(seed, planar, uncertain_axes=False):
         x, y, *z = axis
         return (x + p.e * y, y - p.f * x, *(c + p.e + p.f for c in z)) if uncertain_axes else (*axis,)
 
-    elements, points = [mb.Gravity(0.3, -9.0, *([] if planar else [0.7]))], [(GROUND, GROUND.point(0.1, 0.2))]
+    elements, points = [mb.Gravity(0.3, -9.0, *([] if planar else [0.7]))], [GROUND.point(0.1, 0.2)]
     for k in range(rng.integers(2, 8)):
         com = rng.normal(size=2 if planar else 3) * 0.1
         if planar:
@@ -42,8 +42,7 @@ def tree(seed, planar, uncertain_axes=False):
         def point(body=body):
             return body.point(*(x * p.l for x in rng.normal(size=2 if planar else 3)))
 
-        carrier, at = points[rng.integers(len(points))]
-        own = point()
+        at, own = points[rng.integers(len(points))], point()
         if rng.random() > 0.85:
             pass  # this body flies
         elif planar:
@@ -55,8 +54,7 @@ def tree(seed, planar, uncertain_axes=False):
         else:
             elements.append(spatial_joint(rng, rng.choice(KINDS), f"j{k}", at, own, tilted))
         elements += [body, mb.SpringDamper(f"s{k}", own, GROUND.point(1, 2), 3.0, 0.4, 0.5)]
-        points += [(body, point()), (body, point())]
-        assert carrier is not None
+        points += [point(), point()]
     return mb.System(*elements, parameters=p)
 
 

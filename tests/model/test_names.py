@@ -1,44 +1,15 @@
 """Names that would break C, LaTeX, tables, pictures or files: refused, or harmless."""
 
-import shutil
-import subprocess
-
 import numpy as np
 import pytest
+from processes import printed_lines
 
 import symmb as mb
 
-COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-BAD = [
-    'x */ system("touch pwned"); /*',
-    "a\nb",
-    "tab\there",
-    "\x1b[31mred",
-    "",
-    " padded ",
-    "right\u202eleft",
-    "n" * 101,
-    3,
-    None,
-    ("x",),
-    "nul\0",
-]
-ODD = [
-    "a*/b",
-    "50%",
-    "$x_{",
-    "back\\slash",
-    'quo"te',
-    "<b>&amp;",
-    "..",
-    "../up",
-    "naïve θ",
-    "#1~^{}",
-    "-rf",
-    "{0}",
-    "%s%n",
-    "??/",
-]
+COMMAND = 'x */ system("touch pwned"); /*'
+BAD = [COMMAND, "a\nb", "tab\there", "\x1b[31mred", "", " padded ", "right\u202eleft", "n" * 101, "nul\0"]
+BAD += [3, None, ("x",)]
+ODD = ["naïve θ", *'a*/b 50% $x_{ back\\slash quo"te <b>&amp; .. ../up #1~^{} -rf {0} %s%n ??/'.split()]
 
 
 def scene(body="rod", parameter="l", output="x", joint="hinge"):
@@ -57,7 +28,7 @@ def scene(body="rod", parameter="l", output="x", joint="hinge"):
 def test_bad_names_are_refused(kind, name):
     if kind == "parameter" and not isinstance(name, str):
         pytest.skip("keywords are texts")
-    if kind == "output" and name == BAD[0]:
+    if kind == "output" and name == COMMAND:
         pytest.skip("harmless: test_odd_names_do_no_harm")
     with pytest.raises(mb.DeclarationError, match=r"a name (is|has)") as error:
         scene(**{kind: name})
@@ -70,17 +41,14 @@ def test_odd_parameters_are_refused(name):
         scene(parameter=name)
 
 
-@pytest.mark.skipif(COMPILER is None, reason="needs a C compiler")
-@pytest.mark.parametrize("name", [*ODD, BAD[0].replace(" ", "")], ids=repr)
+@pytest.mark.parametrize("name", [*ODD, COMMAND.replace(" ", "")], ids=repr)
 def test_odd_names_do_no_harm(tmp_path, name):
     body = name if not any(c in name for c in ".[] ") else "rod"
     made = scene(body=body, joint=f"{body}'", output=name)
     simulator = mb.DAESimulator(made)
     simulator.dae.save_c(tmp_path / "c", {**simulator.start.nominal(), "times": simulator.times})
-    program = tmp_path / "c" / "program"
-    subprocess.run([COMPILER, "main.c", "model.c", "-lm", "-o", str(program)], cwd=tmp_path / "c", check=True)
-    printed = subprocess.run([str(program)], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-    assert printed.split()[:2] == ["t", f"{body}.x"] and len(printed.splitlines()) == 102
+    head, *rows = printed_lines(tmp_path / "c")
+    assert head.split()[:2] == ["t", f"{body}.x"] and len(rows) == 101
     assert not list(tmp_path.glob("**/pwned"))
     latex = made.system.latex()
     for escaped in (r"\{", r"\}", r"\%", r"\#"):

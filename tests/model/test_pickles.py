@@ -26,14 +26,8 @@ MODELS = (
 
 
 def in_another_process(scene, run):
-    end = subprocess.run(
-        [sys.executable, "-c", CHILD],
-        input=pickle.dumps((scene, run)),
-        capture_output=True,
-        check=True,
-        cwd=Path(__file__).parents[2],
-    )
-    return pickle.loads(end.stdout)
+    options = {"input": pickle.dumps((scene, run)), "capture_output": True, "check": True}
+    return pickle.loads(subprocess.run([sys.executable, "-c", CHILD], cwd=Path(__file__).parents[2], **options).stdout)
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
+from faults import refused
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -20,68 +21,48 @@ def scene(**more):
     return mb.Scene(SYSTEM, **more)
 
 
-FAULTS = {
-    "no times": ({"times": []}, r"times: expected a list of at least one time, got shape \(0,\)"),
-    "a single time": ({"times": 1.0}, r"times: expected a list .* got shape \(\)"),
-    "times that go back": ({"times": [0.0, 1.0, 0.5]}, "times: must increase from one to the next"),
-    "a time twice": ({"times": [0.0, 1.0, 1.0]}, "times: must increase"),
-    "an unknown time": ({"times": [0.0, np.nan]}, "times: contains NaN"),
-    "a horizon of almost nothing": ({"times": [0.0, 5e-324]}, r"times: from 0 to 4\.94066e-324 s; expected 1e-60 to"),
-    "a horizon of whose powers nothing is left": ({"times": [0.0, 1e-300]}, "times: from 0 to 1e-300 s; expected"),
-    "a horizon beyond numbers": ({"times": [-1e308, 0.0, 1e308]}, r"times: from -1e\+308 to 1e\+308 s; expected"),
-    "times too far from 0": ({"times": [1e15, 1e15 + 1]}, "near 1e.15 are 0.1 apart, too far for 1 s. Begin at 0"),
-    "small times too far from 0": ({"times": [3e9, 3e9 + 1e-3]}, "near 3e.09 are 5e-07 apart, too far for 0.00"),
-    "a near miss in start": (
-        {"start": {"rod.teta": 1.0}},
-        r"start: no coordinate or velocity 'rod\.teta'\. Did you mean 'rod\.theta'",
-    ),
-    "an unknown body in start": ({"start": {"rid.theta": 1.0}}, "start: no coordinate or velocity 'rid.theta'"),
-    "a quaternion": ({"start": {"top.e0": 1.0}}, r"start: no coordinate or velocity 'top\.e0'"),
-    "an angle of a spatial body": ({"start": {"top.theta": 1.0}}, r"no coordinate or velocity 'top\.theta'"),
-    "a rotation that is none": (
-        {"start": {"top.rotation": 0.3}},
-        r"start 'top\.rotation': expected rotation\(axis=\.\.\., angle",
-    ),
-    "a spin of one number": (
-        {"start": {"top.omega": 3.0}},
-        r"start 'top\.omega': expected three numbers or expressions, got 3\.0",
-    ),
-    "a spin of two numbers": ({"start": {"top.omega": (1, 2)}}, r"start 'top\.omega': expected three numbers"),
-    "a start of a coordinate": ({"start": {"rod.x": ROD.y}}, r"start 'rod\.x': may depend on parameters only"),
-    "a start of time": ({"start": {"rod.x": mb.t}}, r"start 'rod\.x': may depend on parameters only"),
-    "a start that is NaN": ({"start": {"rod.x": np.nan}}, r"start 'rod\.x': contains NaN"),
-    "a start of a strange parameter": (
-        {"start": {"rod.x": mb.Parameters(b=1.0).b}},
-        r"start 'rod\.x': symbol 'b' belongs to no parameter",
-    ),
-    "a guess of a velocity": ({"guess": {"rod.vx": 1.0}}, "guess: velocities need no guess, .* List them in start"),
-    "a guess of what nothing touches": (
-        {"guess": {"ball.x": 1.0}},
-        r"guess: nothing touches 'ball\.x'\. List them in start",
-    ),
-    "a near miss in guess": ({"guess": {"rod.xx": 1.0}}, r"guess: no coordinate or velocity 'rod\.xx'\. Did you mean"),
-    "an output of two numbers": (
-        {"outputs": {"r": ca.vertcat(ROD.x, ROD.y)}},
-        "output 'r': has 2 components; give each its own",
-    ),
-    "an output of a strange body": (
+FAULTS = [
+    ({"times": []}, r"times: expected a list of at least one time, got shape \(0,\)"),
+    ({"times": 1.0}, r"times: expected a list .* got shape \(\)"),
+    ({"times": [0.0, 1.0, 0.5]}, "times: must increase from one to the next"),
+    ({"times": [0.0, 1.0, 1.0]}, "times: must increase"),
+    ({"times": [0.0, np.nan]}, "times: contains NaN"),
+    ({"times": [0.0, 5e-324]}, r"times: from 0 to 4\.94066e-324 s; expected 1e-60 to"),
+    ({"times": [0.0, 1e-300]}, "times: from 0 to 1e-300 s; expected"),
+    ({"times": [-1e308, 0.0, 1e308]}, r"times: from -1e\+308 to 1e\+308 s; expected"),
+    ({"times": [1e15, 1e15 + 1]}, "near 1e.15 are 0.1 apart, too far for 1 s. Begin at 0"),
+    ({"times": [3e9, 3e9 + 1e-3]}, "near 3e.09 are 5e-07 apart, too far for 0.00"),
+    ({"start": {"rod.teta": 1.0}}, r"start: no coordinate or velocity 'rod\.teta'\. Did you mean 'rod\.theta'"),
+    ({"start": {"rid.theta": 1.0}}, "start: no coordinate or velocity 'rid.theta'"),
+    ({"start": {"top.e0": 1.0}}, r"start: no coordinate or velocity 'top\.e0'"),
+    ({"start": {"top.theta": 1.0}}, r"no coordinate or velocity 'top\.theta'"),
+    ({"start": {"top.rotation": 0.3}}, r"start 'top\.rotation': expected rotation\(axis=\.\.\., angle"),
+    ({"start": {"top.omega": 3.0}}, r"start 'top\.omega': expected three numbers or expressions, got 3\.0"),
+    ({"start": {"top.omega": (1, 2)}}, r"start 'top\.omega': expected three numbers"),
+    ({"start": {"rod.x": ROD.y}}, r"start 'rod\.x': may depend on parameters only"),
+    ({"start": {"rod.x": mb.t}}, r"start 'rod\.x': may depend on parameters only"),
+    ({"start": {"rod.x": np.nan}}, r"start 'rod\.x': contains NaN"),
+    ({"start": {"rod.x": mb.Parameters(b=1.0).b}}, r"start 'rod\.x': symbol 'b' belongs to no parameter"),
+    ({"guess": {"rod.vx": 1.0}}, "guess: velocities need no guess, .* List them in start"),
+    ({"guess": {"ball.x": 1.0}}, r"guess: nothing touches 'ball\.x'\. List them in start"),
+    ({"guess": {"rod.xx": 1.0}}, r"guess: no coordinate or velocity 'rod\.xx'\. Did you mean"),
+    ({"outputs": {"r": ca.vertcat(ROD.x, ROD.y)}}, "output 'r': has 2 components; give each its own"),
+    (
         {"outputs": {"x": mb.Body("other", 1.0, 1.0).x}},
         "output 'x': symbol 'other.x' belongs to no parameter and no body",
     ),
-    "an output that is a text": ({"outputs": {"x": "rod.x"}}, "output 'x': 'rod.x' is no number"),
-    "an output of a multiplier of another system": (
+    ({"outputs": {"x": "rod.x"}}, "output 'x': 'rod.x' is no number"),
+    (
         {"outputs": {"f": mb.System(ROD, HINGE, parameters=P).reaction("hinge").fx}},
         r"output 'f': symbol 'hinge\.lam\[0\]' belongs to no",
     ),
-    "a box of an unknown parameter": ({"box": mb.Box(ll=(0, 1))}, "box: no parameter 'll'. Did you mean 'l'"),
-}
+    ({"box": mb.Box(ll=(0, 1))}, "box: no parameter 'll'. Did you mean 'l'"),
+]
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_of_a_scene_is_told(fault):
-    more, text = FAULTS[fault]
-    with pytest.raises(mb.DeclarationError, match=text):
-        scene(**more)
+@pytest.mark.parametrize(("more", "text"), FAULTS)
+def test_a_fault_of_a_scene_is_told(more, text):
+    refused(text, scene, **more)
 
 
 def test_all_faults_of_a_scene_are_told_at_once():
@@ -147,8 +128,7 @@ def test_a_trajectory_answers_for_any_name_or_expression():
     assert_allclose(run["hinge.lam[1]"], run.lam[:, 1])
     assert_allclose(run(ca.vertcat(ROD.x, ROD.y))[:, 1], run["y"])
     assert_allclose(run(sp.Symbol("rod.y")), run["y"])
-    with pytest.raises(mb.DeclarationError, match="symbol 'c' belongs to no parameter"):
-        run(ca.SX.sym("c"))
+    refused("symbol 'c' belongs to no parameter", run, ca.SX.sym("c"))
 
 
 @pytest.mark.parametrize("times", [[0.0, 1e-16], [0.0, 1e-50], [0.0, 1e50], [1e6, 1e6 + 1], [-1e9, 1e9]], ids=str)
