@@ -24,8 +24,8 @@ def impatient(monkeypatch):
     monkeypatch.setattr("symmb._progress._PERIOD", 0.01)
 
 
-@pytest.fixture
-def terminal(monkeypatch):
+def standard_error(monkeypatch):
+    """A terminal in its place. A fixture cannot put it there: pytest replaces it before the test is called."""
     stream = Terminal()
     monkeypatch.setattr(sys, "stderr", stream)
     return stream
@@ -38,7 +38,8 @@ def told(stream, text):
     return text in stream.getvalue()
 
 
-def test_a_terminal_shows_runs_rate_and_time_left_and_other_work_anew(terminal, impatient):
+def test_a_terminal_shows_runs_rate_and_time_left_and_other_work_anew(monkeypatch, impatient):
+    terminal = standard_error(monkeypatch)
     with Progress("working") as progress:
         assert told(terminal, "working")
         progress("MonteCarlo(100)", 0, 100)
@@ -63,7 +64,8 @@ def test_what_is_no_terminal_shows_none(monkeypatch, impatient):
     assert stream.getvalue() == ""
 
 
-def test_what_is_done_at_once_shows_none(terminal):
+def test_what_is_done_at_once_shows_none(monkeypatch):
+    terminal = standard_error(monkeypatch)
     with Progress("working"):
         pass
     assert terminal.getvalue() == ""
@@ -75,8 +77,8 @@ def slow(k):
 
 
 @pytest.mark.parametrize("own", [False, True])
-def test_bounds_tell_terminals_unless_the_caller_watches(terminal, impatient, own):
-    seen = []
+def test_bounds_tell_terminals_unless_the_caller_watches(monkeypatch, impatient, own):
+    terminal, seen = standard_error(monkeypatch), []
     decay = mb.FunctionSimulator(slow, {"k": 1.0}, TIMES, ["x"])
     watch = (lambda done, total: seen.append((done, total))) if own else None
     mb.propagate(decay, mb.Scanning(20), mb.Box(k=(0.5, 2.0)), progress=watch)
