@@ -337,7 +337,7 @@ def test_planted_defects_are_found(monkeypatch, fault):
     """On too few nodes, a defect is almost invisible. That of van der Pol's equation is a polynomial."""
     scene = van_der_pol(spread=0.1, end=1.0) if "polynomial" in fault else pendulum(spread=0.2)
     problem, found = _enclosed(scene, order=2)
-    assert check(problem, found).outside <= INSIDE
+    assert check(problem, found).outside <= INSIDE and not (found.why and "polynomial" in fault)
     for (module, name), wrong in PLANTED[fault].items():
         monkeypatch.setattr(module, name, wrong)
     assert check(problem, enclose(problem, 2, 1)).outside > 100 * INSIDE
