@@ -14,7 +14,7 @@ RAIL = mb.Curve(lambda s: (s, 0 * s), -1, 1)
 SQUARE = mb.Curve([(1, 0), (0, 1), (-1, 0), (0, -1)], closed=True, corners=range(4))
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.long] * ("oval" in name)) for name in contact_shapes.KINDS]
 )
@@ -24,6 +24,7 @@ def test_motions_are_those_of_scipy(name, seed):
     assert_allclose(run.values, known, rtol=0, atol=1e-7 * max(np.abs(known).max(), 1))
 
 
+@pytest.mark.long
 def test_feet_behind_a_centre_of_curvature_do_not_touch():
     """A foot on the far side of a cam of points jumped along the curve, and seemed next to a body in free flight."""
     scene, known = contact_shapes.spline(np.random.default_rng([27, 6]))
