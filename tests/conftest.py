@@ -50,7 +50,7 @@ SMOOTH_MODELS = tuple(model for model in ALL_MODELS if model.__name__ != "models
 """Those that any solver runs."""
 
 SLOW = frozenset((Path(__file__).parent / "slow.txt").read_text(encoding="utf-8").splitlines())
-"""Names of tests that take more than 0.2 s of processor time: `costs.py`."""
+"""Names of tests that take more than 0.1 s of processor time: `costs.py`."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks

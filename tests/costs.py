@@ -17,7 +17,7 @@ import pytest
 
 from symmb.codegen import build
 
-SLOW_SECONDS = 0.2
+SLOW_SECONDS = 0.1
 """Processor seconds of a slow test. The others take less than three minutes on two cores, with an empty cache."""
 
 KEPT = {
