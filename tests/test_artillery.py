@@ -25,8 +25,8 @@ def simulator(scene):
 
 @pytest.fixture(scope="module")
 def shot(scene):
-    """To 14 ms finely, then until the recoil is over."""
-    return mb.simulate(scene.with_times([*scene.times, *np.linspace(0.02, 0.3, 57)]), SOLVER)
+    """To 14 ms."""
+    return mb.simulate(scene, SOLVER)
 
 
 @pytest.fixture(scope="module")
@@ -43,12 +43,15 @@ def test_largest_breech_pressure():
 
 
 def test_muzzle_at_14_ms(shot):
-    assert np.degrees(shot["muzzle_vertical"][shot.t <= 0.014][-1]) == pytest.approx(0.01382, rel=0.1)
+    assert np.degrees(shot["muzzle_vertical"][-1]) == pytest.approx(0.01382, rel=0.1)
 
 
-def test_recoil_length(shot):
-    assert 1.001 < shot["recoil"].max() < 1.072
-    assert shot["recoil"].argmax() < len(shot.t) - 1
+@pytest.mark.long
+def test_recoil_length(scene):
+    whole = mb.simulate(scene.with_times([*scene.times, *np.linspace(0.02, 0.3, 57)]), SOLVER)
+    assert 1.001 < whole["recoil"].max() < 1.072
+    assert whole["recoil"].argmax() < len(whole.t) - 1
+    assert whole.energy_drift < 1e-4
 
 
 def test_nothing_moves_before_the_shot(shot):
@@ -68,7 +71,7 @@ def test_energy_of_the_shot_balances(shot):
 def test_angle_does_not_depend_on_the_tolerance(shot, simulator):
     tighter = simulator.solved_by(mb.DormandPrince(rtol=1e-8)).run(np.zeros((1, 2))).Y[0]
     angle = tighter[:, simulator.outputs.index("muzzle_vertical")]
-    assert np.abs(shot["muzzle_vertical"][shot.t <= 0.014] - angle).max() < 1e-3 * np.abs(angle).max()
+    assert np.abs(shot["muzzle_vertical"] - angle).max() < 1e-3 * np.abs(angle).max()
 
 
 @pytest.mark.long

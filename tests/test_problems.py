@@ -97,7 +97,15 @@ CHOSEN = {
 }
 
 
-@pytest.mark.parametrize(("solver", "problem"), [(name, p) for name, some in CHOSEN.items() for p in some], ids=_told)
+@pytest.mark.parametrize(
+    ("solver", "problem"),
+    [
+        pytest.param(name, p, marks=[pytest.mark.long] * (name == "AugmentedLagrangian"))
+        for name, some in CHOSEN.items()
+        for p in some
+    ],
+    ids=_told,
+)
 def test_a_solver_is_chosen_that_gets_through(solver, problem):
     run = mb.simulate(problem.make())
     assert solver in run.solver and run.reason in str(run)

@@ -161,8 +161,8 @@ FAULTS = (
         "narrow",
         "lower bounds of Taylor expansions, whose even terms are left out",
         "symmb/bounds/taylor.py",
-        "below = np.minimum(coefficients[even], 0.0).sum(axis=0) - swing",
-        "below = -swing",
+        "lower = lower + (np.minimum(c[even], 0.0).sum(axis=0) - swing)",
+        "lower = lower - swing",
         "bounds",
     ),
     Fault(
