@@ -40,6 +40,11 @@ NAMES = (
 ALL_MODELS = tuple(import_module(f"models.{name}") for name in NAMES.split())
 
 
+def but_long(values, *long):
+    """The values of a parameter, of which some take seconds more than the others."""
+    return [pytest.param(value, marks=[pytest.mark.long] * (value in long)) for value in values]
+
+
 def in_turns(first, second, third):
     """Every pair of the first two with one of the third: each of these meets each of the first, and of the second."""
     pairs = itertools.product(enumerate(first), enumerate(second))

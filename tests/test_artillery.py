@@ -25,7 +25,6 @@ def simulator(scene):
 
 @pytest.fixture(scope="module")
 def shot(scene):
-    """To 14 ms."""
     return mb.simulate(scene, SOLVER)
 
 

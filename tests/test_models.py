@@ -4,10 +4,10 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from conftest import ALL_MODELS, SMOOTH_MODELS
+from conftest import ALL_MODELS, SMOOTH_MODELS, but_long
 
 import symmb as mb
-from models import cubic
+from models import cubic, slider_crank_flexible
 from symmb import Scanning, propagate
 
 MOVING = [model for model in ALL_MODELS if model is not cubic]  # which has no bodies
@@ -45,7 +45,7 @@ def test_listed_start_holds(run):
 
 
 @pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
-@pytest.mark.parametrize("model", ALL_MODELS, ids=_name)
+@pytest.mark.parametrize("model", but_long(ALL_MODELS, slider_crank_flexible), ids=_name)
 def test_box_runs_to_its_corners(model):
     scene = model.scene()
     few = scene.with_times(scene.times[:: max(1, len(scene.times) // 10)])

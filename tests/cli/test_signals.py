@@ -14,6 +14,7 @@ import casadi as ca
 import interrupts
 import numpy as np
 import pytest
+from conftest import but_long
 from mechanisms import double_pendulum
 
 import symmb as mb
@@ -26,7 +27,7 @@ T = np.linspace(0.0, 1.0, 5)
 
 
 @pytest.mark.parametrize("number", interrupts.SIGNALS, ids=lambda number: number.name)
-@pytest.mark.parametrize("name", interrupts.COMMANDS)
+@pytest.mark.parametrize("name", but_long(interrupts.COMMANDS, "stability"))
 def test_a_signal_ends_a_command_in_two_seconds_and_leaves_nothing(name, number):
     moment = {"stability": 2.5, "compare": 2.0}.get(name, 0.9)
     seconds, faults = interrupts.interrupted(name, number, moment)

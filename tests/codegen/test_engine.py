@@ -6,19 +6,20 @@ import platform
 import subprocess
 import sys
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import SMOOTH_MODELS
+from conftest import SMOOTH_MODELS, but_long
 from mechanisms import exact, explosion
 from numpy.testing import assert_allclose, assert_array_equal
 from processes import program
 from scipy import special
 
 import symmb as mb
-from models import cubic, double_pendulum
+from models import cubic, double_pendulum, stewart_platform
 from symmb.black_boxes.simulator import Reduction
 from symmb.codegen import Engine, Tolerances, build, model_function
 
@@ -96,9 +97,9 @@ def test_an_output_that_is_not_finite_fails_its_sample_alone():
         assert_allclose([lower, upper], [good.Y.min(axis=0), good.Y.max(axis=0)], rtol=1e-9)
 
 
-@pytest.mark.parametrize("model", SMOOTH_MODELS, ids=lambda m: getattr(m, "__name__", str(m)))
+@pytest.mark.parametrize("model", but_long(SMOOTH_MODELS, stewart_platform), ids=attrgetter("__name__"))
 def test_every_model_runs_as_with_cvodes(model):
-    scene = model.scene() if hasattr(model, "scene") else model()
+    scene = model.scene()
     compiled = mb.simulate(scene, mb.DormandPrince(rtol=1e-10))
     reference = mb.simulate(scene, mb.CVODES(rtol=1e-12))
     scale = np.maximum(1.0, np.abs(reference.values).max(axis=0))
@@ -159,7 +160,7 @@ def test_it_pickles_and_streams():
 MOVING = [model for model in SMOOTH_MODELS if model is not cubic]  # which has no states
 
 
-@pytest.mark.parametrize("model", MOVING, ids=lambda m: getattr(m, "__name__", str(m)))
+@pytest.mark.parametrize("model", but_long(MOVING, stewart_platform), ids=attrgetter("__name__"))
 def test_compiled_lanes_start_where_newton_s_method_says(model):
     scene = model.scene() if hasattr(model, "scene") else model()
     simulator = mb.DAESimulator(scene.with_times(scene.times[:1]))

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from browser import PROGRAM, Browser
+from conftest import but_long
 
 import symmb as mb
 from symmb._types import Array
@@ -33,7 +34,7 @@ GALLERY = [path.stem for path in sorted(EXAMPLES.glob("*.py")) if "mb.view(run" 
 
 SHORT = {"excavator", "planetary_gear"}
 SUBJECTS = [
-    *(pytest.param(name, marks=[pytest.mark.long] * (name == "artillery")) for name in shipped_names()),
+    *but_long(shipped_names(), "artillery", "bicycle"),
     *(name if name in SHORT else pytest.param(name, marks=pytest.mark.long) for name in GALLERY),
 ]
 

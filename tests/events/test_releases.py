@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import releases
+from conftest import but_long
 from faults import refused
 from numpy.testing import assert_allclose
 
@@ -181,9 +182,7 @@ def test_a_latch_holds_what_lies_on_a_floor():
     assert_allclose(run.reaction("hook")[0][:, 1], [2 * G, 0, 2 * G, -2 * G, 0], atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=[pytest.mark.long] * ("space" in kind)) for kind in releases.CAUGHT]
-)
+@pytest.mark.parametrize("kind", but_long(releases.CAUGHT, *(kind for kind in releases.CAUGHT if "space" in kind)))
 def test_opening_and_closing_balance_impulse_momentum_and_energy(kind):
     catch, over = releases.imbalance(kind, 0)
     assert catch < 1e-12

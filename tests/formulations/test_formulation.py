@@ -6,6 +6,7 @@ from dataclasses import replace
 import bricard
 import numpy as np
 import pytest
+from conftest import but_long
 from mechanisms import double_pendulum
 from numpy.testing import assert_allclose
 
@@ -54,9 +55,7 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name == "redundant loop")) for name in SCENES]
-)
+@pytest.mark.parametrize("name", but_long(SCENES, "redundant loop"))
 def test_samples_run_alike_in_both_coordinates(name):
     scene = SCENES[name]()
     bodies, joints = (mb.DAESimulator(replace(scene, coordinates=c), TIGHT) for c in ("body", "joint"))

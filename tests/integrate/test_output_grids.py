@@ -39,7 +39,7 @@ LONG = [
 
 
 @pytest.mark.parametrize(("solver", "error"), LONG, ids=lambda value: repr(value))
-@pytest.mark.parametrize(("make", "radius"), [(oscillator, 1.0), (wheel, 0.5)])
+@pytest.mark.parametrize(("make", "radius"), [(oscillator, 1.0), pytest.param(wheel, 0.5, marks=pytest.mark.long)])
 def test_long_runs_get_through_with_few_and_with_many_output_times(make, radius, solver, error):
     steps = []
     for n in GRIDS:

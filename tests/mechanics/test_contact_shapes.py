@@ -4,6 +4,7 @@ import casadi as ca
 import contact_shapes
 import numpy as np
 import pytest
+from conftest import but_long
 from faults import refused
 from numpy.testing import assert_allclose
 
@@ -16,7 +17,7 @@ SQUARE = mb.Curve([(1, 0), (0, 1), (-1, 0), (0, -1)], closed=True, corners=range
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * ("oval" in name)) for name in contact_shapes.KINDS]
+    "name", but_long(contact_shapes.KINDS, "ground", *(name for name in contact_shapes.KINDS if "oval" in name))
 )
 def test_motions_are_those_of_scipy(name, seed):
     scene, known = contact_shapes.KINDS[name](np.random.default_rng([seed, len(name)]))
