@@ -11,6 +11,7 @@ from symmb._progress import Progress
 from symmb.cli import specs
 from symmb.cli.result_path import result_path
 from symmb.cli.scene_file import load_scene
+from symmb.codegen import require_compiler
 from symmb.exchange import save_scene_c
 from symmb.simulation import prepare_equations
 
@@ -52,6 +53,7 @@ def _codegen(options: argparse.Namespace) -> None:
 
 def _fmu(options: argparse.Namespace) -> None:
     result_path(options.output, ".fmu")
+    require_compiler("The export of an FMU")
     solver = None if options.solver is None else specs.solver(options.solver)
     scene = load_scene(options.scene)
     with Progress(f"exporting {scene.name}"):

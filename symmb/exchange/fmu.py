@@ -8,7 +8,7 @@ from pathlib import Path
 
 from symmb._errors import DeclarationError
 from symmb._options import shown
-from symmb.codegen import C_FOLDER, c_source, portable_library, scene_source
+from symmb.codegen import C_FOLDER, c_source, portable_library, require_compiler, scene_source
 from symmb.exchange.description import BINARY_FILES, build_description, description
 from symmb.exchange.exported import exported
 from symmb.files import replacement, require_suffix
@@ -66,6 +66,7 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     if not isinstance(version, int) or version not in (2, 3):
         raise DeclarationError(f"save_fmu: version must be 2 or 3, of FMI, got {shown(version)}.")
     require_suffix(path, ".fmu")
+    require_compiler("The export of an FMU")
     model = exported(scene)
     identifier = re.sub(r"\W+", "_", model.name, flags=re.ASCII).strip("_") or "scene"
     identifier = f"scene_{identifier}" if identifier[0].isdigit() else identifier

@@ -5,8 +5,8 @@ Each solver is a frozen object with its options in the constructor; `registry` l
 
 from symmb.integrate.casadi_solvers import CVODES, IDAS, StabilizedIndex2
 from symmb.integrate.cells import refined
-from symmb.integrate.compiled import CompiledSolver
-from symmb.integrate.event_driven import EventDriven, impacts_text, round_otherwise
+from symmb.integrate.compiled import CompiledSolver, impacts_text
+from symmb.integrate.event_driven import EventDriven, round_otherwise
 from symmb.integrate.explicit import DormandPrince
 from symmb.integrate.implicit import NSTIFFSI2, Rosenbrock
 from symmb.integrate.integration import Integration, Run

@@ -3,6 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -16,12 +17,14 @@ from symmb.integrate.integration import Integration, Run
 from symmb.integrate.projection import sampled_jets
 from symmb.integrate.side_walk import stops_at
 from symmb.integrate.solver import Solver
-from symmb.model import DAE
+from symmb.model import DAE, Impacts
 from symmb.start import Start
 
 
 class CompiledSolver(Solver):
     """Steps that the engine takes for many samples side by side."""
+
+    needs_compiler: ClassVar[bool] = True
 
     def runs_in_lanes(self, dae: DAE) -> bool:
         return True
@@ -40,7 +43,8 @@ class CompiledSolver(Solver):
         NoCompilerError
             If there is no C compiler, or none builds them
         """
-        require_compiler(repr(self))
+        events = f", which locates the events of {impacts_text(dae.impacts)}," if dae.impacts else ""
+        require_compiler(f"{self!r}{events}")
         return self.lanes(dae, times, y, order=order, work=work, start=start).compiled(times)
 
     @abstractmethod
@@ -137,3 +141,9 @@ class CompiledIntegration(Integration):
         named = {"steps": counts.steps, "nonlinear iterations": counts.iterations, "most in a step": counts.most}
         named["choices of coordinates"] = counts.choices
         return {name: count for name, count in named.items() if count}
+
+
+def impacts_text(impacts: Impacts) -> str:
+    """The impacts by name, for messages."""
+    titles = () if impacts.joints is None else impacts.joints.titles
+    return ", ".join(dict.fromkeys([*(f"Impact {name!r}" for name in impacts.names), *titles]))

@@ -8,12 +8,12 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array
-from symmb.codegen import Engine, Lanes, Tolerances
-from symmb.integrate.compiled import CompiledIntegration
+from symmb.codegen import Engine, Lanes, Tolerances, require_compiler
+from symmb.integrate.compiled import CompiledIntegration, impacts_text
 from symmb.integrate.explicit import DormandPrince, Explicit
 from symmb.integrate.integration import Integration
 from symmb.integrate.stabilization import Projection, Stabilization
-from symmb.model import DAE, Impacts
+from symmb.model import DAE
 from symmb.start import Start
 
 
@@ -83,6 +83,7 @@ class EventDriven(Explicit):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if dae.impacts is None:
+            require_compiler(repr(self))
             return DormandPrince(self.rtol, self.atol).integration(dae, times, order=order, work=work)
         return CompiledIntegration(self, dae, times, order, work)
 
@@ -97,9 +98,3 @@ def round_otherwise(engine: Engine, other: Engine) -> None:
     control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
     longest = min(control.longest or np.inf, _SHORTER * span / max(other.counts.steps, 1))
     engine.control = replace(control, longest=longest)
-
-
-def impacts_text(impacts: Impacts) -> str:
-    """The impacts by name, for messages."""
-    titles = () if impacts.joints is None else impacts.joints.titles
-    return ", ".join(dict.fromkeys([*(f"Impact {name!r}" for name in impacts.names), *titles]))

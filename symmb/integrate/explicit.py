@@ -161,6 +161,7 @@ class RungeKutta(Explicit):
     array([ 1.    , -0.4161, -0.6536])
     """
 
+    needs_compiler: ClassVar[bool] = False
     begins_anew: ClassVar[bool] = True
 
     steps: int = 2500

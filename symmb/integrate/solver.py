@@ -47,6 +47,8 @@ class Solver(ABC):
     """Whether its own steps end at switches of the state. Those of others end where DormandPrince meets some."""
     begins_anew: ClassVar[bool] = False
     """Whether a fixed step takes nothing along over an output time but the state."""
+    needs_compiler: ClassVar[bool] = False
+    """Whether even single runs are compiled where `runs_in_lanes`."""
     gives_derivatives: ClassVar[bool] = True
     """Whether Taylor coefficients of the motion can be integrated."""
 

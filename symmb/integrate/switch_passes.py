@@ -9,7 +9,9 @@ from symmb._types import Array
 from symmb.codegen import INSTALL, Engine, FailureCode, Tolerances, has_compiler
 from symmb.events import time_switches
 from symmb.integrate.explicit import DormandPrince
+from symmb.integrate.initial_value_problem import build_problem
 from symmb.integrate.side_walk import Stops, no_stops
+from symmb.integrate.step_ends import switched
 from symmb.model import DAE
 from symmb.start import Start
 from symmb.symbolic import has_kinks
@@ -85,15 +87,22 @@ class SwitchPasses:
 
 def follows_switches(dae: DAE) -> bool:
     """Whether switches of the state are left to the control of steps, because no compiled run tells their passes."""
-    return not has_compiler() and has_kinks(dae.rhs)
+    return not has_compiler() and dae.remembered(_switches_with_state)
+
+
+def _switches_with_state(dae: DAE, _: Array) -> bool:
+    if not has_kinks(dae.rhs):
+        return False
+    found = switched(build_problem(dae, None, algebraic=False, work=False), dae, np.zeros(2))
+    return found is not None and bool(found.ends.hysteresis)
 
 
 def follow_doubts(dae: DAE) -> tuple[str, ...]:
     """What is doubtful about runs that leave switches of the state to the control of steps."""
     if not follows_switches(dae):
         return ()
-    text = "The equations have switches, at which no step ends without a C compiler: short pulses may be missed."
-    return (f"{text} {INSTALL}",)
+    text = "The equations have switches of the state, at which no step ends without a C compiler"
+    return (f"{text}: short pulses may be missed. {INSTALL}",)
 
 
 def _passes(engine: Engine, x0: Array, p: Array) -> tuple[Array, Array, Array]:

@@ -29,7 +29,7 @@ def advice(
 ) -> str:
     """The best solver, the largest steps of the others, the best solver under each stress, or why there is none.
 
-    What is doubtful about the model, whatever the solver, stands at the end.
+    What was not tried, and what is doubtful about the model whatever the solver, stand at the end.
     Only settings are named whose error, with the uncertainty of what it is measured with, and whose drift of energy are
     small enough. Trials without time are left out.
     """

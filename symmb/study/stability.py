@@ -17,6 +17,7 @@ from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array, Figure
+from symmb.codegen import INSTALL, has_compiler
 from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.integrate import Stiffness, stiffness
 from symmb.model import Box, Scene
@@ -214,6 +215,7 @@ def stability(
         fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
         jobs = study.jobs(ladders(horizon, fastest.rate))
         harder = [job for name, make in stresses(study.scene) for job in _stress_jobs(name, make, horizon)]
+        harder = [job for job in harder if job.family not in study.untried]
         study.announce(jobs, harder)
         try:
             limit = _LIMIT * seconds
@@ -249,11 +251,14 @@ class _StabilityStudy:
         if len(scene.times) < 2 or not self._simulator.dae.n_v:
             raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
         self.scene, self.done, self._order = scene.with_times(self.times), [], []
-        self.total = sum(map(len, references().values()))
+        own = {family: ladder[0][1] for family, ladder in ladders(1.0, 1.0).items() if not has_compiler()}
+        self.untried = [name for name, s in own.items() if s.needs_compiler and s.runs_in_lanes(self._simulator.dae)]
+        self.total = sum(len(job.solvers) for job in self.jobs(references()))
 
     def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:
-        """The scene itself, by all solvers of the families."""
-        return [Job("", lambda: self.scene, family, ladder) for family, ladder in families.items()]
+        """The scene itself, by all solvers of the families that have the C compiler that they need."""
+        tried = {family: ladder for family, ladder in families.items() if family not in self.untried}
+        return [Job("", lambda: self.scene, family, ladder) for family, ladder in tried.items()]
 
     def announce(self, *jobs: Sequence[Job]) -> None:
         """Note the jobs in the order of the report."""
@@ -274,9 +279,11 @@ class _StabilityStudy:
         return stiffness(dae, states[some], dae.p_nominal, self.times[: len(states)][some])
 
     def doubts(self) -> tuple[str, ...]:
-        """What no solver can cure: flexible bodies that leave the linear theory of their modes."""
+        """What was not tried, and what no solver can cure: flexible bodies that leave the theory of their modes."""
         dae, states = self._simulator.dae, self._states()
-        return linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
+        untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {INSTALL}" if self.untried else ""
+        theory = linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
+        return (*filter(None, [untried]), *theory)
 
     def _states(self) -> Array:
         """States (m, n_x) of a run that finished, or the start if there is none."""
