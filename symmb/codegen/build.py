@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from symmb._cleanup import run_program, temporary_folder
-from symmb._errors import SymmbError, SymmbWarning
+from symmb._errors import DeclarationError, SymmbError, SymmbWarning
 from symmb.codegen import cache
 from symmb.codegen.c_source import C_FOLDER, c_source
 from symmb.codegen.threads import cores
@@ -241,7 +241,9 @@ def _compile(command: list[str], library_path: Path, folder: Path, seconds: floa
         raise _BuildError(f"it cannot be started ({error.strerror}).") from None
     if status:
         raise _BuildError(f"it cannot build a model: {_first_error(text)}.")
-    if not library_path.is_file():
+    head = library_path.read_bytes()[:18] if library_path.is_file() else b""
+    is_shared = head[:4] == b"\x7fELF" and head[16:].strip(b"\0") == b"\3"  # no object file, no text
+    if not head or (sys.platform.startswith("linux") and not is_shared):
         raise _BuildError("it reports success, but writes no library.")
 
 
@@ -285,7 +287,10 @@ def _compiler() -> _Compiler:
 
 
 def _flags() -> tuple[str, ...]:
-    return *_FLAGS, *shlex.split(os.environ.get(_MORE_FLAGS, ""))
+    try:
+        return *_FLAGS, *shlex.split(os.environ.get(_MORE_FLAGS, ""))
+    except ValueError as error:
+        raise DeclarationError(f"{_MORE_FLAGS} is {os.environ[_MORE_FLAGS]!r}: {error}.") from None
 
 
 def _candidates() -> Iterator[tuple[str, ...]]:
@@ -304,16 +309,17 @@ def _real(command: tuple[str, ...]) -> tuple[str, ...]:
     return os.path.realpath(command[0]), *command[1:]
 
 
-def _probed(command: tuple[str, ...]) -> _Compiler:
-    """A compiler with the flags that it knows.
+def _probed(command: tuple[str, ...], given: tuple[str, ...] | None = None) -> _Compiler:
+    """A compiler with the flags that it knows, and those given in the place of the user's.
 
     Raises
     ------
     _BuildError            if it builds nothing that works
+    DeclarationError       if it does without the user's flags
     """
-    version, refused = _version(command), ""
+    version, refused, own = _version(command), "", _flags() if given is None else given
     for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
-        flags = (*_flags(), native, *extra)
+        flags = (*own, native, *extra)
         try:
             _probe(command, version, flags)
         except _TimeoutError:
@@ -322,6 +328,8 @@ def _probed(command: tuple[str, ...]) -> _Compiler:
             refused = str(error)
         else:
             return _Compiler(command[0], version, flags, command[1:])
+    if own != _FLAGS and _probed(command, _FLAGS):
+        raise DeclarationError(f"{_MORE_FLAGS} is {os.environ[_MORE_FLAGS]!r}. With it {command[0]} fails: {refused}")
     raise _BuildError(refused)
 
 

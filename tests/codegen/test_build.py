@@ -92,11 +92,6 @@ def planted_in(folder, made):
 # --- keeping -------------------------------------------------------------------
 
 
-def test_what_is_kept_is_not_built_again(folder, made, no_building):
-    (folder / made[0]).write_bytes(made[1])
-    assert answer() == 42
-
-
 def test_the_folder_is_made_for_its_owner_alone(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "deep" / "cache"))
     before = os.umask(0o022)
@@ -188,7 +183,7 @@ def test_a_damaged_library_is_built_again(folder, made, damage):
 
 
 def test_a_planted_library_would_be_found(folder, made, no_building):
-    """What the tests below refuse is loaded where nothing speaks against it."""
+    """What the tests below refuse is loaded, and not built again, where nothing speaks against it."""
     planted_in(folder, made)
     assert answer() == 666
 
@@ -307,6 +302,12 @@ def test_a_compiler_that_does_not_know_an_option_does_without(folder, tmp_path, 
     assert found.path == str(compiler) and unknown not in found.flags
     monkeypatch.setattr(build, "_compiler", lambda: found)
     assert answer() == 42
+
+
+@pytest.mark.parametrize("flags", ["-foo", "-c", '-O1 "'])
+def test_flags_with_which_no_compiler_works_are_named(folder, compilers, monkeypatch, flags):
+    monkeypatch.setenv("SYMMB_CFLAGS", flags)
+    refused(f"SYMMB_CFLAGS is '{flags}'", build._compiler)
 
 
 def let_hang_briefly(monkeypatch, *words):
