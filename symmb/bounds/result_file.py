@@ -69,12 +69,13 @@ def record_of_table(table: Record) -> Record:
     """The record of a .csv table, which has neither inner bounds nor failed runs, seconds and expansion."""
     headings, columns = table.texts("headings"), table.record("columns")
     own = headings[1:-3]
-    parts = ("lower", "upper", "estimate")[: 3 if own[-1].endswith(" estimate") else 2]
+    parts = ("lower", "upper", "estimate")[: 3 if own and own[-1].endswith(" estimate") else 2]
     names = tuple(heading.removesuffix(" lower") for heading in own[:: len(parts)])
     expected = ("t", *(f"{name} {part}" for name in names for part in parts), "kind", "method", "evaluations")
-    if headings != expected:
-        raise DeclarationError(f"its headings must be {', '.join(expected)}.")
-    *numbers, kind, method, evaluations = (columns.plain[str(k)] for k in range(len(headings)))
+    if not own or headings != expected:
+        raise DeclarationError("its headings must be t, x lower, x upper, ..., kind, method, evaluations.")
+    *numbers, kind, method, _ = (columns.plain[str(k)] for k in range(len(headings)))
+    evaluations = columns.array(str(len(headings) - 1), None)
     values = np.array(numbers[1:]).reshape(len(names), len(parts), -1)
     entries = {part: values[:, k].T for k, part in enumerate(parts)}
     same = {"kind": kind[0], "method": method[0], "evaluations": int(evaluations[0]), "seconds": None}

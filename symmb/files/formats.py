@@ -81,7 +81,9 @@ def load(
         version = record.whole("version", _VERSION)
         if version != _VERSION:
             raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
-        return build(Record({name: value for name, value in record.plain.items() if name != "version"}))
+        if "result" in record and (held := f"what {record.text('result')}.save writes") != what:
+            raise DeclarationError(f"it holds {held}.")
+        return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
     except Exception as error:  # a damaged file makes zlib, zipfile, json and NumPy raise nearly anything
         why = (
             str(error)
@@ -165,7 +167,15 @@ def _write_table(file: BinaryIO, columns: Table) -> None:
 
 
 def _of_table(data: bytes) -> Record:
-    headings, *rows = csv.reader(io.StringIO(data.decode("utf-8"), newline=""))
+    text = data.decode("utf-8")
+    if not text.endswith(("\r", "\n")):
+        raise DeclarationError("its last line has no end: a part of the file is missing.")
+    headings, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+    for number, cells in enumerate(rows, 2):
+        if len(cells) != len(headings):
+            raise DeclarationError(f"line {number} has {len(cells)} of {len(headings)} columns.")
+    if not headings or not rows:
+        raise DeclarationError("it has no headings, or no line below them.")
     columns = [_column(column) for column in zip(*rows, strict=True)]
     return Record({"headings": headings, "columns": {str(k): column for k, column in enumerate(columns)}})
 

@@ -27,7 +27,10 @@ class Saved:
 
     def to_json(self) -> dict[str, Any]:
         """The result as lists, texts and numbers. Numbers that are not finite are None."""
-        return in_json(self._record())
+        return in_json(self._named_record())
+
+    def _named_record(self) -> dict[str, Any]:
+        return {"result": type(self).__name__} | self._record()
 
     def save(self, path: str | Path) -> None:
         """Write an .npz or .json file with everything, or, of runs and bounds, a .csv table over time.
@@ -39,7 +42,7 @@ class Saved:
         FileError
             If the file cannot be written; the previous one is kept
         """
-        sources = {"record": self._record, "entries": self.to_json}
+        sources = {"record": self._named_record, "entries": self.to_json}
         save(path, sources | ({"table": self._table} if _has_table(type(self)) else {}))
 
     @classmethod

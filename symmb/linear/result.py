@@ -264,7 +264,7 @@ class Linearization(Saved):
             for mode in self.modes
         ]
         values = [_pair(value) for value in self.eigenvalues.tolist()]
-        return in_json(self._record()) | {"eigenvalues": values, "modes": modes, "stability": self.stability}
+        return in_json(self._named_record()) | {"eigenvalues": values, "modes": modes, "stability": self.stability}
 
 
 def _plain(names: Sequence[str]) -> list[str]:

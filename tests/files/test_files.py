@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import saving
-from faults import refused
+from faults import refused, told_in_a_line
 from mechanisms import double_pendulum
 from oscillators import BOX, Wave
 
@@ -107,6 +107,7 @@ def test_a_loaded_run_knows_its_names_and_with_its_scene_any_expression(tmp_path
         np.testing.assert_array_equal(loaded[name], run[name])
     assert loaded.q.shape == run.q.shape and loaded.v.shape == run.v.shape and loaded.s.shape == run.s.shape
     assert loaded.energy_drift == run.energy_drift
+    refused(r"it holds what Trajectory\.save writes", mb.Bounds.load, tmp_path / "run.npz")
     refused(r"read from a file\. Give Trajectory\.load the scene", loaded.reaction, "shoulder")
     whole = mb.Trajectory.load(tmp_path / "run.npz", scene)
     np.testing.assert_allclose(whole.reaction("elbow")[0], run.reaction("elbow")[0])
@@ -137,6 +138,7 @@ def test_a_damaged_file_is_one_error(tmp_path, kind, suffix):
             assert str(path) in str(error) and len(str(error).splitlines()) == 1
         else:
             str(loaded), loaded.save(tmp_path / "again.json")
+            assert suffix != "csv" or content.endswith((b"\r", b"\n"))
 
 
 def changes(layout, choice):
@@ -181,8 +183,7 @@ def test_another_suffix_is_the_same_error_everywhere(tmp_path, kind):
     for action in (result_of(kind).save, getattr(mb, kind).load):
         refused(r"must end in \.npz or \.json.* here, got '.*\.txt'", action, tmp_path / "result.txt")
     if hasattr(result_of(kind), "plot"):
-        with pytest.raises(mb.DeclarationError, match=r"The name of a file must end in \.png or .* got '.*\.qqq'"):
-            result_of(kind).plot(tmp_path / "picture.qqq")
+        refused(r"file must end in \.png or .* got '.*\.qqq'", result_of(kind).plot, tmp_path / "picture.qqq")
     assert not list(tmp_path.iterdir())
 
 
@@ -272,6 +273,5 @@ def test_files_of_another_version_are_refused(version, kind, suffix, tmp_path):
         path.write_text(json.dumps(json.loads(path.read_text()) | {"version": version}))
     else:
         change_archive(path, "version", version)
-    with pytest.raises(mb.DeclarationError, match="version") as error:
+    with told_in_a_line("version"):
         getattr(mb, kind).load(path)
-    assert "\n" not in str(error.value)
