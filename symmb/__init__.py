@@ -7,6 +7,7 @@ by subject:
 
 # The public names stand in `__init__.pyi`; each room is loaded when one of its names is first used.
 
+from importlib import import_module
 from textwrap import fill
 from typing import Any
 
@@ -14,9 +15,13 @@ import lazy_loader
 
 from symmb._names import did_you_mean, public_names
 
-_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 for _subject, _names in public_names().items():
     __doc__ = f"{__doc__}\n{_subject}\n{fill(', '.join(_names), 116, initial_indent='    ', subsequent_indent='    ')}"
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__", "models"]
 
 
 def __getattr__(name: str) -> Any:
@@ -24,6 +29,8 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version  # it takes as long to load as all else here
 
         return version("symmb")
+    if name == "models":
+        return import_module("symmb.models")
     try:
         return _public(name)
     except AttributeError:

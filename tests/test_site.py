@@ -155,8 +155,8 @@ def test_site(tmp_path):
     text = (tmp_path / "searchindex.js").read_text(encoding="utf-8")
     index = json.loads(text.removeprefix("Search.setIndex(").removesuffix(")"))
     pages = {(prefix, row[4]): index["docnames"][row[0]] for prefix, rows in index["objects"].items() for row in rows}
-    of_names = {pages["symmb", name] for name in dir(symmb)}
-    assert len(of_names) == len(dir(symmb)) and all(page.startswith("api/") for page in of_names)
+    of_names = {pages["symmb", name] for name in symmb.__all__}
+    assert len(of_names) == len(symmb.__all__) and all(page.startswith("api/") for page in of_names)
 
     members = {(prefix, row[4]) for prefix, rows in index["objects"].items() for row in rows}
     assert ("symmb.Revolute", "angle") in members and ("symmb.PolynomialChaos", "paper") in members
