@@ -50,7 +50,7 @@ def check_doubts(
     most = min(max(_RUNS, bounds.evaluations), _VALUES // max(bounds.lower.size, 1))
     if not varied.size or most < 3:
         return (), 0
-    checks = _Checks(simulator, box, bounds, executor)
+    checks = _Checks(simulator, box, bounds, share, executor)
     candidates = _corners(len(box), varied)
     if 1 + 2 * len(varied) + _EXTREMES <= most:
         star = _star(len(box), varied)
@@ -60,13 +60,13 @@ def check_doubts(
             checks.run(extremes)
     else:
         checks.run(candidates[-_INSIDE - most // 2 :][:most])
-    return checks.doubts(candidates, share), checks.n
+    return checks.doubts(candidates), checks.n
 
 
 class _Checks:
     """The largest disagreements over the n check runs so far, and the scale (n_y,) of the outputs."""
 
-    def __init__(self, simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None) -> None:
+    def __init__(self, simulator: Simulator, box: Box, bounds: Bounds, share: float, executor: Executor | None) -> None:
         self._simulator, self._box, self._executor = simulator, box, executor
         noise = noise_from_runs(simulator) if bounds.noise is None else bounds.noise
         self._bounds = bounds
@@ -74,7 +74,7 @@ class _Checks:
         self.scale = np.where(largest > 0, largest, 1.0)
         self._floor = np.full(len(largest), ROUNDING) if noise is None else noise / self.scale
         self.n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((2, *bounds.lower.shape))
-        self._failed = ""
+        self._failed, self._share, self._n_outside, self._n_missed = "", share, 0, 0
 
     def run(self, points: Array) -> Array | None:
         """Values (N, n_t, n_y) at points (N, d) of the unit box; None if a run fails."""
@@ -85,19 +85,23 @@ class _Checks:
         if len(ok):
             outside = bounds.lower - Y[ok].min(axis=0), Y[ok].max(axis=0) - bounds.upper
             self._outside = np.maximum(self._outside, outside)
+            off = (np.maximum(bounds.lower - y, y - bounds.upper) > self._floor * self.scale for y in Y[ok])
+            self._n_outside += np.count_nonzero([part.any() for part in off])
         if len(ok) and bounds.surrogate is not None:
-            missed = np.abs(bounds.surrogate.values(points[ok]) - Y[ok]).max(axis=0)
-            self._missed = np.maximum(self._missed, missed)
+            missed = np.abs(bounds.surrogate.values(points[ok]) - Y[ok])
+            self._missed = np.maximum(self._missed, missed.max(axis=0))
+            least = (self._share * self._sizes(self._missed)[1] + self._floor) * self.scale
+            self._n_missed += np.count_nonzero((missed > least).any(axis=(1, 2)))
         if bad:
             self._failed = str(failure_records(self._simulator, self._box, P, bad)[0])
         return None if bad else Y
 
-    def doubts(self, candidates: Array, share: float) -> tuple[str, ...]:
+    def doubts(self, candidates: Array) -> tuple[str, ...]:
         """The disagreements in sentences. The range of the surrogate is looked for at candidates (N, d)."""
-        bounds = self._bounds
-        parts = [(f"runs at {self.n} other points are outside of the bounds", self._outside, share)]
+        bounds, share, of_all = self._bounds, self._share, f"of {self.n} other points"
+        parts = [(f"runs at {self._n_outside} {of_all} are outside of the bounds", self._outside, share)]
         if bounds.surrogate is not None:
-            parts.append((f"the method's polynomial misses runs at {self.n} other points", self._missed, share))
+            parts.append((f"the method's polynomial misses runs at {self._n_missed} {of_all}", self._missed, share))
         if bounds.surrogate is not None and not bounds.surrogate.exact:
             low, high = _reached(bounds.surrogate, candidates)
             gap = np.maximum([low - bounds.lower, bounds.upper - high], 0.0)

@@ -133,6 +133,6 @@ def test_a_method_of_ones_own_needs_one_function():
         def _bounds(self, simulator, box, executor, progress):
             return Vertex()._bounds(simulator, Box(amplitude=(1, 1)), executor, progress)
 
-    with pytest.warns(symmb.SymmbWarning, match="Runs at 9 other points are outside of the bounds"):
+    with pytest.warns(symmb.SymmbWarning, match="Runs at 9 of 9 other points are outside of the bounds"):
         result = propagate(Wave(), Nominal(), BOX)
     np.testing.assert_array_equal(result.lower, result.upper)
