@@ -117,7 +117,7 @@ PATIENCE = 300.0
 
 def page_of(name: str) -> str:
     """Where a public name has its page. Pages of `sweep` and `Sweep` differ on all file systems."""
-    twin = name.islower() and any(other != name and other.lower() == name for other in symmb.__all__)
+    twin = name.islower() and any(other != name and other.lower() == name for other in dir(symmb))
     return f"api/{name}_function" if twin else f"api/{name}"
 
 
