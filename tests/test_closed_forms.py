@@ -21,7 +21,8 @@ def test_cubic_has_its_range():
     assert (natural.lower.item(), natural.upper.item()) == pytest.approx((-2.0, 2.0))
 
 
-def test_spherical_pendulum_follows_its_angles():
+@pytest.mark.parametrize("solver", [None, mb.StateSpace()])
+def test_spherical_pendulum_follows_its_angles(solver):
     theta, phi_dot = 1.2, 1.5
     momentum = phi_dot * np.sin(theta) ** 2
     times = np.linspace(0.0, 5.0, 51)
@@ -30,7 +31,7 @@ def test_spherical_pendulum_follows_its_angles():
         return [y[1], momentum**2 * np.cos(y[0]) / np.sin(y[0]) ** 3 - G * np.sin(y[0]), momentum / np.sin(y[0]) ** 2]
 
     y = solve_ivp(rates, (0, 5), [theta, 0.0, 0.0], t_eval=times, rtol=1e-12, atol=1e-12).y
-    run = mb.simulate(spherical_pendulum.scene(theta=theta, phi_dot=phi_dot), times=times)
+    run = mb.simulate(spherical_pendulum.scene(theta=theta, phi_dot=phi_dot), solver, times=times)
     assert np.abs(run["x"] - np.sin(y[0]) * np.cos(y[2])).max() < 1e-6
     assert np.abs(run["y"] - np.sin(y[0]) * np.sin(y[2])).max() < 1e-6
     assert np.abs(run["theta"] - y[0]).max() < 1e-6

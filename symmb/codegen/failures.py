@@ -29,7 +29,7 @@ REASONS = (
     "Impact {} cannot rebound: its gap closes as the constraints have it",
     "impacts of {} at one instant do not end",
     "the contacts {} that have closed depend on each other",
-    "impacts of {} follow each other without end",
+    "events of {} follow each other without end",
     "the constraints cannot be met with the new parameters",
 )
 """The text of each FailureCode; names of contacts are put in."""

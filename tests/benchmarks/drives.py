@@ -335,6 +335,37 @@ def press(random: np.random.Generator) -> tuple[mb.Scene, Reference]:
     return scene, own.run([0.0, 0.3, speed, 0.0], lambda t, y: y)
 
 
+def pendulums(random: np.random.Generator, chain: Sequence[tuple[int, int]], n: int) -> tuple[mb.Scene, Reference]:
+    """n pendulums on one axis with torsion springs, and clutches of constant capacity between them."""
+    mass, J, arm, k = random.uniform([0.3, 0.05, 0.1, 0.5], [2, 0.5, 0.8, 20], (n, 4)).T
+    k *= random.integers(0, 2, n)
+    angles, speeds = random.uniform(-2, 2, n), random.uniform(-4, 4, n) * random.integers(0, 2, n)
+    holds, ratios = random.uniform(0.2, 6, len(chain)), [1.0] * len(chain)
+    if len(chain) == 1:  # several clutches that hold more than they slip with may have several motions
+        ratios = random.choice([1.0, 1.2], 1)
+    ground = mb.Ground()
+    bodies = [mb.Body(f"bob{i}", mass[i], J[i], pose=mb.Planar()) for i in range(n)]
+    hinges = [mb.Revolute(f"hinge{i}", ground.point(0, 0), b.point(-arm[i], 0)) for i, b in enumerate(bodies)]
+    springs = [mb.TorsionSpring(f"spring{i}", ground, b, k[i]) for i, b in enumerate(bodies)]
+    clutches = [
+        mb.Clutch(f"clutch{i}", ground if a < 0 else bodies[a], bodies[b], holds[i], ratios[i])
+        for i, (a, b) in enumerate(chain)
+    ]
+    system = mb.System(*bodies, *hinges, *springs, *clutches, mb.Gravity(0, -9.81))
+    start = {f"hinge{i}.angle": a for i, a in enumerate(angles)} | {f"bob{i}.omega": w for i, w in enumerate(speeds)}
+    outputs = {f"angle{i}": hinge.angle for i, hinge in enumerate(hinges)}
+    outputs |= {f"speed{i}": hinge.angle_rate for i, hinge in enumerate(hinges)}
+    drive = Drive(
+        inertia=lambda y: np.diag(J + mass * arm**2),
+        forces=lambda t, y: -k * y[:n] - 9.81 * mass * arm * np.cos(y[:n]),
+        pairs=[
+            Pair(clutch.name, a, b, lambda _, hold=hold: hold, ratio)
+            for clutch, (a, b), hold, ratio in zip(clutches, chain, holds, ratios, strict=True)
+        ],
+    )
+    return mb.Scene(system, start, TIMES, outputs), drive.run([*angles, *speeds], lambda t, y: y)
+
+
 KINDS: dict[str, Callable[[np.random.Generator], tuple[mb.Scene, Reference]]] = {
     "motor": lambda random: motor(random, False),
     "motor with brake": lambda random: motor(random, True),
@@ -344,6 +375,10 @@ KINDS: dict[str, Callable[[np.random.Generator], tuple[mb.Scene, Reference]]] = 
     "clutch in space": lambda random: shafts(random, [(0, 1)], 2, space=True),
     "clutch and brake": lambda random: shafts(random, [(0, 1), (-1, 1)], 2),
     "clutches in a row": lambda random: shafts(random, [(0, 1), (1, 2)], 3),
+    "pendulum with brake": lambda random: pendulums(random, [(-1, 0)], 1),
+    "pendulums with clutch": lambda random: pendulums(random, [(0, 1)], 2),
+    "pendulums with clutch and brake": lambda random: pendulums(random, [(0, 1), (-1, 1)], 2),
+    "pendulums with brakes": lambda random: pendulums(random, [(-1, 0), (-1, 1)], 2),
 }
 
 
@@ -360,8 +395,14 @@ def errors(kind: str, seed: int) -> tuple[float, float, float]:
 
 
 def _in_order(events: Iterable[tuple[str, str, float]]) -> list[tuple[str, str, float]]:
-    """Events behind the start in their order; those of one instant by their names."""
-    return sorted((event for event in events if event[2] > 0), key=lambda event: (round(event[2], 9), event[0]))
+    """Events behind the start in their order; those of one instant by their names. Those that cancel are left out."""
+    kept: list[tuple[str, str, float]] = []
+    for event in sorted((event for event in events if event[2] > 0), key=lambda event: (round(event[2], 9), event[0])):
+        if kept and kept[-1][0] == event[0] and kept[-1][1] != event[1] and event[2] - kept[-1][2] < 1e-9:
+            kept.pop()
+        else:
+            kept.append(event)
+    return kept
 
 
 def main() -> int:

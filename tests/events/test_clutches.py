@@ -70,23 +70,27 @@ def test_a_pulse_of_time_is_not_passed_over():
     assert happened(run) == [("brake", "opens", 1.0), ("brake", "closes", 1.01225)]
 
 
-def test_a_brake_at_rest_slips_for_a_moment():
-    """Nothing moves before, so that steps are long, and the torque is little above the capacity."""
-    scene, (values, events) = drives.motor(np.random.default_rng(216), True)
-    run = mb.simulate(scene)
+def agrees(scene, reference):
+    run, (values, events) = mb.simulate(scene), reference
     assert [(event.name, event.what) for event in run.events if event.time > 0] == [event[:2] for event in events]
     assert_allclose([event.time for event in run.events if event.time > 0], [event[2] for event in events], atol=1e-9)
     assert_allclose(run.values, values, atol=1e-9)
+
+
+def test_a_brake_at_rest_slips_for_a_moment():
+    """Nothing moves before, so that steps are long, and the torque is little above the capacity."""
+    agrees(*drives.motor(np.random.default_rng(216), True))
+
+
+def test_a_pendulum_turns_back_against_its_brake():
+    agrees(*drives.pendulums(np.random.default_rng(5), [(-1, 0)], 1))
 
 
 @pytest.mark.long
 def test_steps_pass_the_instant_at_which_a_clutch_lets_go(monkeypatch):
     """Steps may end just before it, again and again, if they take the laws of time behind it."""
     monkeypatch.setattr(drives, "TIMES", np.array([0.0, 1.2]))
-    scene, (values, events) = drives.press(np.random.default_rng(201))
-    run = mb.simulate(scene.with_times(drives.TIMES))
-    assert [(event.name, event.what) for event in run.events if event.time > 0] == [event[:2] for event in events]
-    assert_allclose(run.values, values, atol=1e-9)
+    agrees(*drives.press(np.random.default_rng(201)))
 
 
 def test_two_clutches_in_a_row_stick_at_once():

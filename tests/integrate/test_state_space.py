@@ -15,18 +15,13 @@ def test_it_agrees_with_equations_by_hand(name):
     run = mb.simulate(mechanism.scene(), mb.StateSpace(rtol=1e-10))
     np.testing.assert_allclose(run.values, mechanism.by_hand(mechanism.nominal), atol=2e-8)
     assert run.position_drift < 1e-12 and run.velocity_drift < 1e-11 and run.energy_drift < 1e-8
-
-
-def test_coordinates_are_chosen_anew_where_they_get_worse():
-    run = mb.simulate(MECHANISMS["spatial"].scene(), mb.StateSpace())
-    assert run.statistics["integrator"]["choices of coordinates"] > 1
+    assert name != "spatial" or run.statistics["integrator"]["choices of coordinates"] > 1
 
 
 def test_it_passes_a_dead_point():
     """Where the crank's angle does not tell where the rod is."""
     known = problems.KNOWN["dead_point"]
-    scene = problems.slider_crank("dead_point").make().with_times(known["times"][:5])
-    run = mb.simulate(scene, mb.StateSpace())
+    run = mb.simulate(problems.slider_crank("dead_point").make().with_times(known["times"][:5]), mb.StateSpace())
     assert np.abs(run["theta"] - np.array(known["values"])[:5, 0]).max() < 1e-4
 
 

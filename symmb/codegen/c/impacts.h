@@ -192,14 +192,16 @@ PRIVATE int is_sooner(const Block *b, const int *fresh, int k, int i) {
 
 /* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. A
    condition that holds before its event is armed must first cease to. Of several clutches one begins to slip at a time, by
-   which others may hold. */
-PRIVATE void move_joints(Block *b, Study *s, int passed) {
+   which others may hold. Clutches that stick before any impulse of this instant have a slip that is an error of the step
+   only. It is projected away: otherwise they would stick again when they go on in the other direction. Returns 0 if the
+   sample fails. */
+PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
   Part *a = b->part;
   const V t = each(between_stops(b, b->t));
   int fresh[N_E]; /* clutches that have stuck at this instant */
   memset(fresh, 0, sizeof fresh);
-  for (int n = 0; n <= 4 * N_E; ++n, passed = -1) {
-    int acts[N_E], any = 0, closes = 0, first = -1;
+  for (int n = 0; n <= 4 * N_E; ++n, passed = -1, is_first = 0) {
+    int acts[N_E], any = 0, closes = 0, sticks = 0, first = -1;
     double rate[N_E], work = 0.0;
     margins(a->x, a->c, t, b->margin);
     places(a->x, a->c, t, b->closing);
@@ -215,11 +217,19 @@ PRIVATE void move_joints(Block *b, Study *s, int passed) {
       closes |= acts[k] && !opens[k];
       if (acts[k] && slips[k] && (first < 0 || is_sooner(b, fresh, k, first))) first = k;
     }
-    if (!any) return;
+    if (!any) return 1;
     for (int k = 0; k < N_E; ++k) {
       if (slips[k] && k != first) acts[k] = (a->x[place[holding_state[k]]] = zero(), 0);
-      for (int i = 0; i < N_E && acts[k]; ++i) fresh[i] |= slips[i] && !opens[k] && flag_state[i] == flag_state[k];
+      for (int i = 0; i < N_E && acts[k]; ++i) {
+        const int stuck = slips[i] && !opens[k] && flag_state[i] == flag_state[k];
+        fresh[i] |= stuck;
+        sticks |= stuck;
+      }
       if (acts[k]) move_joint(b, k);
+    }
+    if (sticks && is_first) {
+      move_onto_constraints(a, a->x, b->t, a->x_new);
+      memcpy(a->x, a->x_new, sizeof a->x);
     }
     memset(b->jumped, 0, sizeof b->jumped);
     if (closes) {
@@ -237,9 +247,11 @@ PRIVATE void move_joints(Block *b, Study *s, int passed) {
       work = opens[k] ? work : 0.0;
     }
   }
+  fail_sample(b, s, 0, b->t, ENDLESS);
+  return 0;
 }
 #else
-PRIVATE void move_joints(Block *b, Study *s, int passed) { (void)b, (void)s, (void)passed; }
+PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) { (void)b, (void)s, (void)passed, (void)is_first; return 1; }
 #endif
 
 /* Continues after an event, at which a contact closes or a joint's condition changes, or contact number contact - N_G opens;
@@ -252,7 +264,7 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
   Instant c;
   for (int n = 0, hit = 1; hit && n < ROUNDS; ++n) { /* impulses let clutches slip, which the next round finds */
     double fastest = 0.0;
-    move_joints(b, s, n == 0 && contact < N_G ? contact - N_I : -1);
+    if (!move_joints(b, s, n == 0 && contact < N_G ? contact - N_I : -1, n == 0)) return 0;
     gaps(a->x, a->c, each(b->t), b->gap);
     forces(a->x, a->c, each(b->t), b->force);
     for (int k = 0; k < N_I; ++k) {
