@@ -273,7 +273,9 @@ def _begin(job: Job) -> _Running:
     context = multiprocessing.get_context("fork")
     mine, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(job, theirs), daemon=True)
-    process.start()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads
+        process.start()
     theirs.close()
     running = _Running(job, process, mine, time.monotonic())
     note_group(running.process.pid)
