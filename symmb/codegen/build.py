@@ -309,15 +309,16 @@ def _real(command: tuple[str, ...]) -> tuple[str, ...]:
     return os.path.realpath(command[0]), *command[1:]
 
 
-def _probed(command: tuple[str, ...], given: tuple[str, ...] | None = None) -> _Compiler:
-    """A compiler with the flags that it knows, and those given in the place of the user's.
+def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Compiler:
+    """A compiler with the flags that it knows, and with its own ones; default: `_flags()`, which has those of the user.
 
     Raises
     ------
     _BuildError            if it builds nothing that works
     DeclarationError       if it does without the user's flags
     """
-    version, refused, own = _version(command), "", _flags() if given is None else given
+    version, refused = _version(command), ""
+    own = _flags() if own is None else own
     for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
         flags = (*own, native, *extra)
         try:

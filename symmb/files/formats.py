@@ -81,8 +81,8 @@ def load(
         version = record.whole("version", _VERSION)
         if version != _VERSION:
             raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
-        if "result" in record and (held := f"what {record.text('result')}.save writes") != what:
-            raise DeclarationError(f"it holds {held}.")
+        if "result" in record and (content := f"what {record.text('result')}.save writes") != what:
+            raise DeclarationError(f"it holds {content}.")
         return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
     except Exception as error:  # a damaged file makes zlib, zipfile, json and NumPy raise nearly anything
         why = (
