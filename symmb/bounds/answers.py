@@ -8,22 +8,18 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Mask
-from symmb.bounds.contributions import Contributions, contributions_of, takes_runs
+from symmb.bounds.contributions import Contributions, contributions_of
 from symmb.bounds.envelope import Envelope
 from symmb.bounds.laws import Correlation
 from symmb.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
-from symmb.bounds.responses import Responses
-from symmb.bounds.time_windows import ROUNDING_SCALE, is_doubtful
+from symmb.bounds.responses import GOOD, Responses
+from symmb.bounds.time_windows import ROUNDING, ROUNDING_SCALE, is_doubtful
 from symmb.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of
 from symmb.model import Box
 from symmb.polynomials import Moments, moments
 from symmb.polynomials.ranges import Piecewise
 from symmb.simulation import Sweep
 
-_GOOD = 0.25
-"""Largest error of a surrogate over the widths at which it is asked: its answers stand beside their errors."""
-_MISSED = 2.0
-"""Largest error over the largest one at verifying runs."""
 _WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
 """Methods that make no runs in the box, by the begin of their texts."""
 
@@ -83,10 +79,16 @@ class Answers(Envelope):
             attained = float(self.study.values(point)[0, i, k])
         except PropagationError:
             return case
-        values = self.box.from_unit(point[0]).tolist()
+        return self._closer(case, side, point[0], attained)
+
+    def _closer(self, case: WorstCase, side: str, place: Array, attained: float) -> WorstCase:
+        """The run at a place (d,) of the unit box that attains a value, if it comes closer to the bound of a case."""
+        assert self.box is not None
+        values = self.box.from_unit(place).tolist()
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
-        other = replace(case, parameters=parameters, attained=attained)
-        return other if other.shortfall < case.shortfall else case
+        best = min if side == "lower" else max
+        other = replace(case, parameters=parameters, attained=attained, value=best(case.value, attained))
+        return other if case.side == side and other.attained == best(attained, case.attained) else case
 
     def _why_no_worst(self, knows_some: bool) -> str:
         if knows_some:
@@ -126,9 +128,10 @@ class Answers(Envelope):
     def contributions(self) -> Contributions:
         """What each parameter contributes to the widths and to the variance.
 
-        They are those of polynomials that stand for the responses, which take no runs. A method that has none, or none
-        that is good enough, is followed by a study with PolynomialChaos(). Where that has none either, widths come from
-        studies with fewer parameters, and Sobol's indices are not known.
+        They are those of polynomials that stand for the responses, which take no runs. A method that has none is
+        followed by a study with PolynomialChaos(). Outputs for which these are not good enough take widths from studies
+        with fewer parameters, and Sobol's indices from least squares: runs at points that are spread over the box are
+        doubled, from 64 to 1024, until the error of the indices is below 0.04.
 
         Raises
         ------
@@ -137,13 +140,15 @@ class Answers(Envelope):
         PropagationError
             If too many of these runs fail.
         """
-        return contributions_of(self._responses("Bounds.contributions"))
+        found = contributions_of(self._responses("Bounds.contributions"))
+        assert found is not None
+        return found
 
-    def _contributions_take_runs(self) -> bool:
-        """Whether `contributions` makes further runs."""
+    def _known_contributions(self) -> Contributions | None:
+        """Those that take no further runs."""
         if not self.range_of and self.study is not None:
-            return True
-        return takes_runs(self._responses("Bounds.contributions"))
+            return None
+        return contributions_of(self._responses("Bounds.contributions"), may_run=False)
 
     def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
         """The parameters of the box, but those with a fixed value, and those that change none of some outputs, by their
@@ -166,7 +171,9 @@ class Answers(Envelope):
         """Quantiles of an output over time, for parameters that have distributions.
 
         A parameter without a law may be anything in its interval, in each sample something else: there is then a least
-        and a greatest quantile. They are those of the polynomials that `contributions` uses, or of runs.
+        and a greatest quantile. They are those of polynomials, which 32 runs verify. Where these are not good enough
+        they are those of 1,024 runs, or, if some parameters have no law, of least squares through 256 runs whose error
+        is that of ranges at some hundreds of further runs.
 
         Parameters
         ----------
@@ -185,9 +192,9 @@ class Answers(Envelope):
             If an output or a parameter is unknown, a law or a level is none, or lies outside of the box, or the
             correlations are not positive definite.
         PropagationError
-            If no polynomials are good enough, and some parameters have no law.
+            If runs fail.
         """
-        return quantiles_of(self._verified("Bounds.quantiles"), output, levels, laws, correlation)
+        return quantiles_of(self._responses("Bounds.quantiles"), output, levels, laws, correlation)
 
     def probability(
         self,
@@ -197,35 +204,47 @@ class Answers(Envelope):
         below: float | None = None,
         laws: Mapping[str, Any],
         correlation: Correlation | None = None,
+        error: float = 0.1,
     ) -> Probability:
         """Probability that an output is above or below a value, at each time and ever; see `quantiles`.
 
         With both values it is the probability that the output is above the one or below the other, as the reject rate
         of a limit with two ends.
+
+        Parameters
+        ----------
+        above, below : float
+        laws, correlation : as in `quantiles`
+        error : float
+            the estimated error to reach, over the probability of the event at any time. Samples of the polynomials are
+            made as many as that takes. If these do not suffice, up to 1,000 runs near the limit tell probabilities down
+            to 1e-9, where all parameters have laws
         """
-        return probability_of(self._verified("Bounds.probability"), output, above, below, laws, correlation)
+        responses = self._responses("Bounds.probability")
+        return probability_of(responses, output, above, below, laws, correlation, error)
 
     def samples(self, n: int, laws: Mapping[str, Any], correlation: Correlation | None = None, seed: int = 0) -> Sweep:
         """Responses for n random samples of parameters that all have laws; see `quantiles`.
 
         They are those of the polynomials that `contributions` uses, or of runs.
         """
-        return samples_of(self._verified("Bounds.samples"), n, laws, correlation, seed, self.nominal_parameters)
+        return samples_of(self._responses("Bounds.samples"), n, laws, correlation, seed, self.nominal_parameters)
 
     def _responses(self, owner: str) -> Responses:
         """What questions about the responses are put to."""
         if self.box is None:
             raise DeclarationError(f"{owner}: these bounds do not know their box. A .csv file does not hold it.")
         adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
-        surrogate = adaptive.good_surrogate()
+        surrogate = adaptive.surrogate
+        is_good = adaptive.have_good_surrogate()
         remarks = [f"The bounds are doubted: {doubt}" for doubt in self.doubts[:1]]
-        if surrogate is None and self.study is None:
-            surrogate = self.surrogate
+        if self.study is None and not is_good.all():
             if surrogate is None:
                 raise DeclarationError(
                     f"{owner}: {self.method} leaves no polynomials, and bounds that were read from a file or pickled "
                     "make no runs. Ask the bounds that propagate returns."
                 )
+            is_good[:] = True
             remarks.append("Polynomials that are not good enough answer here: bounds from a file make no runs.")
         values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
         point = self.box.to_unit(np.array(values))
@@ -235,24 +254,18 @@ class Answers(Envelope):
         estimate = adaptive.estimate if adaptive.estimate is not None else adaptive.surrogate.error
         own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
         runs = 0 if adaptive is self else adaptive.evaluations
-        ranges = adaptive.lower, adaptive.upper, estimate, surrogate, self.study
+        scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+        floor = ROUNDING * scale if adaptive.noise is None else adaptive.noise
+        ranges = adaptive.lower, adaptive.upper, estimate, floor, surrogate, is_good, self.study
         return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))
-
-    def _verified(self, owner: str) -> Responses:
-        """Responses whose polynomials agree with some runs all over the box, within an error that these tell."""
-        responses = self._responses(owner)
-        surrogate = responses.surrogate
-        if surrogate is None or responses.runs is None:
-            return responses
-        points, Y = responses.runs.sample
-        error = np.maximum(surrogate.error, _MISSED * np.abs(surrogate.values(points) - Y).max(axis=0, initial=0.0))
-        is_good = not is_doubtful(*self._scaled(error), _GOOD).any()
-        return replace(responses, surrogate=replace(surrogate, error=error) if is_good else None)
 
     def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:
         """The surrogate, if its error is known and small beside the widths of outputs, by numbers; default: all."""
+        asked = slice(None) if outputs is None else [*outputs]
+        return self.surrogate if self.have_good_surrogate()[asked].all() else None
+
+    def have_good_surrogate(self) -> Mask:
+        """Which outputs (n_y,) have a surrogate whose error is known and small beside the width."""
         if self.surrogate is None or self.estimate is None:
-            return None
-        is_large: Mask = np.any(is_doubtful(*self._scaled(self.surrogate.error), _GOOD), axis=0)
-        asked = range(len(self.names)) if outputs is None else outputs
-        return None if any(is_large[k] for k in asked) else self.surrogate
+            return np.zeros(len(self.names), dtype=bool)
+        return ~np.any(is_doubtful(*self._scaled(self.surrogate.error), GOOD), axis=0)

@@ -1,7 +1,7 @@
 """What each uncertain parameter contributes to the bounds, and to the variance."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,8 @@ from symmb import _html as html
 from symmb import plot
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
 from symmb._table import aligned, at_time, time_text
-from symmb._types import Array
+from symmb._types import Array, Mask
+from symmb.bounds.regression import fitted
 from symmb.bounds.responses import Responses
 from symmb.bounds.time_windows import ROUNDING
 from symmb.bounds.worst_case import row_of
@@ -23,8 +24,12 @@ from symmb.polynomials.ranges import Piecewise
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_POOR = 0.5
-"""Error over the largest width alone from which on these widths are taken from runs along lines."""
+_POOR, _SMALL = 0.5, 0.05
+"""Error over the width of a parameter alone, and over the whole width, above which it is taken from runs on a line."""
+_FEWEST, _MOST_SHARE_RUNS = 64, 1024
+"""Least and largest number of runs from which shares are taken."""
+_SHARE_ERROR = 0.04
+"""Error of shares, in the mean over the variance, at which no further runs are made for them."""
 _SAMPLES = 2048
 """Samples of each matrix from which shares of pieces are taken."""
 _SAMPLING = 0.03
@@ -56,11 +61,11 @@ class Contributions(Result, Saved):
         width that goes away if this parameter is known to be nominal
     first, total : (n_t, n_y, n_p)
         Sobol's indices: the share of the variance that a parameter explains by itself, and with others, for uniform
-        independent parameters. nan where the variance is rounding, and where no surrogate is good enough
+        independent parameters. nan where the variance is rounding
     estimate : (n_t, n_y)
-        estimated error of alone
+        largest estimated error of alone
     saved_estimate : (n_t, n_y)
-        estimated error of saved
+        largest estimated error of saved
     share_estimate : (n_t, n_y)
         estimated error of the indices
     runs : int
@@ -69,6 +74,8 @@ class Contributions(Result, Saved):
         where the surrogate comes from, or the runs
     remarks : sentences
         what else is known
+    errors : (2, n_t, n_y, n_p)
+        estimated errors of alone and of saved of each parameter; None in files of earlier versions
 
     Examples
     --------
@@ -94,6 +101,7 @@ class Contributions(Result, Saved):
     runs: int
     method: str
     remarks: tuple[str, ...] = ()
+    errors: Array | None = field(default=None, metadata=entry(Record.with_nan, None, "t", "names", "parameters"))
 
     def _head(self) -> str:
         source = f"{self.runs} further runs" if self.runs else "no further runs"
@@ -106,15 +114,17 @@ class Contributions(Result, Saved):
         width, of_share = self.width[i, k], self.share_estimate[i, k]
         has_times = time_text(self.t, i, self.width[:, k]) != ""
         title = f"{self.names[k]}{at_time(self.t, i)}" if has_times else self.names[k]
-        rows = [[title, "alone", "saved", f"of width {width:.4g}", "first", "total"]]
+        errors = np.stack([self.estimate, self.saved_estimate])[..., None].repeat(len(self.parameters), axis=-1)
+        errors = errors if self.errors is None else self.errors
+        rows = [[title, "alone", "±", "saved", "±", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
             share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"
-            widths = (f"{each[i, k, p]:.4g}" for each in (self.alone, self.saved))
+            pairs = zip((self.alone, self.saved), errors, strict=True)
+            widths = (text for value, e in pairs for text in (f"{value[i, k, p]:.4g}", f"{e[i, k, p]:.1g}"))
             indices = (f"{x:.3f}" if np.isfinite(x) else "–" for x in (self.first[i, k, p], self.total[i, k, p]))
             rows.append([self.parameters[p], *widths, share, *indices])
         known = f"≤ {of_share:.1g}" if np.isfinite(of_share) else "–"
-        errors = (f"≤ {each[i, k]:.1e}" for each in (self.estimate, self.saved_estimate))
-        rows.append(["estimated error", *errors, "", known, known])
+        rows.append(["estimated error", *[""] * 5, known, known])
         return rows
 
     def __str__(self) -> str:
@@ -177,83 +187,142 @@ class Contributions(Result, Saved):
         return Labelled(coordinates, variables, {"method": self.method}, units, rows)
 
 
-def contributions_of(responses: Responses) -> Contributions:
-    """Ranges over lines and faces through the nominal point, and shares of the variance."""
-    d, width, without = len(responses.box), responses.upper - responses.lower, replace(responses, surrogate=None)
-    alone, error, runs = _widths(responses, is_alone=True)
-    if responses.surrogate is not None and responses.runs is not None and _is_poor(responses, 2 * error, alone):
-        alone, error, runs = _widths(without, is_alone=True)
-    others, of_others, more = _widths(responses, is_alone=False)
-    whole = width
-    if responses.surrogate is not None:  # differences of its own ranges are more accurate
-        low, high, *_ = responses.range(-np.ones(d), np.ones(d))
-        whole = high - low
-    saved = np.where(responses.box.radius[:, None, None] > 0, np.maximum(whole - others, 0.0), 0.0)
-    of_saved = 2 * (of_others + responses.estimate) + width - whole
-    estimates = np.minimum(2 * error, width), np.minimum(of_saved, width)
-    first, total, share_estimate = _shares(responses, width)
+def contributions_of(responses: Responses, may_run: bool = True) -> Contributions | None:
+    """Ranges over lines and faces through the nominal point, and shares of the variance; None if they take runs that
+    may not be made.
+    """
+    width, free = responses.upper - responses.lower, responses.box.radius > 0
+    alone, of_alone, missing = _widths(responses, is_alone=True)
+    others, of_others, lacking = _widths(responses, is_alone=False)
+    if not may_run and (missing.any() or lacking.any()):
+        return None
+    runs = _by_runs(responses, missing, True, alone, of_alone) + _by_runs(responses, lacking, False, others, of_others)
+    low, high, _ = responses.range(-np.ones(len(free)), np.ones(len(free)))
+    whole = np.where(np.isnan(low), width, high - low)  # differences of its own ranges are more accurate
+    saved = np.where(free[:, None, None], np.maximum(whole - others, 0.0), 0.0)
+    of_saved = np.where(free[:, None, None], 2 * (of_others + responses.estimate) + width - whole, 0.0)
+    errors = np.minimum([2 * of_alone, of_saved], width)
+    first, total, share_estimate, sampled = _shares(responses, may_run)
     alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
     units = responses.units or ("",) * len(responses.names)
-    own = responses.t, responses.names, units, responses.box.names, width, alone, saved, first, total
-    runs += more + responses.extra_runs
-    return Contributions(*own, *estimates, share_estimate, runs, responses.method, responses.remarks)
-
-
-def takes_runs(responses: Responses) -> bool:
-    """Whether contributions take further runs: no polynomials are good enough, or their error hides these."""
-    if responses.surrogate is None or responses.runs is None:
-        return responses.surrogate is None
-    alone, error, _ = _widths(responses, is_alone=True)
-    return responses.extra_runs > 0 or _is_poor(responses, 2 * error, alone)
-
-
-def _is_poor(responses: Responses, error: Array, alone: Array) -> bool:
-    """Whether an error (n_t, n_y) hides what parameters contribute, (d, n_t, n_y). Rounding and noise do not count.
-
-    Polynomials that are good enough have errors so large beside the width only where an output is noise.
-    """
-    largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
-    error = np.where(error > ROUNDING * largest, error, 0.0)
-    size, wrong, width = (
-        np.sqrt(np.square(part).mean(axis=-2)) for part in (alone, error, responses.upper - responses.lower)
+    return Contributions(
+        responses.t,
+        responses.names,
+        units,
+        responses.box.names,
+        width,
+        alone,
+        saved,
+        first,
+        total,
+        estimate=errors[0].max(axis=0),
+        saved_estimate=errors[1].max(axis=0),
+        share_estimate=share_estimate,
+        runs=runs + sampled + responses.extra_runs,
+        method=responses.method,
+        remarks=responses.remarks,
+        errors=np.moveaxis(errors, 1, -1),
     )
-    return bool(((wrong > _POOR * size.max(axis=0, initial=0.0)) & (wrong <= _POOR * width)).any())
 
 
-def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, int]:
-    """Widths (d, n_t, n_y) over lines and faces through the nominal point, the error of ranges, and how many runs.
-
-    Each parameter is free alone, or nominal alone.
+def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
+    """Widths (d, n_t, n_y) by polynomials over lines and faces through the nominal point, the error of their ends,
+    and which of them (d, n_y) runs have to tell. Each parameter is free alone, or nominal alone.
     """
-    d, one = len(responses.box), np.ones(len(responses.box))
-    widths, error, runs = np.zeros((d, *responses.lower.shape)), np.zeros_like(responses.lower), 0
+    d, one, whole = len(responses.box), np.ones(len(responses.box)), _rms(responses.upper - responses.lower)
+    widths, error = np.zeros((2, d, *responses.lower.shape))
+    missing = np.zeros((d, len(responses.names)), dtype=bool)
+    largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
     for i in np.flatnonzero(responses.box.radius > 0):
         is_fixed = (np.arange(d) != i) == is_alone
         ends = np.where(is_fixed, responses.nominal, -one), np.where(is_fixed, responses.nominal, one)
-        low, high, of_range, more = responses.range(*ends)
+        low, high, error[i] = responses.range(*ends)
         widths[i] = np.maximum(high - low, 0.0)
-        error, runs = np.maximum(error, of_range), runs + more
-    return widths, error, runs
+        missing[i] = ~responses.is_good
+        if is_alone and responses.runs is not None:
+            wrong = _rms(np.where(2 * error[i] > ROUNDING * largest, 2 * error[i], 0.0))
+            hides = wrong > np.maximum(_POOR * _rms(widths[i]), _SMALL * whole)
+            missing[i] |= hides & (wrong <= _POOR * whole)  # a larger one is noise
+    return widths, error, missing
 
 
-def _shares(responses: Responses, width: Array) -> tuple[Array, Array, Array]:
-    """First and total indices (d, n_t, n_y), and their estimated error (n_t, n_y); nan where they are not known.
+def _by_runs(responses: Responses, missing: Mask, is_alone: bool, widths: Array, error: Array) -> int:
+    """Fill in the widths (d, n_t, n_y) and errors that are missing (d, n_y) by studies; returns how many runs."""
+    runs = 0
+    for i in np.flatnonzero(missing.any(axis=1)):
+        own, each = missing[i], (np.arange(len(responses.box)) == i) == is_alone
+        low, high, of_range, more = responses.range_by_runs(each & (responses.box.radius > 0))
+        widths[i][:, own] = np.maximum(high - low, 0.0)[:, own]
+        error[i][:, own] = of_range[:, own]
+        runs += more
+    return runs
 
-    An error e of the responses changes the standard deviation s of a part by e at most, and a share by
-    (s + e)^2 / s^2 - 1 at most.
+
+def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, int]:
+    """First and total indices (d, n_t, n_y), their estimated error (n_t, n_y), and how many runs; nan where the
+    variance is rounding.
+
+    They are those of polynomials. The part r of the variance that these miss changes a share by r at most, if it is
+    independent of them, as residuals of least squares are, and else by r + 2 sqrt(r).
     """
-    d, surrogate = len(responses.box), responses.surrogate
-    if surrogate is None:
-        unknown = np.full((d, *width.shape), np.nan)
-        return unknown, unknown, unknown[0]
-    if len(surrogate.expansions) == 1:
-        exact, sampling = moments(surrogate.expansions[0], responses.t, responses.names), 0.0
-        first, total, variance = exact.first, exact.total, exact.variance
-    else:
-        first, total, variance = _sampled_shares(surrogate, d)
-        sampling = _SAMPLING
-    e = np.divide(surrogate.error, np.sqrt(variance), out=np.ones_like(variance), where=variance > 0)
-    return first, total, np.minimum(e * (2 + e) + sampling, 1.0)
+    first, total = np.full((2, len(responses.box), *responses.lower.shape), np.nan)
+    variance, error = np.zeros(responses.lower.shape), np.ones(responses.lower.shape)
+    surrogate, good = responses.surrogate, np.flatnonzero(responses.is_good).tolist()
+    if surrogate is not None and len(good):
+        own = surrogate.part(slice(None), good)
+        first[..., good], total[..., good], variance[:, good], sampling = _shares_of(own, responses)
+        error[:, good] = _share_error(own.error, variance[:, good]) + sampling
+    known = first.copy(), total.copy(), error.copy()
+    varies = ~np.isnan(first).all(axis=0) | ~responses.is_good
+    n, most = _FEWEST, 0 if not may_run or responses.runs is None else _MOST_SHARE_RUNS
+    while n <= most and _is_large(error, variance, varies):
+        assert responses.runs is not None
+        points, Y = responses.runs.sample(n)
+        fit = fitted(points, Y, responses.box.names)
+        of_fit = moments(fit.expansions[0], responses.t, responses.names)
+        variance, rest = Y.var(axis=0), np.square(fit.error)
+        missed = np.divide(rest, variance, out=np.ones_like(rest), where=variance > 0)
+        of_errors = missed + 2 * np.sqrt(missed / len(points))
+        first, total, error = (part.copy() for part in known)
+        if surrogate is not None and len(good):
+            own = surrogate.part(slice(None), good)
+            residual = np.sqrt(np.square(own.values(points) - Y[..., good]).mean(axis=0))
+            error[:, good] = np.minimum(error[:, good], _share_error(residual, variance[:, good]) + sampling)
+        better = varies & (of_errors < error)
+        first, total = np.where(better, of_fit.first, first), np.where(better, of_fit.total, total)
+        error, n = np.where(better, of_errors, error), 2 * n
+    error = np.where(np.isnan(first).all(axis=0), np.nan, np.minimum(error, 1.0))
+    return first, total, error, n // 2 if n > _FEWEST else 0
+
+
+def _share_error(e: Array, variance: Array) -> Array:
+    """Largest change of a share where the standard deviation of a part changes by an error of responses."""
+    e = np.divide(e, np.sqrt(variance), out=np.ones_like(variance), where=variance > 0)
+    return np.asarray(e * (2 + e))
+
+
+def _is_large(error: Array, variance: Array, varies: Mask) -> bool:
+    """Whether the error of shares of an output that varies is large where its variance is."""
+    weights = np.where(varies, variance, 0.0)
+    typical = (np.minimum(error, 1.0) * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
+    unknown = varies.any(axis=0) & (weights.sum(axis=0) == 0)  # before the first runs
+    return bool((np.where(unknown, 1.0, typical) > _SHARE_ERROR).any())
+
+
+def _shares_of(surrogate: Piecewise, responses: Responses) -> tuple[Array, Array, Array, float]:
+    """Indices of polynomials, their variance, and the error of sampling."""
+    if len(surrogate.expansions) > 1:
+        first, total, variance = _sampled_shares(surrogate, len(responses.box))
+        return first, total, variance, _SAMPLING
+    names = tuple(name for name, is_good in zip(responses.names, responses.is_good, strict=True) if is_good)
+    expansion = next(iter(surrogate.expansions))
+    exact = moments(expansion, responses.t, names)
+    return exact.first, exact.total, exact.variance, 0.0
+
+
+def _rms(values: Array) -> Array:
+    """Root mean square over time of values (n_t, n_y)."""
+    return np.sqrt(np.square(values).mean(axis=0))
 
 
 def _sampled_shares(surrogate: Piecewise, d: int) -> tuple[Array, Array, Array]:

@@ -11,10 +11,11 @@ from symmb._types import Array, Executor
 from symmb.black_boxes import Noisy, SecondLook, Simulator
 from symmb.bounds.check_runs import check_doubts
 from symmb.bounds.method import Method, parameter_samples
+from symmb.bounds.reductions import gathered
 from symmb.bounds.result import Bounds
-from symmb.bounds.time_windows import ROUNDING
+from symmb.bounds.time_windows import ROUNDING, ROUNDING_SCALE
 from symmb.model import Box, unused_parameters
-from symmb.nodes import corners
+from symmb.nodes import Sobol, corners
 from symmb.simulation import DAESimulator, SceneSimulator, motion_of
 
 
@@ -31,6 +32,7 @@ def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     own, remarks = _second_look(simulator, box, bounds)
     own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
     doubts = (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
+    remarks += _without_effect(simulator, box, bounds)
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *remarks))
 
 
@@ -54,6 +56,30 @@ def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
         f'p["{name}"] is a number; p.{name} is the symbol.'
         for name in unused_parameters(simulator.scene, varied)
     )
+
+
+def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]:
+    """Which parameters change no output of a black box, by its polynomials, and by pairs of runs that differ in one.
+
+    Equations of scenes tell it by themselves. Most parameters act, so that mostly no runs are made.
+    """
+    surrogate, varies = bounds.surrogate, box.radius > 0
+    if surrogate is None or isinstance(simulator, SceneSimulator):
+        return []
+    floor = ROUNDING_SCALE * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
+    small = np.maximum(floor, _IDLE * (bounds.upper - bounds.lower).max(axis=0))
+    idle = np.flatnonzero(~surrogate.acting(small) & varies)
+    if not len(idle):
+        return []
+    base = Sobol().points(_PAIRS, len(box), seed=2)
+    pairs = np.concatenate([base, *(np.where(np.arange(len(box)) == i, np.roll(base, 1, axis=0), base) for i in idle)])
+    Y, _ = gathered(simulator, parameter_samples(simulator, box, pairs), None)
+    first, *others = Y.reshape(len(idle) + 1, _PAIRS, *Y.shape[1:])
+    names = [box.names[i] for i, own in zip(idle, others, strict=True) if (np.abs(own - first) <= floor).all()]
+    if not names:
+        return []
+    verb = "changes" if len(names) == 1 else "change"
+    return [f"{', '.join(names)} {verb} no output, in all runs of the study and {counted(len(Y), 'further run')}."]
 
 
 def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:
@@ -154,5 +180,9 @@ _LONG = 1e-2
 """Share of the horizon above which steps meet a pulse anyway."""
 _CORNERS = 64
 """Most corners of the box at which laws are searched for pulses."""
+_IDLE = 1e-4
+"""Share of the width up to which polynomials, which may smooth, can stand for no effect."""
+_PAIRS = 4
+"""Pairs of runs, all over the box, that must be equal where a parameter has no effect."""
 _FEW = 3
 """Parameters up to which runs at all corners are asked about flexible bodies; of more, at the two extreme ones."""

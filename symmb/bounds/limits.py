@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,20 +15,66 @@ from symmb._labelled import Labelled, Result, over_outputs, texts
 from symmb._names import did_you_mean
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
-from symmb._types import Array
+from symmb._types import Array, Indices
+from symmb.bounds.direct_search import direct_search
 from symmb.bounds.envelope import Envelope
 from symmb.bounds.time_windows import ROUNDING
-from symmb.bounds.worst_case import WorstCase
+from symmb.bounds.worst_case import SIDES, WorstCase
 from symmb.files import to_jsonable
+from symmb.nodes import Sobol
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Limits = Mapping[str, tuple[float | None, float | None]]
 """Limits (low, high) of outputs by name, of which one may be None."""
-_DOUBTFUL = 3.0
-"""How many times an estimated error counts that is a large share of the width."""
+_SAFETY = 2.0
+"""How many times an estimated error counts within which further runs decide."""
+_FURTHER = 600
+"""Further runs of a scene, of which many cost little; of other simulators, as many as the study took, or less."""
+_NEAR = 0.5
+"""Distance of a limit, over the width of bounds of a scene, within which further runs look for what the study has not
+seen, as corners that differ in two parameters from the best one: less misses more, more takes runs for far limits."""
+_SPREAD, _PEAKS = 16, 3
+"""Points that are spread over the box, and times at which runs of the study are, where a search in a scene starts."""
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
+
+
+@dataclass(frozen=True, eq=False)
+class FurtherRun:
+    """The run that comes closest to a limit of all that a check has made.
+
+    Attributes
+    ----------
+    side : str                 that of the limit, "lower" or "upper"
+    place : (d,)               of the unit box
+    values : (n_t,)            of the output
+    beyond : float             how far they are beyond the limit, below 0 inside
+    error : float              how much closer others may be, infinite if the search was not ended
+    runs, failed : int         how many runs were made, and how many of them failed
+    """
+
+    side: str
+    place: Array
+    values: Array
+    beyond: float
+    error: float
+    runs: int
+    failed: int
+
+    @property
+    def row(self) -> int:
+        """Number of the time at which it is closest."""
+        return int(np.nanargmin(self.values) if self.side == "lower" else np.nanargmax(self.values))
+
+
+class _Decision(NamedTuple):
+    """Whether a limit is kept, why, the margin (n_t,), and the further run that comes closest to it."""
+
+    kept: bool | None
+    why: str
+    margin: Array
+    further: FurtherRun | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +87,9 @@ class KeptLimit:
     low, high : float          limits, infinite where there is none
     kept : True, False, None   whether all responses are inside; None if the bounds do not decide it
     why : str                  what decides, or what would decide, in a sentence
-    margin : (n_t,)            distance of the bounds from the closer limit, below 0 beyond it
+    margin : (n_t,)            distance of the bounds from the closer limit, below 0 beyond it; further runs that end
+                               their search inside show that it is larger
+    further : FurtherRun       the one that comes closest to the limit, or None if none was made
     """
 
     output: str
@@ -50,11 +99,13 @@ class KeptLimit:
     kept: bool | None
     why: str
     margin: Array
+    further: "FurtherRun | None" = None
 
     @property
     def row(self) -> int:
         """Number of the time of the least margin."""
-        return int(self.margin.argmin())
+        further = self.further
+        return further.row if further and np.isfinite(further.error) else int(self.margin.argmin())
 
     @property
     def text(self) -> str:
@@ -166,13 +217,10 @@ def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, t
     return {name: _ends(owner, name, pair) for name, pair in limits.items()}
 
 
-def kept_limit(bounds: Envelope, output: str, low: float, high: float, is_doubtful: bool) -> KeptLimit:
-    """Whether an output keeps a limit; its estimated error may be a large share of the width."""
-    k = bounds.names.index(output)
-    lower, upper = bounds.lower[:, k], bounds.upper[:, k]
-    margin = np.minimum(lower - low, high - upper)
-    unit = bounds.units[k] if bounds.units else ""
-    return KeptLimit(output, unit, low, high, *_decision(bounds, k, margin, low, high, is_doubtful), margin)
+def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLimit:
+    """Whether an output keeps a limit."""
+    unit = bounds.units[bounds.names.index(output)] if bounds.units else ""
+    return KeptLimit(output, unit, low, high, *_decision(bounds, bounds.names.index(output), low, high))
 
 
 def _rounding(bounds: Envelope, k: int) -> float:
@@ -188,52 +236,107 @@ def _doubt(bounds: Envelope, output: str) -> str:
     return "Runs failed." if bounds.failed else f"The bounds are {bounds.caution}." if bounds.caution else ""
 
 
-def _decision(
-    bounds: Envelope, k: int, margin: Array, low: float, high: float, is_doubtful: bool
-) -> tuple[bool | None, str]:
-    """Whether output number k keeps a limit, by a margin (n_t,), and why."""
+def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
+    """Whether output number k keeps a limit."""
+    lower, upper = bounds.lower[:, k], bounds.upper[:, k]
+    margin, rounding = np.minimum(lower - low, high - upper), _rounding(bounds, k)
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
     beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
-    rounding = _rounding(bounds, k)
     if beyond > rounding:
-        return False, "A run is beyond it."
+        return _Decision(False, "A run is beyond it.", margin)
     if doubt := _doubt(bounds, bounds.names[k]):
-        return None, f"See the doubts: {shorten(doubt, 60, placeholder=' ...')}"
+        return _Decision(None, f"See the doubts: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
-        return None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}."
+        return _Decision(None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}.", margin)
     if bounds.kind == "sampled":
-        return None, f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
+        why = f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
+        return _Decision(None, why, margin)
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
-            return True, "This is proved."
-        if ((bounds.lower[:, k] > high) | (bounds.upper[:, k] < low)).any():
-            return False, "All responses are beyond it at a time."
-        return None, "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
+            return _Decision(True, "This is proved.", margin)
+        if ((lower > high) | (upper < low)).any():
+            return _Decision(False, "All responses are beyond it at a time.", margin)
+        why = "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
+        return _Decision(None, why, margin)
     if bounds.estimate is None:
-        return None, "The bounds have no estimated error: PolynomialChaos() has one."
-    if is_doubtful:
-        return _decision_of_doubtful(bounds.estimate[:, k].max(), margin)
-    estimate = bounds.estimate[:, k]
+        return _Decision(None, "The bounds have no estimated error: PolynomialChaos() has one.", margin)
+    sides = [_side_decision(bounds, k, *end) for end in zip(SIDES, (low, high), strict=True) if np.isfinite(end[1])]
+    worst = min(sides, key=lambda side: ((False, None, True).index(side.kept), side.margin.min()))
+    return worst._replace(margin=np.min([side.margin for side in sides], axis=0))
+
+
+def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decision:
+    """The same of the lower or upper limit, by its margin and the estimated error at each time.
+
+    Where the margin is within this error, further runs decide: one beyond the limit violates it, and a search for such
+    a run that ends inside, farther from the limit than it may be off, keeps it.
+    """
+    assert bounds.estimate is not None
+    margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
+    estimate, rounding, further = bounds.estimate[:, k], _rounding(bounds, k), None
+    near = _SAFETY * estimate
+    if bounds.study is not None and bounds.study.has_lanes:
+        near = near + _NEAR * (bounds.upper - bounds.lower)[:, k].max()
+    if bounds.study is not None and (margin < near).any():
+        further = _closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"))
+        inside, error = -further.beyond, max(further.error, rounding)
+        if inside < -rounding:
+            own = limit - further.values if side == "upper" else further.values - limit
+            return _Decision(False, "A further run is beyond it.", np.minimum(margin, own), further)
+        if further.failed:
+            return _Decision(None, f"{further.failed} of {further.runs} further runs near it failed.", margin, further)
+        if np.isfinite(error):
+            why = f"{further.runs} further runs near it stay {inside:.1e} inside, and may be off by {error:.1e}."
+            return _Decision(True if inside > error else None, why, np.maximum(margin, inside), further)
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
-        return False, f"The bounds are beyond it by more than their estimated error of {error:.1e}."
+        why = f"The bounds are beyond it by more than their estimated error of {error:.1e}."
+        return _Decision(False, why, margin, further)
     error = estimate.max()
     if (margin >= estimate).all():
-        return True, f"The estimated error is at most {error:.1e}."
-    return (
-        None,
-        f"The estimated error is up to {error:.1e}: PolynomialChaos(tolerance=...) with a smaller number decides.",
-    )
+        return _Decision(True, f"The estimated error is at most {error:.1e}.", margin, further)
+    decides = "PolynomialChaos(tolerance=...) with a smaller number decides."
+    return _Decision(None, f"The estimated error is up to {error:.1e}: {decides}", margin, further)
 
 
-def _decision_of_doubtful(error: float, margin: Array) -> tuple[bool | None, str]:
-    """The same from an estimated error that is a large share of the width: it may be off, by times and by size."""
-    text = f"the estimated error is doubtful, and {_DOUBTFUL:g} times it is {_DOUBTFUL * error:.1e}"
-    if (margin < -_DOUBTFUL * error).any():
-        return False, f"The bounds are beyond it by more: {text}."
-    if (margin >= _DOUBTFUL * error).all():
-        return True, f"The bounds are inside by more: {text}."
-    return None, f"The bounds are too close to it: {text}. PolynomialChaos(budget=..., seconds=...) may decide."
+def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices) -> FurtherRun:
+    """The further run that is closest to a limit or farthest beyond it, of a search from several starts.
+
+    These are runs of the study and extremes of its polynomials at the first of the rows (n_t,) whose runs differ, and
+    the nearest corners. Where runs cost little, two parameters are changed, and points are spread over the box.
+    """
+    study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
+    assert study is not None and box is not None
+    runs, failed, best = 0, 0, (-np.inf, np.zeros(len(box)), np.full(len(bounds.t), np.nan))
+
+    def beyond(points: Array) -> Array:
+        nonlocal runs, failed, best
+        Y, bad = study.attempted(points)
+        excess = np.nan_to_num((sign * (Y[:, :, k] - limit)).max(axis=1), nan=-np.inf)
+        runs, failed, i = runs + len(points), failed + len(bad), int(excess.argmax())
+        if excess[i] > best[0]:
+            best = float(excess[i]), points[i], Y[i, :, k]
+        return excess
+
+    peaks = _PEAKS if study.has_lanes else 1
+    starts, some = [np.zeros((1, len(box)))], rows[:peaks]
+    if bounds.attaining is not None:
+        numbers = bounds.attaining.at[side][rows, k]
+        some = rows[np.sort(np.unique(numbers, return_index=True)[1])[:peaks]]
+        columns = [list(bounds.attaining.simulator.parameters).index(name) for name in box.names]
+        samples = bounds.attaining.samples([(side, int(i), k) for i in some])
+        starts = [box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))]
+    if study.has_lanes:
+        pairs = 1.0 - 2.0 * np.array([np.isin(np.arange(len(box)), pair) for pair in combinations(range(len(box)), 2)])
+        starts += [pairs.reshape(-1, len(box)) * starts[0][0], Sobol().points(_SPREAD, len(box), seed=0)]
+    if bounds.surrogate is not None:
+        one = np.ones(len(box))
+        starts.append(bounds.surrogate.part(some, [k]).range(-one, one)[2][SIDES.index(side), :, 0])
+    points = np.clip(np.concatenate(starts).round(9), -1.0, 1.0)  # corners are 1 to the last digit
+    points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
+    most = max(_FURTHER, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
+    found = direct_search(beyond, points, most, enough=_rounding(bounds, k))
+    return FurtherRun(side, best[1], best[2], best[0], found.error, runs, failed)
 
 
 def _ends(owner: str, name: str, pair: object) -> tuple[float, float]:

@@ -42,10 +42,12 @@ class PolynomialChaos(Method):
     """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
 
     ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids for up to three
-    parameters, in pieces of the box where the response has kinks or jumps, and check runs at the extremes of the
-    expansion. For more parameters it first tries corners: they are the extremes of responses that rise or fall with
-    each parameter. Sparse grids that grow where the response varies, and check runs, serve the other responses. A few
-    outputs and times, up to eight numbers, are left to a Gaussian process that looks for directions in which they vary.
+    parameters, and check runs at the extremes of the expansion. Runs near the kinks of one parameter decide them, and
+    the box is cut into pieces where they do not. For more parameters each output has a sparse grid of its own that
+    grows where it varies, and check runs. Where that takes too many runs, corners and further runs near extremes attain
+    the bounds. Other simulators than scenes first try corners: they are the extremes of responses that rise or fall
+    with each parameter. Outputs with few times, up to eight numbers, are left to a Gaussian process that looks for
+    directions in which they vary.
     Bumps that are narrower than 0.2 of the half width of the box in two parameters, 0.4 in three or 0.5 in four (their
     standard deviation) may be missed without a doubt: ``PolynomialChaos(probes=200)`` looks harder.
     ``PolynomialChaos(order=4)`` has a given order: interpolation at Clenshaw-Curtis nodes and the exact range of the

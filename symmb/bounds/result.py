@@ -1,7 +1,7 @@
 """The result of every bounding method."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +14,7 @@ from symmb import plot
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result
 from symmb._options import require_truth
+from symmb._progress import shown_runs
 from symmb._table import aligned, over_times
 from symmb.bounds import result_file
 from symmb.bounds.answers import Answers
@@ -81,9 +82,11 @@ class Bounds(Answers, Result, Saved):
     def check(self, limits: Limits) -> LimitCheck:
         """Whether outputs keep limits for all parameters of the box, at all times.
 
-        A limit is kept if the bounds, widened by their estimated error, are inside and no doubt concerns the output. It
-        is violated if a run is beyond it by more than rounding and noise, or the bounds are so by more than their
-        error. Otherwise it is undecided. An estimated error that is doubtful counts three times, at its largest. For
+        A limit is kept if the bounds, widened by their estimated error at each time, are inside and no doubt concerns
+        the output. It is violated if a run is beyond it by more than rounding and noise. Where bounds that have an
+        estimated error are closer to a limit than twice this error, and those of a scene closer than half of their
+        width, further runs search for one beyond the limit: at most 600 or as many as the study took, of other
+        simulators no more than the latter. The limit is kept if they end inside. Otherwise it is undecided. For
         enclosures a limit is proved to be kept; samples alone can only violate it.
 
         Parameters
@@ -95,8 +98,9 @@ class Bounds(Answers, Result, Saved):
         DeclarationError
             If an output is unknown, or limits cross.
         """
-        pairs, doubtful = limit_pairs("Bounds.check", limits, self.names), self.doubtful()
-        checked = [kept_limit(self, name, *ends, name in doubtful) for name, ends in pairs.items()]
+        pairs = limit_pairs("Bounds.check", limits, self.names)
+        with shown_runs(None, "runs near limits"):
+            checked = [kept_limit(self, name, *ends) for name, ends in pairs.items()]
         return LimitCheck(self.t, self.method, tuple(checked), partial(self.plot, None), self._closest_to(checked))
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
@@ -105,11 +109,16 @@ class Bounds(Answers, Result, Saved):
         Limits are the same at all times, so that it is the worst case over all times, which files hold.
         """
         limit = min(limits, key=lambda limit: float(limit.margin.min()))
-        i, k = int(limit.margin.argmin()), self._column(limit.output)
+        i, k = limit.row, self._column(limit.output)
         side = "lower" if self.lower[i, k] - limit.low < limit.high - self.upper[i, k] else "upper"
+        side = limit.further.side if limit.further else side
         if self.attaining is None:
             return next((case for case in self.worst_cases if (case.output, case.side) == (limit.output, side)), None)
-        return self._cases(self.attaining, [(side, i, k)])[0]
+        case, further = self._cases(self.attaining, [(side, i, k)])[0], limit.further
+        if further is None:
+            return case
+        case = self._closer(case, further.side, further.place, float(further.values[i]))
+        return replace(case, value=case.attained) if np.isfinite(further.error) else case
 
     @classmethod
     def _of_record(cls, record: Record) -> "Bounds":

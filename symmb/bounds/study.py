@@ -11,15 +11,16 @@ from symmb._types import Array
 from symmb.black_boxes import Simulator
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.polynomial_chaos import PolynomialChaos
-from symmb.bounds.reductions import gathered, which_failed
+from symmb.bounds.reductions import FailedRuns, gathered
 from symmb.bounds.result import Bounds
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.nodes import Sobol
 from symmb.simulation import DAESimulator, SceneSimulator, simulator_with
 
-_VERIFYING = 16
-"""Runs that verify polynomials where their values count, and not only their range: more find narrower kinks."""
+_FAILED = (
+    "{} of {} runs failed: {}. Take a box without failures; bounds by MonteCarlo(n, laws=...) leave failed runs out."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,22 +65,39 @@ class Study:
         assert bounds.estimate is not None
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
+    def sample(self, n: int) -> tuple[Array, Array]:
+        """The first n of points that are spread over the unit box, and the responses there. All figures share them.
+
+        Points whose runs fail are left out. A PropagationError tells that most do.
+        """
+        known, new = self._sampled, Sobol().points(n, len(self.box), seed=1)
+        if len(new) > (before := len(known[0])):
+            Y, bad = self.attempted(new[before:])
+            if len(bad) > len(Y) // 2:
+                raise PropagationError(_FAILED.format(len(bad), len(Y), bad[0][2]))
+            known[:] = new, np.concatenate([known[1], Y])
+        points, Y = known[0][:n], known[1][:n]
+        ok = np.isfinite(Y).all(axis=(1, 2))
+        return points[ok], Y[ok]
+
     @cached_property
-    def sample(self) -> tuple[Array, Array]:
-        """Points (N, d) that are spread over the unit box, and the responses there; none if a run fails."""
-        points = Sobol().points(_VERIFYING, len(self.box), seed=1)
-        try:
-            return points, self.values(points)
-        except PropagationError:
-            return points[:0], np.zeros((0, len(self.simulator.times), len(self.simulator.outputs)))
+    def _sampled(self) -> list[Array]:
+        """Points, and responses, which are nan where a run failed."""
+        shape = len(self.simulator.times), len(self.simulator.outputs)
+        return [np.zeros((0, len(self.box))), np.zeros((0, *shape))]
+
+    @property
+    def has_lanes(self) -> bool:
+        """Whether runs share their steps, so that many cost little."""
+        return isinstance(self.simulator, SceneSimulator)
+
+    def attempted(self, points: Array) -> tuple[Array, FailedRuns]:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box, nan where a run failed, and the failed runs."""
+        return gathered(self.simulator, parameter_samples(self.simulator, self.box, points), None)
 
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of the unit box, where no run may fail."""
-        P = parameter_samples(self.simulator, self.box, points)
-        Y, bad = gathered(self.simulator, P, None)
-        if which_failed(bad, len(P)).any():
-            raise PropagationError(
-                f"{len(bad)} of {len(P)} runs failed: {bad[0][2]}. Take a box without failures; "
-                "bounds by MonteCarlo(n, laws=...) leave failed runs out."
-            )
+        Y, bad = self.attempted(points)
+        if bad:
+            raise PropagationError(_FAILED.format(len(bad), len(points), bad[0][2]))
         return Y

@@ -67,8 +67,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
 
 def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions | None:
     """Contributions where they take no further runs, or are asked for; otherwise how to get them."""
-    is_known = bool(bounds.range_of) and not bounds._contributions_take_runs()
-    contributions = bounds.contributions() if is_known or is_asked else None
+    contributions = bounds.contributions() if is_asked else bounds._known_contributions() if bounds.range_of else None
     if contributions is not None or bounds.range_of:
         print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
     return contributions

@@ -98,9 +98,9 @@ def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
 
 def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None, asked: str) -> str:
     """Those that are known, or those of the polynomials of the study; at the least margin of outputs with limits."""
-    if known is None and bounds._contributions_take_runs():
+    if (shares := known or bounds._known_contributions()) is None:
         return document.note(_NO_CONTRIBUTIONS.format(asked))
-    shares, shown = known or bounds.contributions(), _shown(bounds, check)
+    shown = _shown(bounds, check)
     width = bounds.upper - bounds.lower
     rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
     rows = {k: i for k, i in rows.items() if width[i, k] > ROUNDING * width[:, k].max()}  # a start may be given

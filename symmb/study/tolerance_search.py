@@ -2,97 +2,40 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Executor
 from symmb.black_boxes import Progress, Simulator
-from symmb.bounds import Bounds, PolynomialChaos
+from symmb.bounds import Bounds, LimitCheck, PolynomialChaos, Study, WorstCase, gathered, parameter_samples
 from symmb.model import Box
 from symmb.polynomials.ranges import Piecewise
 
 OWNER = "tolerances"
-TOLERANCES = 1e-2, 1e-3
-"""Tolerance of the first study and of the others: the error of a factor is about as large."""
+TOLERANCE = 1e-2
+"""That of the studies. Runs near limits decide what is closer."""
 _SETTLED = 2e-3
-"""Change of the factors over them at which a search ends."""
+"""Change of the factors over them at which a search ends. A study is at half of it inside of a factor that is met."""
 MOST = 16.0
 """Largest factor that is looked for: the box that is given is meant to be of the right size."""
 _OF_SIGN = 0.99
 """The same over that at which a parameter would reach 0, such as a mass or a length, if its interval has one sign."""
-_STUDIES = 16
-"""Most studies: three are usual, more where polynomials are not good."""
-_BEYOND, _FAR = 1.05, 1.5
-"""How far beyond the factor on a line the next study is, and beyond one that keeps the limits against such a line."""
+_STUDIES = 12
+"""Most studies: two or three are usual, more where none is decided."""
+_FAR = 4.0
+"""How far beyond a factor that keeps the limits the next study is, if no run is known that breaks one."""
+_ROOT_RUNS = 40
+"""Most factors at which runs are made between a study and the next one: more are needed where runs fail only."""
 _WIDER, _NARROWER = 1.6, 0.25
 """Factors that an allocation may change at once, on the polynomials of a study over the wider box."""
-_AGREE = 0.8
-"""Share of factors that keep the limits on polynomials over one box, which keep them on those over a wider one."""
 _ROUNDS = 12
 """Most allocations on one study, each with the times at which limits were broken before."""
 
 
-class _Bracket:
-    """Factors that keep the limits and factors that do not, and where the largest of the first is expected.
-
-    Attributes
-    ----------
-    low, high : float      the largest factor that keeps the limits, the least that does not
-    doubts : sentences     why the latter does not, if it is not for a limit
-    """
-
-    def __init__(self) -> None:
-        self.low, self.high, self.doubts = 0.0, np.inf, tuple[str, ...]()
-        self._expected, self._margins, self._is_first = np.inf, [0.0, 0.0], True
-
-    def keeps(self, s: float, margin: float, at_nominal: float) -> None:
-        """A factor keeps the limits with a margin. That at 0 is the nominal one."""
-        slope = (at_nominal - margin) / s
-        self._expected = at_nominal / slope if slope > 0 else np.inf
-        self._far = _BEYOND if self._is_first else _FAR
-        self.low, self._margins, self._is_first = s, [margin, self._margins[1] / 2], False
-
-    def breaks(self, s: float, margin: float, doubts: tuple[str, ...], share: float | None) -> None:
-        """A factor breaks a limit, or is doubted. Good polynomials show the share of it that keeps the limits."""
-        self.fails(s, doubts if margin >= 0 else ())
-        self._expected = np.nan if share is None else share * s
-        self._margins = [self._margins[0] / 2, min(margin, 0.0)]
-
-    def fails(self, s: float, doubts: tuple[str, ...]) -> None:
-        """A study fails."""
-        self.high, self.doubts, self._expected = s, doubts, np.nan
-        self._margins = [self._margins[0], 0.0]
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What is not decided, if the largest factor is not found."""
-        if self.doubts:
-            return (f"At {self.high / self.low:.4g} times these tolerances the bounds are doubted: {self.doubts[0]}",)
-        if self.low * (1 + 4 * _SETTLED) >= self.next_bound:
-            return ()
-        return (
-            f"Up to {self.high / self.low:.3g} times these tolerances is not decided: the studies were not enough.",
-        )
-
-    @property
-    def next_bound(self) -> float:
-        """The factor that cannot be exceeded, as far as is known; infinite before any breaks a limit."""
-        return min(self._expected, self.high) if self._expected > self.low and self.high < np.inf else self.high
-
-    def next(self) -> float:
-        """The factor of the next study: by polynomials, by a line between the margins (Illinois), or in the middle."""
-        if self.high == np.inf:
-            return min(max(_BEYOND * self._expected, self._far * self.low), 4 * self.low)
-        if self.low < self._expected < self.high:
-            return self._expected * (1 - _SETTLED / 4)
-        inside, beyond = self._margins
-        share = inside / (inside - beyond) if beyond < 0 < inside else 0.5
-        return self.low + min(max(share, 0.05), 0.95) * (self.high - self.low)
-
-
 class Search:
-    """Studies over boxes that are stretched about the nominal values, and margins on their polynomials."""
+    """Studies over boxes that are stretched about the nominal values, and runs at the worst places of these boxes."""
 
     def __init__(
         self,
@@ -103,7 +46,7 @@ class Search:
         progress: Progress | None,
     ) -> None:
         self._simulator, self._shape, self._executor, self._progress = simulator, shape, executor, progress
-        self._columns = [tuple(simulator.outputs).index(name) for name in limits]
+        self._limits, self._columns = limits, [tuple(simulator.outputs).index(name) for name in limits]
         self._low, self._high = np.array([*limits.values()]).T
         self._nominal = np.array([simulator.parameters[name] for name in shape.names], dtype=float)
         for name, p, (low, high) in zip(shape.names, self._nominal, shape.bounds, strict=True):
@@ -115,33 +58,22 @@ class Search:
         with np.errstate(divide="ignore", invalid="ignore"):
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
         self._most = np.minimum(_OF_SIGN * to_zero, MOST)
-        self.evaluations, self.remarks, self._at_nominal = 0, tuple[str, ...](), 0.0
-
-    def _nominal_margin(self, surrogate: Piecewise | None, whole: Box) -> float:
-        """The least margin of the nominal values, by polynomials over a box, or by a run if these do not tell it."""
-        if surrogate is not None:
-            own = surrogate.part(slice(None), self._columns)
-            values = own.values(whole.to_unit(self._nominal)[None])[0]
-            margins = self._margins(values, values)
-            if (margins > 2 * own.error).all():
-                return float(margins.min())
-        run = self._simulator.run(np.array([[*map(float, self._simulator.parameters.values())]]))
-        self.evaluations += 1
+        self.evaluations, self.remarks = 1, tuple[str, ...]()
+        run = simulator.run(np.array([[*map(float, simulator.parameters.values())]]))
         if not run.ok.all():
             raise PropagationError(f"{OWNER}: the run at the nominal parameters fails: {run.messages[0]}.")
         values = run.Y[0][:, self._columns]
         margins = self._margins(values, values)
-        i, k = np.unravel_index(np.argmin(margins), values.shape)
+        i, k = np.unravel_index(np.argmin(margins), margins.shape)
         if margins[i, k] <= 0:
-            name = self._simulator.outputs[self._columns[k]]
             raise PropagationError(
-                f"{OWNER}: the nominal run breaks the limit of {name} at {self._simulator.times[i]:g} s, or meets it, "
-                f"with {values[i, k]:.6g}: no tolerance keeps it."
+                f"{OWNER}: the nominal run breaks the limit of {[*limits][k]} at {simulator.times[i]:g} s, or meets "
+                f"it, with {values[i, k]:.6g}: no tolerance keeps it."
             )
-        return float(margins[i, k])
+        self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
     def _margins(self, lower: Array, upper: Array) -> Array:
-        """Margins (n_t, n_l) of bounds of the outputs with limits."""
+        """Margins (..., n_t, n_l) of bounds of the outputs with limits."""
         return np.minimum(lower - self._low, self._high - upper)
 
     def _box(self, factors: Array) -> Box:
@@ -150,49 +82,123 @@ class Search:
         ends = np.stack([low, high], axis=1).tolist()
         return Box(**dict(zip(self._shape.names, map(tuple, ends), strict=True)))
 
-    def _study(self, factors: Array, tolerance: float) -> tuple[Bounds, float]:
-        """Bounds over a box, and the least margin."""
-        method, box = PolynomialChaos(tolerance=tolerance), self._box(factors)
-        bounds = method.bounds(self._simulator, box, executor=self._executor, progress=self._progress)
+    def _study(self, factors: Array) -> Bounds:
+        """Bounds over a box, which can make further runs."""
+        box, simulator = self._box(factors), self._simulator
+        bounds = PolynomialChaos(tolerance=TOLERANCE).bounds(
+            simulator, box, executor=self._executor, progress=self._progress
+        )
         self.evaluations += bounds.evaluations
-        if not self._at_nominal:
-            self._at_nominal = self._nominal_margin(bounds.good_surrogate(self._columns), box)
-        return bounds, float(self._margins(bounds.lower[:, self._columns], bounds.upper[:, self._columns]).min())
+        return replace(bounds, study=Study(simulator, box), nominal_parameters=dict(simulator.parameters))
 
-    def largest(self, along: Array, first: float = TOLERANCES[0]) -> tuple[Array, Bounds]:
-        """The largest factors (d,) along a ray, and bounds over their box, which keep the limits without a doubt.
+    def _check(self, bounds: Bounds) -> LimitCheck:
+        check = bounds.check(self._limits)
+        self.evaluations += sum(limit.further.runs for limit in check.limits if limit.further)
+        return check
 
-        A line through the margins at 0 and at a factor that keeps the limits shows where to look for one that does not.
-        Its polynomials show the largest factor, which a last study checks. Without good polynomials the search goes on
-        between the largest factor that keeps the limits and the least that does not.
+    def _worst_places(self, bounds: Bounds, check: LimitCheck) -> Array:
+        """Places (n, d) of the unit box of the run closest to each limit, and of a run that failed."""
+        box = bounds.box
+        assert box is not None
+        places = [limit.further.place for limit in check.limits if limit.further]
+        cases = [] if check.worst is None else [check.worst.parameters]
+        for values in (*cases, *(dict(run.parameters) for run in bounds.failed[:1])):
+            places.append(np.clip(box.to_unit(np.array([values[name] for name in box.names])), -1.0, 1.0))
+        return np.array(places)
+
+    def _margin(self, factors: Array, places: Array) -> float:
+        """The least margin over the nominal one of runs at places (n, d) of a box; minus infinity if one fails."""
+        P = parameter_samples(self._simulator, self._box(factors), places)
+        Y, failed = gathered(self._simulator, P, self._executor)
+        self.evaluations += len(P)
+        Y = Y[..., self._columns]
+        return -np.inf if failed else float((self._margins(Y, Y) / self._at_nominal).min())
+
+    def _met(self, along: Array, places: Array, low: float, high: float, most: float) -> tuple[float, bool]:
+        """The factor between two at which runs at places meet a limit, the larger one if none does, and whether they
+        fail beyond it.
+
+        It lies on a line between margins, of which one that stays twice is halved (Illinois), or in the middle. An
+        infinite factor is looked for up to the most.
         """
-        bracket, most = _Bracket(), float(np.min(self._most / along))
-        names = {self._simulator.outputs[k] for k in self._columns}
-        s, tolerance, best = 1.0, first, None
+        inside, beyond = (self._margin(low * along, places) if low else 1.0), np.nan
+        end = min(high, most)
+        for s in [*(low * 2.0 ** np.arange(1, 5) if high > end else []), end]:
+            if s <= end and (beyond := self._margin(s * along, places)) < 0:
+                end = s
+                break
+            low, inside = (s, beyond) if s < end else (low, inside)
+        if not beyond < 0:
+            return high, False
+        margin = np.nan
+        for _ in range(_ROOT_RUNS):
+            if end <= low * (1 + _SETTLED / 4):
+                break
+            share = inside / (inside - beyond) if np.isfinite(beyond) and inside > 0 else 0.5
+            s = low + min(max(share, 0.02), 0.98) * (end - low)
+            before, margin = margin, self._margin(s * along, places)
+            if margin >= 0:
+                low, inside, beyond = s, margin, beyond / 2 if before >= 0 else beyond
+            else:
+                end, beyond, inside = s, margin, inside / 2 if before < 0 else inside
+        return low, beyond == -np.inf
+
+    def largest(self, along: Array) -> tuple[Array, Bounds]:
+        """The largest factors (d,) along a ray, and bounds over their box, which keep the limits.
+
+        A study and its check find the worst places of a box. Runs at these places of other boxes show at which factor a
+        limit is met, and the next study is over a box that is a little smaller, until a check of it keeps the limits.
+        """
+        most = float(np.min(self._most / along))
+        low, high, met, s, less = 0.0, np.inf, np.inf, min(1.0, most), _SETTLED / 2
+        places, best, undecided, why = np.empty((0, len(self._shape))), None, None, ""
         for _ in range(_STUDIES):
             try:
-                bounds, margin = self._study(s * along, tolerance)
-            except PropagationError as error:
-                if best is None:
-                    raise
-                bracket.fails(s, (str(error).splitlines()[0],))
+                bounds = self._study(s * along)
+                check = self._check(bounds)
+            except PropagationError as error:  # too many runs fail
+                high, why, after = s, str(error).splitlines()[0], (low + s) / 2
             else:
-                is_kept = margin >= 0 and not bounds.failed and not bounds.run_doubts
-                if is_kept and names.isdisjoint(bounds.doubtful()):
-                    best = bounds
-                    bracket.keeps(s, margin, self._at_nominal)
+                places = np.unique(np.concatenate([places, self._worst_places(bounds, check)]).round(9), axis=0)
+                if check.kept:
+                    low, best = s, bounds
                 else:
-                    surrogate = bounds.good_surrogate(self._columns) if margin < 0 else None
-                    share = None if surrogate is None else self._factor_on(surrogate, s * along, s * along)
-                    bracket.breaks(s, margin, bounds.doubts, share)
-            is_settled = tolerance == TOLERANCES[1] and bracket.low * (1 + _SETTLED) >= bracket.next_bound
-            if best is not None and (bracket.low >= most or is_settled):
+                    high, why = s, "" if check.kept is False else (*bounds.doubts, _undecided(check))[0]
+                if check.kept is None and not bounds.failed:  # as the margin is too small
+                    undecided = undecided or (s, bounds)
+                    after, less = s * (1 - less), 2 * less
+                else:
+                    met, is_failed = self._met(along, places, low, high, most)
+                    why = why if is_failed or met == high else ""
+                    after = min(met * (1 - less), _FAR * s, most)
+            if best is not None and (low >= most or after <= low * (1 + _SETTLED)):
                 break
-            s, tolerance = min(bracket.next(), most), TOLERANCES[1]
+            s = after
+        if best is None and undecided is not None:
+            low, best = undecided
         if best is None:
-            raise PropagationError(" ".join([f"{OWNER}: no box was found in {_STUDIES} studies.", *bracket.doubts]))
-        self.remarks = () if bracket.low >= most else bracket.remarks
-        return bracket.low * along, best
+            raise PropagationError(f"{OWNER}: no box was found in {_STUDIES} studies. {why}".rstrip())
+        self.remarks, broken = (), high if why else min(high, met)
+        if low < most and broken > low * (1 + 4 * _SETTLED):
+            why = why or "the studies were not enough."
+            self.remarks = (f"At {broken / low:.4g} times these tolerances it is not decided: {why}",)
+        return low * along, best
+
+    def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
+        """The run closest to the limit of which the least share is left beside the margin of the nominal run."""
+        left = dict[tuple[str, str], float]()
+        for (name, (low, high)), k, values in zip(
+            self._limits.items(), self._columns, self._nominal_values.T, strict=True
+        ):
+            if low > -np.inf:
+                left[name, "lower"] = (bounds.lower[:, k].min() - low) / (values.min() - low)
+            if high < np.inf:
+                left[name, "upper"] = (high - bounds.upper[:, k].max()) / (high - values.max())
+        name, side = min(left, key=lambda each: left[each])
+        if check.worst is not None and (check.worst.output, check.worst.side) == (name, side):
+            return check.worst
+        worst = bounds.worst(name)
+        return worst.lower if side == "lower" else worst.upper
 
     def signs(self, factors: Array) -> tuple[str, ...]:
         """Why factors (d,) are not larger, if parameters would change their signs."""
@@ -203,36 +209,27 @@ class Search:
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
         """The factors of least cost, and bounds over their box.
 
-        It begins where a line through the margins at 0 and at 1 meets the limit, or, where no polynomials are good over
-        a box that is wider, at the largest common factor. More studies are made until the factors lie inside of such a
-        box. Where polynomials over boxes of different widths disagree, the largest common factor is another candidate.
+        It begins at the largest common factor. More studies are made until the factors lie inside of a box over which
+        polynomials are good. Where these mislead, the common factor may cost less.
         """
-        ones = np.ones(len(self._shape))
-        _, margin = self._study(ones, TOLERANCES[0])
-        factors, is_largest, disagree = ones / max(1 - margin / self._at_nominal, 1 / 4), False, False
-        factors = np.minimum(factors, self._most)
+        common = factors = self.largest(np.ones(len(self._shape)))[0]
         for _ in range(_STUDIES):
             wide = np.minimum(_WIDER * factors, self._most)
             surrogate = self._polynomials(wide)
-            if surrogate is None and is_largest:
-                raise PropagationError(f"{OWNER}: no polynomials are good enough for an allocation. Leave costs out.")
             if surrogate is None:
-                factors, is_largest = self.largest(ones)[0], True
-                continue
-            share = self._factor_on(surrogate, wide, factors)
-            start, disagree = share * factors, disagree or share < _AGREE
+                raise PropagationError(f"{OWNER}: no polynomials are good enough for an allocation. Leave costs out.")
+            start = self._factor_on(surrogate, wide, factors) * factors
             factors = self._allocated(surrogate, wide, start, cost)
             is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= self._most * (1 - _SETTLED))
             if (is_inside & (factors > start * _NARROWER * (1 + _SETTLED))).all():
                 break
-        if disagree and not is_largest and cost(common := self.largest(ones)[0]) < cost(factors):
-            factors = common
-        return self.largest(factors, TOLERANCES[1])
+        return self.largest(factors if cost(factors) < cost(common) else common)
 
     def _polynomials(self, factors: Array) -> Piecewise | None:
         """Those of a study over a box, if it has good ones."""
         with suppress(PropagationError):  # too many runs fail
-            return self._study(factors, TOLERANCES[0])[0].good_surrogate(self._columns)
+            surrogate = self._study(factors).good_surrogate(self._columns)
+            return surrogate and surrogate.part(slice(None), self._columns)
         return None
 
     def _margins_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> Array:
@@ -243,12 +240,12 @@ class Search:
 
     def _factor_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> float:
         """The largest share of the factors (d,), at most 1, whose margins on the polynomials are not negative."""
-        own, low, high = surrogate.part(slice(None), self._columns), 0.0, 1.0
-        if self._margins_on(own, wide, factors).min() >= 0:
+        low, high = 0.0, 1.0
+        if self._margins_on(surrogate, wide, factors).min() >= 0:
             return 1.0
         while high - low > _SETTLED / 8 * high:
             middle = (low + high) / 2
-            is_kept = self._margins_on(own, wide, middle * factors).min() >= 0
+            is_kept = self._margins_on(surrogate, wide, middle * factors).min() >= 0
             low, high = (middle, high) if is_kept else (low, middle)
         return low
 
@@ -259,14 +256,14 @@ class Search:
         """
         from scipy.optimize import minimize
 
-        own, scale = surrogate.part(slice(None), self._columns), cost(start) or 1.0
-        rows = {int(self._margins_on(own, wide, start).min(axis=1).argmin())}
+        scale = cost(start) or 1.0
+        rows = {int(self._margins_on(surrogate, wide, start).min(axis=1).argmin())}
         factors = start
         for _ in range(_ROUNDS):
-            few = surrogate.part(np.array(sorted(rows)), self._columns)
+            few = surrogate.part(np.array(sorted(rows)), range(len(self._low)))
 
             def margins_of(z: Array, few: Piecewise = few) -> Array:
-                return self._margins_on(few, wide, start * np.exp(z)).ravel() / self._at_nominal
+                return (self._margins_on(few, wide, start * np.exp(z)) / self._at_nominal).ravel()
 
             solution = minimize(
                 lambda z: cost(start * np.exp(z)) / scale,
@@ -277,10 +274,15 @@ class Search:
                 options={"ftol": 1e-7, "maxiter": 60},
             )
             factors = start * np.exp(np.asarray(solution.x, dtype=float))
-            margins = self._margins_on(own, wide, factors).min(axis=1)
+            margins = (self._margins_on(surrogate, wide, factors) / self._at_nominal).min(axis=1)
             broken = int(margins.argmin())
-            if margins[broken] >= -_SETTLED / 10 * self._at_nominal or broken in rows:
+            if margins[broken] >= -_SETTLED / 10 or broken in rows:
                 break
             rows.add(broken)
         factors = factors * self._factor_on(surrogate, wide, factors)
         return factors if cost(factors) < cost(start) else start
+
+
+def _undecided(check: LimitCheck) -> str:
+    """Why a limit is undecided."""
+    return next(limit.why for limit in check.limits if limit.kept is None)

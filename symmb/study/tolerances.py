@@ -1,6 +1,6 @@
 """How loose tolerances may be: the largest box of a shape, or the cheapest one, that keeps limits of outputs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,8 @@ from symmb.black_boxes import Progress, Simulator
 from symmb.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, WorstCase, finished, limit_pairs
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import simulator_of
-from symmb.study.tolerance_search import MOST, OWNER, TOLERANCES, Search
+from symmb.simulation import SceneSimulator, simulator_of
+from symmb.study.tolerance_search import MOST, OWNER, TOLERANCE, Search
 
 Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]
 
@@ -39,7 +39,7 @@ class Tolerances(Result):
     cost : float
         of an allocation; None of others
     binding : WorstCase
-        the run that comes closest to a limit; None if none binds, up to 16 times the box
+        the run that comes closest to the limit that binds; None if none does, up to 16 times the box
     check : LimitCheck
         of `bounds`
     bounds : Bounds
@@ -76,15 +76,18 @@ class Tolerances(Result):
     remarks: tuple[str, ...] = ()
 
     def _head(self) -> str:
-        kind = "The cheapest" if self.cost is not None else "The largest"
-        lines = [f"{kind} box that keeps the limits, from {self.evaluations} runs"]
+        kind = (
+            "The cheapest box" if self.cost is not None else "The largest box" if self.binding else "At least this box"
+        )
+        keeps = "may keep" if self.check.kept is None else "keeps"
+        lines = [f"{kind} {keeps} the limits, from {self.evaluations} runs"]
         if self.cost is not None:
             lines.append(f"  cost      {self.cost:.6g}")
         lines += [f"  remark    {remark}" for remark in self.remarks]
         if self.check.kept is None:
-            lines.append("  undecided the margin is within the error of the bounds: larger tolerances may do")
+            lines.append("  undecided whether it keeps the limits: see why below")
         if self.binding is None:
-            lines.append("  binding   no limit")
+            lines.append(f"  binding   no limit up to {max(self.factors.values()):.4g} times the tolerances")
         else:
             lines.append(f"  binding   {self.check[self.binding.output].text}; {self.binding}")
         return "\n".join(lines)
@@ -130,9 +133,10 @@ def tolerances(
     """The largest tolerances that keep limits of outputs at all times, or the cheapest ones.
 
     All deviations of the box from the nominal values are multiplied by one factor, up to 16, or, with costs, each by
-    its own. A parameter whose interval has one sign, such as a mass, keeps it. The factors are searched on the
-    polynomials of a study with PolynomialChaos(), and a last study over the box that is found checks the limits. Where
-    a study leaves no good polynomials, more studies are made.
+    its own. A parameter whose interval has one sign, such as a mass, keeps it. Studies with PolynomialChaos() find the
+    worst places of a box, runs there show at which factor a limit is met, and a last study and `Bounds.check` over the
+    box that is found verify it. Costs are searched on the polynomials of studies. Outputs of a scene without a limit
+    take no part.
 
     Parameters
     ----------
@@ -164,9 +168,11 @@ def tolerances(
     """
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
         simulator, shape = simulator_of(scene, box, solver)
+        pairs = limit_pairs(OWNER, limits, simulator.outputs)
+        simulator = _of_outputs(simulator, shape, [*pairs])
         for name in shape.names:
             require_name(OWNER, "parameter", name, simulator.parameters)
-        search = Search(simulator, shape, limit_pairs(OWNER, limits, simulator.outputs), executor, progress)
+        search = Search(simulator, shape, pairs, executor, progress)
         if costs is None:
             factors, bounds = search.largest(np.ones(len(shape)))
             cost = None
@@ -174,7 +180,7 @@ def tolerances(
             total = _total_cost(costs, shape)
             factors, bounds = search.cheapest(total)
             cost = total(factors)
-        bounds = finished(PolynomialChaos(tolerance=TOLERANCES[1]), simulator, bounds, executor)
+        bounds = finished(PolynomialChaos(tolerance=TOLERANCE), simulator, bounds, executor)
     warn_of((*bounds.doubts, *search.remarks), OWNER)
     check = bounds.check(limits)
     by_name = dict(zip(shape.names, factors.tolist(), strict=True))
@@ -182,11 +188,21 @@ def tolerances(
     factor = float(factors[shape.radius > 0].min(initial=MOST))
     assert bounds.box is not None
     signs = search.signs(factors)
-    is_open = factor >= MOST or search.remarks or (signs and cost is None)
-    binding = None if is_open else check.worst
+    is_open = factor >= MOST or search.remarks or (signs and cost is None) or check.kept is None
+    binding = None if is_open else search.binding(bounds, check)
     return Tolerances(
         bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, search.remarks + signs
     )
+
+
+def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
+    """The simulator of a scene with some of its outputs alone: others would cost runs. Black boxes keep theirs."""
+    if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
+        return simulator
+    if len(names) == len(simulator.outputs):
+        return simulator
+    scene = simulator.scene.with_outputs({name: simulator.scene.outputs[name] for name in names})
+    return simulator_of(scene, box, simulator.solver)[0]
 
 
 def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:

@@ -39,10 +39,10 @@ class Case:
         return len(self.lower)
 
 
-def cases(seed: int) -> Iterator[Case]:
-    """The cases of a seed, 74 of them."""
+def cases(seed: int, kinds: "Kinds | None" = None) -> Iterator[Case]:
+    """The cases of a seed: 74 of KINDS, 340 of KINKS."""
     rng = np.random.default_rng(seed)
-    for kind, number, make in KINDS:
+    for kind, number, make in kinds or KINDS:
         for k in range(number):
             name, d, f, extremes = make(rng, k)
             lower, upper = searched(f, d, rng) if extremes is None else extremes
@@ -325,7 +325,46 @@ def sums(rng: np.random.Generator, k: int) -> Made:
     return f"sines, {d}", d, _scalar(lambda X: np.sin(a * X + 2 * c) @ w), ends
 
 
-KINDS: tuple[tuple[str, int, Callable[[np.random.Generator, int], Made]], ...] = (
+def _of_one(f: Callable[[Array], Array], kinks: Array) -> tuple[int, Function, tuple[float, float]]:
+    """A function of one parameter, smooth between its kinks, with its range."""
+    Y = f(np.concatenate([np.linspace(-1, 1, 20001), kinks[np.abs(kinks) <= 1]]))
+    return 1, f, (float(Y.min()), float(Y.max()))
+
+
+def v(rng: np.random.Generator, _: int) -> Made:
+    """k |x - c| + s x."""
+    c, k, s = rng.uniform(-0.8, 0.8), rng.normal(), 0.5 * rng.normal()
+    return f"{k:.2f} |x - {c:.2f}| + {s:.2f} x", *_of_one(lambda x: k * np.abs(x - c) + s * x, np.array([c]))
+
+
+def hockey_stick(rng: np.random.Generator, _: int) -> Made:
+    """k max(x - c, 0) + s x, or turned round."""
+    c, k, s, side = rng.uniform(-0.8, 0.8), rng.normal(), 0.3 * rng.normal(), rng.choice([-1, 1])
+    return f"behind {c:.2f}", *_of_one(lambda x: k * np.maximum(side * (x - c), 0) + s * x, np.array([c]))
+
+
+def clip(rng: np.random.Generator, _: int) -> Made:
+    """A line between two limits, on a slope."""
+    low, high = np.sort(rng.uniform(-0.9, 0.9, 2))
+    k, s = rng.normal(), 0.3 * rng.normal()
+    return f"{low:.2f} ... {high:.2f}", *_of_one(lambda x: k * np.clip(x, low, high) + s * x, np.array([low, high]))
+
+
+def v_and_sine(rng: np.random.Generator, _: int) -> Made:
+    """A V on a sine."""
+    c, k, a, w, b = rng.uniform(-0.8, 0.8), rng.normal(), 0.4 * rng.normal(), rng.uniform(1, 6), rng.uniform(0, 6)
+    return f"at {c:.2f}, {w:.1f} rad", *_of_one(lambda x: k * np.abs(x - c) + a * np.sin(w * x + b), np.array([c]))
+
+
+def cusp(rng: np.random.Generator, _: int) -> Made:
+    """|x - c|^p + s x, p = 0.5 ... 0.7, upwards or downwards."""
+    c, s, p, sign = rng.uniform(-0.8, 0.8), 0.5 * rng.normal(), rng.uniform(0.5, 0.7), rng.choice([-1, 1])
+    return f"at {c:.2f}, power {p:.2f}", *_of_one(lambda x: sign * np.abs(x - c) ** p + s * x, np.array([c]))
+
+
+Kinds = tuple[tuple[str, int, Callable[[np.random.Generator, int], Made]], ...]
+"""Kinds of functions, how many of a seed, and what makes them."""
+KINDS: Kinds = (
     ("bump", 9, bump),
     ("step", 6, step),
     ("oscillation", 4, oscillation),
@@ -340,4 +379,14 @@ KINDS: tuple[tuple[str, int, Callable[[np.random.Generator, int], Made]], ...] =
     ("UQ", 9, uq),
     ("sum", 6, sums),
 )
-"""Kinds of functions, how many of a seed, and what makes them."""
+KINKS: Kinds = tuple(
+    (name, 68, make)
+    for name, make in (
+        ("V", v),
+        ("hockey stick", hockey_stick),
+        ("clip", clip),
+        ("V + sine", v_and_sine),
+        ("cusp", cusp),
+    )
+)
+"""Functions of one parameter with one kink, or two."""

@@ -4,7 +4,8 @@
 
 Seed 0 is the machine as drawn, others are random neighbours. Errors are root mean squares over time over that of the
 true width. For each output: the true error, the estimate, the share of times at which the bounds miss the true range
-by more than the estimate and 1 % of the width (silent), the most that is so missed, and the share of times at which a
+by more than the estimate and 1 % of the width (silent), the most that is so missed (in brackets over the width at
+that time, if that is larger), and the share of times at which a
 doubt is needless, because the true error is less than half of the estimate. For each machine: runs, and processor
 seconds beyond them. With `--alone` each output is studied by itself as well. True ranges are kept in a folder.
 """
@@ -82,14 +83,18 @@ def doubtful_times(bounds):
 
 
 def judged(bounds, lower, upper):
-    """(5, n_y): true error, estimate, share of silent times, most that is missed, and share of needless times."""
+    """(6, n_y): true error, estimate, share of silent times, most that is missed, also over the width at that time if
+    this is larger, and share of needless times.
+    """
     lower, upper = np.minimum(lower, bounds.inner[0]), np.maximum(upper, bounds.inner[1])
     width, estimate = rms(upper - lower), bounds.estimate
     error = np.maximum(np.abs(bounds.lower - lower), np.abs(bounds.upper - upper))
     missed = np.maximum(bounds.lower - estimate - lower, upper - bounds.upper - estimate) / width
+    then = missed * width / np.maximum(windowed(upper - lower), width)
     needless = doubtful_times(bounds) & (windowed(error) < NEEDLESS * windowed(estimate))
     silent = (missed > SILENT).mean(axis=0)
-    return np.stack([rms(error) / width, rms(estimate) / width, silent, missed.max(axis=0), needless.mean(axis=0)])
+    figures = silent, missed.max(axis=0), then.max(axis=0), needless.mean(axis=0)
+    return np.stack([rms(error) / width, rms(estimate) / width, *figures])
 
 
 def beside_alone(scene, bounds, output, width):
@@ -102,11 +107,11 @@ def beside_alone(scene, bounds, output, width):
 
 
 def line(output, figures):
-    """Figures of an output (5,), as `judged` gives them, in words."""
-    error, estimate, silent, missed, needless = 100 * figures
+    """Figures of an output (6,), as `judged` gives them, in words."""
+    error, estimate, silent, missed, then, needless = 100 * figures
     return (
-        f"  {output:18s} error {error:6.2f} %  told {estimate:6.2f} %  silent {silent:5.1f} % at most {missed:5.1f} %"
-        f"  needless {needless:5.1f} %"
+        f"  {output:18s} error {error:6.2f} %  told {estimate:6.2f} %  silent {silent:5.1f} %"
+        f" at most {missed:5.1f} ({then:.1f}) %  needless {needless:5.1f} %"
     )
 
 
@@ -132,10 +137,14 @@ if __name__ == "__main__":
             for k, output in enumerate(bounds.names):
                 alone = beside_alone(scene, bounds, output, width[k]) if options.alone else ""
                 print(line(output, tables[-1][:, k]) + alone, flush=True)
-    error, estimate, silent, missed, needless = np.concatenate(tables, axis=1)
+    error, estimate, silent, missed, then, needless = np.concatenate(tables, axis=1)
     runs, seconds = np.array(studies).T
     ratio = np.median(estimate / np.maximum(error, 1e-12))
     print(f"{len(runs)} machines, {len(error)} outputs: true error {100 * np.median(error):.2f} % in the median, ")
     print(f"  estimate over error {ratio:.1f}; of output-times {100 * silent.mean():.2f} % silent, ", end="")
-    print(f"{100 * needless.mean():.1f} % needless; at most {100 * missed.max():.1f} % missed; ", end="")
+    print(
+        f"{100 * needless.mean():.1f} % needless; at most {100 * missed.max():.1f} % missed ({100 * then.max():.1f} % "
+        "of the width then); ",
+        end="",
+    )
     print(f"runs {np.median(runs):.0f}, seconds beyond them {np.median(seconds):.2f}, at most {seconds.max():.2f}")

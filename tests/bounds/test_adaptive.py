@@ -13,9 +13,10 @@ from unit_functions import unit_function
 import symmb as mb
 from models import double_pendulum
 from symmb import ClenshawCurtis, Exact
-from symmb.bounds.adaptive.continuation import Continuation, extrapolated_sizes
+from symmb.bounds.adaptive.continuation import Continuation, Corrected, extrapolated_sizes
 from symmb.bounds.adaptive.error_estimate import TruncationError
 from symmb.nodes.grid import Grid, line
+from symmb.polynomials import Expansion
 from symmb.polynomials.legendre import basis_values, tensor_degree
 from symmb.polynomials.ranges.dense import dense_extremes
 from symmb.study.metrics import Yardstick
@@ -87,14 +88,28 @@ def test_a_grid_continues_most_likely_through_other_points():
     continuation = Continuation.of(grid, extrapolated_sizes(grid, size))
     assert dict(zip(map(tuple, continuation.alpha.tolist()), continuation.sizes, strict=True))[4, 0] == 2.0**-4
     points = np.array([[0.4, 0.9]])
-    errors = np.array([[0.1, -0.2]])
-    change, further = continuation.through(grid.alpha, points, errors)
-    alpha = np.concatenate([grid.alpha, continuation.alpha])
-    coefficients = np.concatenate([change, further])
-    assert_allclose(basis_values(alpha, points) @ coefficients, errors, rtol=1e-4)
-    assert_allclose(basis_values(alpha, grid.nodes) @ coefficients, 0.0, atol=1e-12)
-    first = {tuple(a): abs(f[0]) for a, f in zip(continuation.alpha.tolist(), further, strict=True)}
+    checks = np.array([[[0.1, -0.2]]])
+    base = Expansion(grid.alpha, np.zeros((len(grid.alpha), 1, 2)), ("a", "b"))
+    own = Corrected(base, continuation, points, checks).expansion()
+    assert_allclose(own.values(points), checks, rtol=1e-4)
+    assert_allclose(own.values(grid.nodes), 0.0, atol=1e-12)
+    first = {tuple(a): abs(f[0, 0]) for a, f in zip(own.alpha.tolist(), own.coefficients, strict=True)}
     assert first[4, 0] > 10 * first[0, 4]
+
+
+def test_both_forms_of_the_most_likely_continuation_agree():
+    grid = grown(2, [(3, 3)])
+    continuation = Continuation.of(grid, extrapolated_sizes(grid, np.ones(len(grid.row))))
+    base = Expansion(grid.alpha, np.zeros((len(grid.alpha), 1, 1)), ("a", "b"))
+    n = len(continuation.alpha)
+    points, places = RNG.uniform(-1, 1, (n + 1, 2)), RNG.uniform(-1, 1, (5, 2)).round(1)
+    many = Corrected(base, continuation, points, points[:, :1, None])
+    free, there = (continuation.free(grid.alpha, x) for x in (points, places))
+    products = free @ free.T + continuation.noise * np.eye(n + 1)
+    likely = free.T @ np.linalg.solve(products, points[:, 0])
+    assert_allclose(many.expansion().coefficients[-n:, 0, 0], continuation.sizes * likely, rtol=1e-5, atol=1e-9)
+    explained = (there @ free.T * np.linalg.solve(products, free @ there.T).T).sum(axis=1)
+    assert_allclose(many.expected_error(places) ** 2, np.square(there).sum(axis=1) - explained, rtol=1e-4, atol=1e-8)
 
 
 @pytest.mark.parametrize(("d", "order"), [(1, 9), (2, 4), (2, 9), (3, 3)])

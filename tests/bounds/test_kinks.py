@@ -6,6 +6,7 @@ import pytest
 import symmb as mb
 from models import bouncing_ball
 from symmb.black_boxes.simulator import run_blocks
+from symmb.bounds.adaptive import clock
 
 G = 9.81
 TIMES = np.linspace(0.0, 3.0, 151)
@@ -52,6 +53,51 @@ def test_bounds_are_honest_across_impacts(case, names):
     assert (uncovered <= 1e-5 * width).mean() >= 0.98 and (uncovered <= 5e-3 * width).all()
     assert (rms(bounds.estimate) <= 0.05 * rms(upper - lower)).all() and len(bounds.failed) == 0
     assert bounds.evaluations < 500
+
+
+KINKS = {
+    "V": (lambda x: np.abs(x - 0.137) + 0.2 * x, 30),
+    "hockey stick": (lambda x: 2 * np.maximum(0.467 * x + 0.097, 0) - 0.12 * x, 30),
+    "clip": (lambda x: np.clip(x, -0.31, 0.23) - 0.1 * x, 30),
+    "V on a sine": (lambda x: np.abs(x - 0.337) - 0.4 * np.sin(5 * x), 60),
+    "cusp": (lambda x: np.abs(x + 0.2813) ** 0.52 - 0.3 * x, 120),
+    "jump": (lambda x: 0.4 * x - (x > 0.271), 150),
+}
+
+
+@pytest.mark.parametrize("kink", KINKS)
+def test_a_kink_of_one_parameter_is_found(kink):
+    f, most = KINKS[kink]
+    simulator = mb.FunctionSimulator(lambda x: [[float(f(x))]], parameters={"x": 0.0}, times=[0.0], outputs=["y"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(x=(-1.0, 1.0)))
+    values = f(np.linspace(-1, 1, 200_001))
+    low, high = bounds.outer
+    width = np.ptp(values)
+    assert low[0, 0] <= values.min() + 2e-3 * width and high[0, 0] >= values.max() - 2e-3 * width
+    assert bounds.estimate[0, 0] <= 0.01 * width and bounds.evaluations <= most and not bounds.doubts
+
+
+@pytest.mark.parametrize("level", [0.13, -0.4])
+def test_a_jump_of_three_parameters_takes_few_runs(level):
+    simulator = mb.FunctionSimulator(
+        lambda a, b, c: [[float(a - 0.7 * b + 0.4 * c > level)]], dict.fromkeys("abc", 0.0), [0.0], ["y"]
+    )
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys("abc", (-1.0, 1.0))))
+    assert bounds.evaluations < 150 and not bounds.doubts
+    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == (0, 1)
+
+
+@pytest.mark.parametrize(("of_threads", "counted"), [(2.0, 2.0), (12.0, 8.0), (0.01, 8.0)])
+def test_seconds_of_runs_leave_out_other_programs(monkeypatch, of_threads, counted):
+    """Eight seconds pass: on a loaded machine, by several threads, and in another program."""
+    now = [np.zeros(2)]
+    monkeypatch.setattr(clock, "_now", lambda: now[0])
+    own = clock.Clock(None)
+    with own.of_runs():
+        now[0] = np.array([8.0, of_threads])
+    for beyond, is_late in ((0.9, False), (1.1, True)):
+        now[0] = np.array([8.0, of_threads]) + beyond * (clock.LEAST_SECONDS + clock.SECONDS_OF_RUNS * counted)
+        assert own.is_late == is_late
 
 
 def test_scanning_and_monte_carlo_lie_within():

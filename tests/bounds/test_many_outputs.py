@@ -38,3 +38,28 @@ def test_a_hard_output_among_smooth_ones_is_bounded(law, d, seed):
     values = law(np.linspace(-1, 1, 20_001) - c)
     error = np.abs([bounds.lower[-1, 0] / 2 - values.min(), bounds.upper[-1, 0] / 2 - values.max()]).max()
     assert error <= 0.02 * np.ptp(values) or bounds.doubts
+
+
+@pytest.mark.parametrize(("d", "seed"), [(4, 5), (5, 6)])
+def test_a_smooth_output_does_not_pay_for_a_kink(d, seed):
+    """exp(a x + t) is bounded as in a study of its own, beside |b x - t| sin(3 b x), whose kink moves."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(0.1, 0.3, d), rng.uniform(-1, 1, d)
+
+    def f(x):
+        return np.stack([np.exp(a @ x + T), np.abs(b @ x - T) * np.sin(3 * b @ x)], axis=1)
+
+    def study(f, outputs):
+        simulator, box = unit_function(f, d, T, outputs)
+        return mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        both = study(f, ["smooth", "kink"])
+        own = study(lambda x: f(x)[:, :1], ["smooth"])
+    width = own.upper - own.lower
+    for bounds in (both, own):
+        assert (np.abs(bounds.lower[:, :1] - np.exp(T - a.sum())[:, None]) < 0.01 * width).all()
+        assert (np.abs(bounds.upper[:, :1] - np.exp(T + a.sum())[:, None]) < 0.01 * width).all()
+        assert "smooth" not in bounds.doubtful()
+    assert both.estimate[:, 0].max() < 1.5 * own.estimate.max() + 1e-12

@@ -101,6 +101,49 @@ def test_a_parameter_without_a_law_gives_two_reject_rates():
     assert found.upper[1] == pytest.approx(law.sf(1) + law.cdf(-2), abs=found.estimate[1])
 
 
+@pytest.mark.parametrize(
+    ("response", "above", "exact"),
+    [
+        (lambda a, b: a + b, 7.2, st.norm.sf(7.2 / 2**0.5)),
+        (lambda a, b: np.hypot(a, b), 4.5, np.exp(-(4.5**2) / 2)),
+        (lambda a, b: np.maximum(a, b), 4.0, 1 - st.norm.cdf(4.0) ** 2),
+    ],
+    ids=["plane", "circle", "two planes"],
+)
+def test_rare_events_are_found_by_runs_near_the_limit(response, above, exact):
+    """Probabilities of 2e-7 to 6e-5 of standard normal parameters."""
+    simulator = mb.FunctionSimulator(lambda **p: np.atleast_1d(response(**p)), {"a": 0.0, "b": 0.0}, [0.0], ["y"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-7, 7), b=(-7, 7)))
+    found = bounds.probability("y", above=above, laws={"a": st.norm(), "b": st.norm()})
+    value, _, error = found.ever
+    assert abs(value - exact) <= error <= 0.1 * value
+    assert found.runs <= 1500
+
+
+def test_an_error_of_a_probability_that_is_asked_for_takes_more_samples():
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
+    coarse, fine = (bounds.probability("y", above=9.0, laws=NORMAL, error=error) for error in (0.5, 0.02))
+    assert fine.samples > coarse.samples
+    assert fine.ever[2] <= 0.02 * fine.ever[0]
+    assert abs(coarse.ever[0] - fine.ever[0]) <= coarse.ever[2]
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_intervals_without_good_polynomials_give_two_quantiles():
+    """y = |a| + b with jumps of 0.2 in a: quantiles by the law of a, and b from -1 to 1."""
+    stairs = mb.FunctionSimulator(
+        lambda a, b: np.atleast_1d(np.abs(a) + 0.2 * np.sign(np.sin(9 * a)) + b), {"a": 0.1, "b": 0.0}, [0.0], ["y"]
+    )
+    bounds = mb.propagate(stairs, mb.PolynomialChaos(budget=27), mb.Box(a=(-1, 1), b=(-1, 1)))
+    law = st.uniform(-1, 2)
+    found = bounds.quantiles("y", LEVELS, {"a": law})
+    a = law.ppf((np.arange(100_000) + 0.5) / 100_000)
+    exact = np.quantile(np.abs(a) + 0.2 * np.sign(np.sin(9 * a)), LEVELS)
+    assert found.runs > 0
+    assert (np.abs(found.lower[:, 0] - (exact - 1)) <= found.estimate[:, 0]).all()
+    assert (np.abs(found.upper[:, 0] - (exact + 1)) <= found.estimate[:, 0]).all()
+
+
 def test_a_probability_is_printed_and_labelled():
     found = mb.propagate(sums(), mb.PolynomialChaos(), WIDE).probability("y", above=2.0, laws=NORMAL)
     for text in ("Probability of y above 2", "at any output time", "greatest, at 2 s"):
@@ -148,6 +191,8 @@ def test_other_malformed_calls():
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
     refused("one of above and below", bounds.probability, "y", laws=NORMAL)
     refused("below is not the larger one", bounds.probability, "y", above=1.0, below=2.0, laws=NORMAL)
+    with pytest.raises(mb.DeclarationError, match="error must be above 0 and below 1"):
+        bounds.probability("y", above=1.0, laws=NORMAL, error=0.0)
     with pytest.raises(mb.DeclarationError, match="need a law of every parameter"):
         bounds.samples(3, {"a": st.norm()})
     refused("n must be", bounds.samples, 0, NORMAL)

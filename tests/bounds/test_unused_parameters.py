@@ -81,3 +81,16 @@ def test_states_events_and_held_values_count():
 def test_shipped_scenes_use_their_parameters(model):
     scene = model.scene()
     assert unused_parameters(scene, scene.box.names) == ()
+
+
+def test_parameters_of_a_function_that_change_nothing_are_named():
+    """The square of b is even, so that no polynomial of first degree sees it: it is not named."""
+    function = mb.FunctionSimulator(
+        lambda a, b, c, d: np.atleast_1d(a + b**2), dict.fromkeys("abcd", 0.0), [0.0], ["y"]
+    )
+    box = mb.Box(a=(-1, 1), b=(-1, 1), c=(-1, 1), d=(0, 0))
+    for method in (mb.PolynomialChaos(), mb.PolynomialChaos(order=1), mb.PolynomialChaos(order=2)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mb.SymmbWarning)
+            (told,) = [text for text in mb.propagate(function, method, box).remarks if "no output" in text]
+        assert told.startswith("c changes no output, in all runs of the study")

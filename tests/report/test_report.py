@@ -274,7 +274,7 @@ def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
 
     simulator, box = decay()
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
-    monkeypatch.setattr(mb.Bounds, "contributions", fails)
+    monkeypatch.setattr(mb.Bounds, "_known_contributions", fails)
     assert "What each parameter contributes 3 of 4 runs failed. Curves" in reported(bounds, tmp_path)[0]
 
 
@@ -293,8 +293,8 @@ scene = mb.Scene(
 def test_the_command_line_asks_for_contributions_once(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "roll.py").write_text(SCENE)
-    asked, own = [], mb.Bounds.contributions
-    monkeypatch.setattr(mb.Bounds, "contributions", lambda bounds: asked.append(1) or own(bounds))
+    asked, own = [], mb.Bounds._known_contributions
+    monkeypatch.setattr(mb.Bounds, "_known_contributions", lambda bounds: asked.append(1) or own(bounds))
     assert main(["bound", "roll.py", "--report", "r.html"]) == 0
     assert asked == [1] and "Contributions to the bounds by PolynomialChaos()" in text_of(tmp_path / "r.html")
 
@@ -324,7 +324,7 @@ def test_the_command_makes_runs_for_contributions_only_if_asked(tmp_path, monkey
 
     bounds = mb.propagate(*load_subject("fails.py")[:1], mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
     made = (tmp_path / "calls").read_text().count("1")
-    assert bounds._contributions_take_runs()
+    assert bounds._known_contributions() is None
     count, text = calls("--report", "r.html")
     assert count == made and text.endswith("take further runs here: --contributions makes them.\n")
     assert "`symmb bound --contributions` takes further runs." in text_of(tmp_path / "r.html")

@@ -1,7 +1,9 @@
 """Tolerances against closed forms, and limits in many runs."""
 
+import casadi as ca
 import numpy as np
 import pytest
+from small_scenes import particle
 
 import symmb as mb
 from models import four_bar
@@ -91,12 +93,31 @@ def test_the_box_of_a_four_bar_keeps_its_limits_in_many_runs():
     assert least == pytest.approx(0.47, abs=5e-3 * abs(y[:, 0].mean() - 0.47))  # the box is not much too small
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_a_kink_inside_of_the_box():
+    """The greatest value over the box times s is 1.3 s + 1.2 s^2."""
+    t, nominal = np.linspace(0.1, 1.0, 10), dict.fromkeys("abcde", 0.0)
+    f = mb.FunctionSimulator(lambda a, b, c, d, e: t * (abs(a - 0.3 * b) + c * d + 0.2 * e * a), nominal, t, ["y"])
+    found = mb.tolerances(f, {"y": (None, 2.0)}, mb.Box(**dict.fromkeys("abcde", (-1.0, 1.0))))
+    true = (-1.3 + np.sqrt(1.3**2 + 4.8 * 2.0)) / 2.4
+    assert 0.98 * true < found.factor <= true and found.check.kept and found.binding.side == "upper"
+
+
+def test_outputs_without_a_limit_take_no_part():
+    scene = particle(lambda p, mass: -p.k * mass.x, np.linspace(0, 1, 5), {"mass.x": 1.0}, k=(1.9, 2.1))
+    both = scene.with_outputs({"wave": ca.sin(40 * scene.outputs["x"]), **scene.outputs})
+    limits = {"x": (0.1, None)}
+    found, beside = (mb.tolerances(each, limits) for each in (scene, both))
+    assert (beside.factor, beside.evaluations, beside.bounds.names) == (found.factor, found.evaluations, ("x",))
+    assert found.factor == pytest.approx((np.arccos(0.1) ** 2 - 2) / 0.1, rel=2e-3)
+
+
 def test_no_limit_binds():
     narrow = mb.Box(a=(0.99, 1.01), b=(1.98, 2.02), c=(2.85, 2.95))
     found = mb.tolerances(chain(), {"gap": (None, 100.0)}, narrow)
     assert found.factor == pytest.approx(16)
     assert found.binding is None
-    assert "no limit" in str(found)
+    assert "At least this box" in str(found) and "no limit up to 16 times" in str(found)
 
 
 def test_runs_that_fail_bound_the_box():

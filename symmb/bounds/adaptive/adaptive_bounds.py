@@ -10,8 +10,8 @@ from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.adaptive.clock import Clock
-from symmb.bounds.adaptive.runs import ROUNDING_OF_VALUES, UNKNOWN_SHARE, OutgrownError, Runs, rms
-from symmb.bounds.adaptive.sparse_grids import SparseGrids
+from symmb.bounds.adaptive.many_parameters import range_of_many
+from symmb.bounds.adaptive.runs import ROUNDING_OF_VALUES, UNKNOWN_SHARE, OutgrownError, Runs, relative_errors, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bounds.failures import failed_region
@@ -95,14 +95,27 @@ def adaptive_bounds(
 
 
 def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange | None:
-    """The range of a surrogate that is refined until it is accurate enough; None where the study has to begin anew."""
-    is_tensor = len(runs.box) <= MOST_PARAMETERS
+    """The range of a surrogate that is refined until it is accurate enough; None where the study has to begin anew.
+
+    Where a tensor grid takes too many runs the outputs are studied as those of many parameters are. For outputs of
+    which this leaves doubts the grid is refined after all, and for each output the better answer counts.
+    """
+    other: EstimatedRange | None = None
     try:
         with one_thread():
-            surrogate = TensorGrids(runs, tolerance) if is_tensor else SparseGrids(runs, tolerance, is_patient)
+            if len(runs.box) > MOST_PARAMETERS:
+                return range_of_many(runs, tolerance, is_patient)
+            surrogate = TensorGrids(runs, tolerance)
             while (found := surrogate.bounded()) is None:
-                surrogate = surrogate.refined()
-            return found
+                if other is None and surrogate.is_costly:
+                    other = range_of_many(runs, tolerance, is_patient=False)
+                    is_open = relative_errors(other.estimate, runs.rms_widths()) > DOUBTFUL
+                    if not is_open.any():
+                        return other
+                    surrogate.count_only(is_open)
+                else:
+                    surrogate = surrogate.refined()
+            return other.better(found, runs.rms_widths(), tolerance) if other else found
     except OutgrownError:
         return None
 

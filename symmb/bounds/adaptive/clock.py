@@ -12,13 +12,16 @@ from symmb._types import Array
 LEAST_SECONDS, SECONDS_OF_RUNS = 1.0, 3.0
 """Seconds that a study may take beyond its runs, unless more are asked for: nobody notices the first, and runs that
 take long are worth as much thought."""
+OWN_SHARE = 0.1
+"""Least share of the seconds that pass which runs of this program take on processors: those of other programs leave
+less, and only a machine with ten times as much work as processors leaves as little."""
 
 
 class Clock:
     """A clock that stands while runs are made.
 
-    Seconds beyond the runs are those that pass, or those of all threads of this program on their processors if these
-    are less: other programs do not count.
+    Seconds of runs and beyond them are those that pass, or those of all threads of this program on their processors if
+    these are less: other programs do not count. Runs that other programs make take the seconds that pass.
 
     Attributes
     ----------
@@ -43,8 +46,8 @@ class Clock:
         begin = _now()
         with threads_as_before():
             yield
-        of_runs = _now() - begin
-        self._of_runs += of_runs[0]
+        passed, of_threads = of_runs = _now() - begin
+        self._of_runs += passed if of_threads < OWN_SHARE * passed else min(passed, of_threads)
         self._begin += of_runs
 
 

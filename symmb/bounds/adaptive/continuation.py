@@ -5,20 +5,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
 
 from symmb._limits import windows
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import inflated_error, select_dispersed
-from symmb.bounds.adaptive.gaussian_process import EXPECTED_NOISE
-from symmb.bounds.adaptive.runs import Runs, relative_rms, rms
-from symmb.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bounds.gaussian_process import EXPECTED_NOISE
 from symmb.nodes import Grid, Index, below
 from symmb.polynomials import Expansion, MultiIndices, basis_values
-from symmb.polynomials.ranges import Exact, Piecewise
+from symmb.polynomials.ranges import Exact
 
 SPARSE_PROBES = 2
 """Quasi-random check points: more take runs, fewer miss products of parameters, which runs along axes do not show."""
-REMAINING_SHARE = 0.2
+REMAINING_SHARE = 0.1
 """Least share of the expected error that remains at places of check runs, since the continuation does not interpolate,
 and of the estimated error after them: less misses more, more takes more runs."""
 SPARSE_RANGE = 0.02
@@ -35,10 +33,10 @@ class Continuation:
     The further coefficients are independent Gaussian variables with mean 0 and sizes that are extrapolated from the
     grid. Given the interpolant's errors e at some points, their most likely values are
 
-        c = S F' (F F' + noise)^-1 e,
+        c = S F' (F F' + noise)^-1 e = S (F' F + noise)^-1 F' e,
 
     where S are the sizes, and F (C, n_b) are the further polynomials at the points, less their interpolants, times S.
-    Nodes keep their values.
+    The form with the smaller matrix is computed. Nodes keep their values.
 
     Attributes
     ----------
@@ -57,40 +55,17 @@ class Continuation:
         alpha = np.array(list(sizes), dtype=np.intp)
         return cls(alpha, np.array(list(sizes.values())), grid.coefficients(basis_values(alpha, grid.nodes)))
 
-    def through(self, known: MultiIndices, points: Array, errors: Array) -> tuple[Array, Array]:
-        """Changes of the known coefficients (N, m), and further coefficients (n_b, m).
+    def free(self, known: MultiIndices, points: Array) -> Array:
+        """(C, n_b) values of the further polynomials at points, less their interpolants, times the expected sizes.
 
-        Parameters
-        ----------
-        known : (N, d)          multi-indices of the grid
-        points : (C, d)
-        errors : (C, m)         of the interpolant
+        `known` (N, d) are the multi-indices of the grid.
         """
-        free = self._free(known, points)
-        further = self.sizes[:, None] * (free.T @ np.linalg.solve(self._products(free), errors))
-        return -self.interpolants @ further, further
-
-    def expected_error(self, known: MultiIndices, places: Array, points: Array) -> Array:
-        """Root mean square (...) of the error that runs at points (C, d) leave at places (..., d), rounded to 0.1."""
-        free, places = self._free(known, points), places.round(1)
-        flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
-        for window in windows(len(flat), places.shape[-1]):
-            different, which = np.unique(flat[window], axis=0, return_inverse=True)
-            there = self._free(known, different)
-            covariance = free @ there.T
-            explained = (covariance * np.linalg.solve(self._products(free), covariance)).sum(axis=0)
-            remaining = np.sqrt(np.maximum(np.square(there).sum(axis=1) - explained, 0.0))
-            errors.reshape(-1)[window] = remaining[which.ravel()]
-        return errors
-
-    def _free(self, known: MultiIndices, points: Array) -> Array:
-        """(C, n_b) values of the further polynomials at points, less their interpolants, times the expected sizes."""
         return (basis_values(self.alpha, points) - basis_values(known, points) @ self.interpolants) * self.sizes
 
-    def _products(self, free: Array) -> Array:
-        """(C, C) expected products of the errors at points."""
-        noise = EXPECTED_NOISE * np.square(self.sizes).sum() or 1.0  # any, if none is expected
-        return free @ free.T + noise * np.eye(len(free))
+    @property
+    def noise(self) -> float:
+        """Variance of the noise."""
+        return EXPECTED_NOISE * float(np.square(self.sizes).sum()) or 1.0  # any, if nothing is expected
 
 
 def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
@@ -134,6 +109,38 @@ class Corrected:
     checks: Array
 
     @cached_property
+    def _free(self) -> Array:
+        return self.continuation.free(self.base.alpha, self.points)
+
+    @cached_property
+    def _factor(self) -> Array:
+        """Lower Cholesky factor of the smaller matrix."""
+        free = self._free if self._has_few else self._free.T
+        products: Array = free @ free.T + self.continuation.noise * np.eye(len(free))
+        return np.linalg.cholesky(products).astype(float)
+
+    @property
+    def _has_few(self) -> bool:
+        """Whether check runs are fewer than further polynomials."""
+        return self._free.shape[0] <= self._free.shape[1]
+
+    def expected_error(self, places: Array) -> Array:
+        """Root mean square (...) of the error that remains at places (..., d), rounded to 0.1."""
+        places = places.round(1)
+        flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
+        for window in windows(len(flat), places.shape[-1]):
+            different, which = np.unique(flat[window], axis=0, return_inverse=True)
+            there = self.continuation.free(self.base.alpha, different).T
+            half = self._free @ there if self._has_few else there
+            squares = np.square(solve_triangular(self._factor, half, lower=True)).sum(axis=0)
+            if self._has_few:
+                squares = np.maximum(np.square(there).sum(axis=0) - squares, 0.0)
+            else:
+                squares *= self.continuation.noise
+            errors.reshape(-1)[window] = np.sqrt(squares)[which.ravel()]
+        return errors
+
+    @cached_property
     def alpha(self) -> MultiIndices:
         """(n_b, d)."""
         return np.concatenate([self.base.alpha, self.continuation.alpha])
@@ -152,8 +159,10 @@ class Corrected:
         base = self.base.coefficients.reshape(len(self.base.alpha), -1)[:, window]
         checks = self.checks.reshape(len(self.points), self.base.coefficients[0].size)[:, window]
         errors = checks - basis_values(self.base.alpha, self.points) @ base
-        change, further = self.continuation.through(self.base.alpha, self.points, errors)
-        return np.concatenate([base + change, further])
+        factor = self._factor, True
+        likely = self._free.T @ cho_solve(factor, errors) if self._has_few else cho_solve(factor, self._free.T @ errors)
+        further = self.continuation.sizes[:, None] * likely
+        return np.concatenate([base - self.continuation.interpolants @ further, further])
 
     def expansion(self) -> Expansion:
         """With all coefficients."""
@@ -179,72 +188,3 @@ class Corrected:
         names = "lower", "upper", "at_lower", "at_upper"
         lower, upper, *places = (np.concatenate([getattr(each, name) for each in found]) for name in names)
         return lower.reshape(shape), upper.reshape(shape), np.stack(places).reshape(2, *shape, -1)
-
-
-def corrected_bounds(
-    runs: Runs, grid: Grid, base: Expansion, sizes: dict[Index, float], tolerance: float, estimate: Array
-) -> EstimatedRange:
-    """The range of the expansion continued through check runs at some of its extremes, and its error.
-
-    The runs of a round show the error of the expansion that those before have corrected. Rounds end when it is small
-    enough or does not fall. An error at a place where the continuation leaves the share s(x) of the typical
-    error suggests the error e / s(x) elsewhere. What the range has beyond all runs is an error by the share that runs
-    have not confirmed of what was predicted beyond former ones.
-    """
-    continuation, n_round = Continuation.of(grid, sizes), len(runs.box)
-    corrected = Corrected(base, continuation, runs.points, runs.checks)
-    lower, upper, extremes = corrected.range(SPARSE_RANGE * tolerance)
-    typical = rms(continuation.expected_error(base.alpha, extremes, runs.points[:SPARSE_PROBES]).ravel())
-
-    def remaining_share(places: Array, points: Array) -> Array:
-        """Share of the error typical of extremes that runs at points (C, d) leave at places (..., d)."""
-        error = continuation.expected_error(base.alpha, places, points)
-        ratio = np.divide(error, typical, out=np.ones_like(error), where=error < typical)
-        return REMAINING_SHARE + (1 - REMAINING_SHARE) * ratio
-
-    def unattained() -> Array:
-        """How far the range exceeds what runs attain at its minima and maxima (2, n_t, n_y), beyond noise."""
-        lowest, highest = runs.extremes
-        return doubted * np.maximum(np.stack([lowest - lower, upper - highest]) - runs.noise, 0.0)
-
-    remaining = observed = estimate
-    before, doubted = np.inf, np.ones(runs.shape[1])
-    unconfirmed, foreseen = np.zeros((2, runs.shape[1]))
-    while True:
-        known, (lowest, highest) = runs.points, runs.extremes
-        weights = np.maximum(remaining_share(extremes, known) * estimate, unattained()) / runs.rms_widths()
-        points, Y = runs.check(select_dispersed(extremes, weights, min(n_round, runs.left)))
-        if not len(points):
-            break
-        predicted = corrected.values(points)
-        errors = Y - predicted
-        beyond = np.maximum(np.maximum(lowest - predicted, predicted - highest), 0.0)
-        foreseen += np.square(beyond).sum(axis=(0, 1))
-        unconfirmed += np.where(beyond > 0, np.square(errors), 0.0).sum(axis=(0, 1))
-        doubted = np.sqrt(np.divide(unconfirmed, foreseen, out=np.ones_like(foreseen), where=foreseen > 0))
-        doubted = np.minimum(doubted, 1.0)
-        errors /= remaining_share(points, known)[:, None, None]
-        observed = (1 + 1 / len(points)) * inflated_error(np.mean(np.square(errors), axis=0))
-        corrected = Corrected(base, continuation, runs.points, runs.checks)
-        lower, upper, extremes = corrected.range(SPARSE_RANGE * tolerance)
-        share = remaining_share(extremes, runs.points).max(axis=0)
-        remaining = share * np.maximum(observed, REMAINING_SHARE * estimate)
-        error = relative_rms(np.maximum(remaining, unattained().max(axis=0)), runs.rms_widths())
-        if (len(known) >= n_round and (error <= tolerance or error >= before)) or runs.clock.is_late:
-            break
-        before = error
-    error = np.maximum(spread_over_times(remaining, upper - lower), unattained().max(axis=0))
-
-    def polynomials() -> Piecewise:
-        return Piecewise.whole(corrected.expansion(), spread_over_times(observed, upper - lower))
-
-    return EstimatedRange(lower, upper, error, polynomials, "an interpolant on a sparse grid", extremes)
-
-
-def spread_over_times(error: Array, width: Array) -> Array:
-    """Errors (n_t, n_y) of which half the square is that of one share of the width (n_t, n_y) at all times.
-
-    Few check runs tell the size of errors, but not well at which times they are small.
-    """
-    share = np.divide(rms(error), rms(width), out=np.zeros(width.shape[1]), where=rms(width) > 0)
-    return np.sqrt((np.square(error) + np.square(share * width)) / 2)

@@ -1,12 +1,13 @@
 """Bounds of responses that rise or fall with each parameter throughout the box: runs at corners attain them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 
 import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bounds.adaptive.check_runs import PATIENCE, SAFETY, screening_points
-from symmb.bounds.adaptive.runs import Runs, relative_rms, rms
+from symmb.bounds.adaptive.requests import Checks, Noise, Request
+from symmb.bounds.adaptive.runs import OutputRuns, relative_rms, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import LEAST_WIDTH
 from symmb.nodes import corners
@@ -17,13 +18,14 @@ MONOTONE_SHARE = 0.2
 their signs where no run was. Responses may lose half as much at corners that are not theirs: less takes more runs."""
 
 
-def corner_range(runs: Runs, tolerance: float, polynomials: Callable[[], Piecewise | None]) -> EstimatedRange | None:
+def corner_range(
+    runs: OutputRuns, tolerance: float, polynomials: Callable[[], Piecewise | None]
+) -> Generator[Request, None, EstimatedRange | None]:
     """What runs attain at the corners to which all parameters pull the responses; None if effects change their signs.
 
     The effect of a parameter is the change of a response when it alone changes. It is seen on both sides of the middle
-    of the box, and along edges. Where these effects have one sign the response is taken as monotone: its extremes are
-    at two opposite corners. A corner also serves the times and outputs whose own corners differ from it in parameters
-    that hardly matter there.
+    of the box, and along edges. Corners are run to which effects with one sign lead: the response is taken as monotone.
+    A corner also serves the times whose own corners differ from it in parameters that hardly matter there.
 
     The estimated error is that of corners that are not run, of effects with the other sign, of parabolas along the axes
     that exceed their ends, and of how far any run exceeds the corner that should be the best one. If it is too large
@@ -32,21 +34,21 @@ def corner_range(runs: Runs, tolerance: float, polynomials: Callable[[], Piecewi
 
     The polynomials are those through all runs.
     """
-    error = _error(runs, tolerance)
+    error = yield from _error(runs, tolerance)
     if error is None:
         return None
     if not runs.noise_is_known:
-        runs.measure_noise()
+        yield Noise()
     low, high = runs.extremes
     error += MONOTONE_SHARE * tolerance * (high - low)
     return EstimatedRange(low, high, error, polynomials, "runs at corners", is_enough=True)
 
 
-def _error(runs: Runs, tolerance: float) -> Array | None:
+def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array | None]:
     """The estimated error (n_t, n_y) of what runs attain at corners; None if it is too large."""
     d = len(runs.box)
     unit = np.eye(d)
-    star = runs.nodes[runs.at(np.concatenate([np.zeros((1, d)), -unit, unit]))]
+    star = runs.at_nodes(np.concatenate([np.zeros((1, d)), -unit, unit]))
     lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
     slope = lower_half + upper_half
     width = np.abs(slope).sum(axis=0)
@@ -61,18 +63,23 @@ def _error(runs: Runs, tolerance: float) -> Array | None:
     def is_too_large(error: Array) -> bool:
         return relative_rms(error, runs.rms_widths()) > tolerance
 
-    if is_too_large(error_of(against)) or not runs.ok.all():
+    if is_too_large(error_of(against)) or not runs.are_ok:
         return None
     if runs.may_hide():
-        runs.check(screening_points(d)[: runs.left // 2])
+        yield Checks(screening_points(d)[: runs.left // 2])
     signs, own = _corners(slope.reshape(d, -1).T, allowed.ravel(), min(PATIENCE * d, (runs.left - 2 * d) // 2))
+    if not len(signs):
+        error = yield from _error_at_all_corners(runs, bulge)
+        return None if error is None or is_too_large(error) else error
+    yield Checks(np.concatenate([signs, -signs, *_uncertain(signs[0], np.abs(slope).reshape(d, -1)[:, own == 0])]))
     values = runs.checked(np.concatenate([signs, -signs]))
-    if not len(signs) or values is None:
+    if values is None:
         return None
     at = own.reshape(1, *runs.shape)
     highest, lowest = (np.take_along_axis(each, at, axis=0)[0] for each in np.split(values, 2))
-    corners = runs.points[(np.abs(runs.points) == 1).all(axis=1)]
-    for i, (ends, others) in enumerate(_edges(corners, signs[0])):
+    edges = [*_edges(runs.points[(np.abs(runs.points) == 1).all(axis=1)], signs[0])]
+    yield Checks(np.concatenate([points for both in edges for points in both]))
+    for i, (ends, others) in enumerate(edges):
         at_ends, at_others = runs.checked(ends), runs.checked(others)
         if at_ends is None or at_others is None:
             return None
@@ -82,29 +89,43 @@ def _error(runs: Runs, tolerance: float) -> Array | None:
     lost = (np.abs(slope).reshape(d, -1) * (np.sign(slope).reshape(d, -1) != signs[own].T)).sum(axis=0)
     error = error_of(against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
     if is_too_large(error):  # as of products, whose effects change their signs
-        if not _run_all_corners(runs, signs[0], bulge):
-            return None
-        values = runs.checks[(np.abs(runs.points) == 1).all(axis=1)]
-        error = error_of(bulge) + SAFETY * runs.beyond(values.min(axis=0), values.max(axis=0))
-        if is_too_large(error):
-            return None
+        error = yield from _error_at_all_corners(runs, bulge)
+        return None if error is None or is_too_large(error) else error
     return error
 
 
-def _run_all_corners(runs: Runs, corner: Array, bulge: Array) -> bool:
-    """Run all corners, unless they are too many or fail, and halves of edges at two of them: they may raise bulges."""
-    d = len(corner)
+def _error_at_all_corners(runs: OutputRuns, bulge: Array) -> Generator[Request, None, Array | None]:
+    """The estimated error (n_t, n_y) of what all corners attain, from bulges (d, n_t, n_y) along the axes and along
+    edges at two of them; None if corners are too many or fail.
+    """
+    d, every = len(bulge), corners(len(bulge))
     if 2**d > min(PATIENCE * d, runs.left - 2 * d):
-        return False
-    base = np.stack([corner, -corner])
-    middles = np.concatenate([np.where(unit, 0.0, base) for unit in np.eye(d)])
-    if runs.checked(np.concatenate([corners(d), middles])) is None:
-        return False
+        return None
+    yield Checks(every)
+    values = runs.checked(every)
+    if values is None:
+        return None
+    base = np.stack(
+        [every[np.bincount(side.ravel()).argmax()] for side in (values.argmin(axis=0), values.argmax(axis=0))]
+    )
+    yield Checks(np.concatenate([np.where(unit, 0.0, base) for unit in np.eye(d)]))
+    bulge = bulge.copy()
     for i in range(d):
         triple = (runs.checked(np.where(np.arange(d) == i, factor * base, base)) for factor in (-1.0, 0.0, 1.0))
-        below, middle, above = (np.asarray(each) for each in triple)
+        below, middle, above = triple
+        if below is None or middle is None or above is None:
+            return None
         bulge[i] = np.maximum(bulge[i], _bulge(middle - below, above - middle).max(axis=0))
-    return True
+    error = np.maximum(bulge - 2 * runs.noise, 0.0).sum(axis=0)
+    return error + SAFETY * runs.beyond(values.min(axis=0), values.max(axis=0))
+
+
+def _uncertain(corner: Array, slopes: Array) -> list[Array]:
+    """Corners (3, d) that differ from a corner, and from that opposite to it, in the two least slopes (d, m)."""
+    first, second = np.argsort(slopes.max(axis=1))[:2]
+    flips = np.ones((3, len(corner)))
+    flips[[0, 2], first] = flips[[1, 2], second] = -1.0
+    return [flips * corner, -flips * corner]
 
 
 def _bulge(lower: Array, upper: Array) -> Array:

@@ -22,8 +22,6 @@ JUDGED_DEGREE = 16
 smooth responses into pieces, more takes more runs at kinks."""
 _TAIL = 4
 """Last degrees whose coefficients together are the error at kinks, where they fall slowly: more is safer."""
-SMALL_HALF_WIDTH = 0.05
-"""Half width of a rough piece at which a smooth response is nearly linear: more misses more, less takes more runs."""
 TENSOR_RANGE = 1e-5
 """Accuracy of a range, over its width, and half width of pieces at which halving ends: less takes more time."""
 
@@ -61,7 +59,7 @@ class Piece:
     expansion : in coordinates of the piece
     nodes : (N, d) in coordinates of the piece
     runs, rows : all runs, and the rows (N,) of the responses at the nodes
-    widths : (n_y,) rms widths, by which errors are measured
+    widths : (n_y,) rms widths, by which errors are measured; infinite for outputs that do not count
     inherited : (n_t, n_y) error to expect where the response jumps; None of the whole box
     """
 
@@ -75,7 +73,7 @@ class Piece:
     inherited: Array | None
 
     @classmethod
-    def of(cls, runs: Runs, part: Part, parent: "Piece | None" = None) -> "Piece":
+    def of(cls, runs: Runs, part: Part, widths: Array, parent: "Piece | None" = None) -> "Piece":
         """Run the nodes that are new; failed ones get the values that make the interpolant smoothest."""
         centre, half, degrees = part
         grid = _grid(*degrees.tolist())
@@ -84,7 +82,7 @@ class Piece:
         if 0 < len(lost) <= CHEAP_RUNS:  # more of them are a region of their own
             runs.nodes[lost] += _smoothing(grid, runs.nodes, rows, lost)
         expansion = runs.interpolant(grid, rows)
-        return cls(centre, half, expansion, grid.nodes, runs, rows, runs.rms_widths(), parent and parent.inherited)
+        return cls(centre, half, expansion, grid.nodes, runs, rows, widths, parent and parent.inherited)
 
     @property
     def Y(self) -> Array:
@@ -133,8 +131,7 @@ class Piece:
         if has_event is not None or self.inherited is None or self.rough_direction is None:
             return has_event
         large = self.truncation.directions >= REFINED_SHARE * self.truncation.directions.max(axis=0)
-        rough = (self.truncation.slow & large).any(axis=0)
-        return rough | (self.half.min() < SMALL_HALF_WIDTH)
+        return (self.truncation.slow & large).any(axis=0)
 
     @cached_property
     def range(self) -> tuple[Array, Array, Array]:
@@ -217,9 +214,9 @@ class Piece:
         degrees = np.where(is_along, JUDGED_DEGREE // 2, degrees)
         return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
 
-    def replaced(self, parts: list[Part]) -> list["Piece"]:
+    def replaced(self, parts: list[Part], widths: Array) -> list["Piece"]:
         """Pieces for the parts. Halves inherit a share of this piece's error, or what it missed if that is more."""
-        pieces = [Piece.of(self.runs, part, self) for part in parts]
+        pieces = [Piece.of(self.runs, part, widths, self) for part in parts]
         if len(pieces) > 1:
             own, new = self.Y, np.concatenate([piece.Y for piece in pieces])
             excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))

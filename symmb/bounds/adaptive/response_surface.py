@@ -14,10 +14,11 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.bounds.adaptive.check_runs import PATIENCE, SAFETY, quasi_random_points, screening_corners
 from symmb.bounds.adaptive.continuation import extrapolated_sizes, largest
-from symmb.bounds.adaptive.covariances import Ridge, Sum
-from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
-from symmb.bounds.adaptive.runs import CHEAP_RUNS, Runs, rms
+from symmb.bounds.adaptive.requests import Checks, Noise, Steps
+from symmb.bounds.adaptive.runs import CHEAP_RUNS, OutputRuns, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bounds.covariances import Ridge, Sum
+from symmb.bounds.gaussian_process import GaussianProcess, Kernel
 from symmb.bounds.time_windows import DOUBTFUL, ROUNDING
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion
@@ -46,8 +47,8 @@ SEARCH_LINE = 17
 _NAME = "a response surface"
 
 
-class ResponseSurface:
-    """A Gaussian process through all runs, which is refined where extremes are or are not excluded.
+def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient: bool) -> Steps:
+    """The range of a Gaussian process through all runs, which is refined where extremes are or are not excluded.
 
     Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
     those of the mean and some standard deviations, and at points that are spread over the box, first of all at corners.
@@ -57,63 +58,54 @@ class ResponseSurface:
 
     Parameters
     ----------
-    nodes : (N, d)          points of ``runs.nodes``
+    points : (N, d) of runs that it is made of at first
     tolerance : of the error, over the width
     is_patient : whether it goes on until no runs are left
     """
-
-    def __init__(self, runs: Runs, nodes: Array, tolerance: float, is_patient: bool) -> None:
-        import scipy.linalg  # noqa: F401  (the next runs give its library one thread as well)
-
-        d = nodes.shape[1]
-        self._runs, self._nodes, self._tolerance = runs, nodes, tolerance
-        self._most = runs.most if is_patient else PATIENCE * d
-        self._latest, self._kernels, self._n_spread, self._n_fit = np.ones(1), list[Kernel](), 0, 0
-        self._corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
-        runs.check(STEP * np.eye(d)[: runs.left])
-
-    def bounded(self) -> EstimatedRange | None:
-        """The range, if its error is small enough or there are no runs left."""
-        runs, tolerance, d = self._runs, self._tolerance, self._nodes.shape[1]
-        self._data = data = _Responses.of(runs, self._nodes)
+    d = len(runs.box)
+    most = runs.most if is_patient else PATIENCE * d
+    latest, kernels, n_spread, n_fit = np.zeros(1), list[Kernel](), 0, 0
+    corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
+    slopes = STEP * np.eye(d)
+    yield Checks(slopes)
+    points = np.concatenate([points, slopes])
+    while True:
+        data = _Responses.of(*runs.attained(points), runs)
         if not data.varies.any():
             return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, _NAME, is_enough=True)
-        if len(data.points) >= REFIT * self._n_fit:
-            self._kernels, self._n_fit = _kernels(self._kernels, data), len(data.points)
-        self._surface = surface = GaussianProcess(self._kernels[0], data.points, data.Y)
+        if len(data.points) >= REFIT * n_fit:
+            kernels, n_fit = _kernels(kernels, data), len(data.points)
+        surface = GaussianProcess(kernels[0], data.points, data.Y)
         # At an extreme the errors of all kinks of a sum have one sign.
-        factor = DEVIATIONS * (d**0.5 if self._kernels[0].is_sum else 1.0)
-        self._places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST:]))))
+        factor = DEVIATIONS * (d**0.5 if kernels[0].is_sum else 1.0)
+        places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST:]))))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
         is_plateau = _is_plateau(data, attained)
         ends = np.where(is_plateau[:, None], attained[:, None], ends)
-        observed = np.where(is_plateau, 0.0, OBSERVED_SHARE * rms(self._latest) * width)
+        observed = np.where(is_plateau, 0.0, OBSERVED_SHARE * rms(latest) * width)
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
-        is_enough = self._n_spread >= FEWEST_SPREAD and (estimate <= np.maximum(tolerance * width, data.noise)).all()
-        if not (is_enough or len(runs) >= self._most or not runs.left or runs.clock.is_late):
-            return None
-        if not is_enough:
-            estimate = np.maximum(estimate, _left_out(surface, data.noise))
-        found = data.range(runs, surface, (self._places[:, 0], ends), attained, estimate)
-        return found._replace(is_enough=bool(is_enough))
-
-    def refined(self) -> "ResponseSurface":
-        """With runs at extremes, beside them, and spread over the box, or with measured noise."""
-        runs, data, d = self._runs, self._data, self._nodes.shape[1]
-        if not runs.noise_is_known and len(runs) > CHEAP_RUNS:
-            runs.measure_noise()
-            self._kernels, self._n_fit = [], 0  # noise of one response spoils the kernel of all
-            return self
-        spread = self._corners.pop() if self._corners else quasi_random_points(self._n_spread + SPREAD, d)[-SPREAD:]
-        self._n_spread += SPREAD
-        beside = _beside(self._places[:, 0].reshape(-1, d), self._n_spread)
-        new = _distinct([*self._places.reshape(-1, d), *beside, *spread], data.points)
-        points, responses = runs.check(new[: runs.left])
-        if len(points):
-            errors = np.abs(data.relative(responses) - self._surface.mean(points))
-            self._latest = (errors / np.ptp(data.Y, axis=0)).max(axis=1)
-        return self
+        is_enough = n_spread >= FEWEST_SPREAD and bool((estimate <= np.maximum(tolerance * width, data.noise)).all())
+        if is_enough or len(data.points) >= most or not runs.left or runs.clock.is_late:
+            if not is_enough:
+                estimate = np.maximum(estimate, _left_out(surface, data.noise))
+            found = data.range(runs, surface, (places[:, 0], ends), attained, estimate)
+            return found._replace(is_enough=is_enough)
+        if not runs.noise_is_known and len(data.points) > CHEAP_RUNS:
+            yield Noise()
+            kernels, n_fit = [], 0  # noise of one response spoils the kernel of all
+            continue
+        spread = corners.pop() if corners else quasi_random_points(n_spread + SPREAD, d)[-SPREAD:]
+        n_spread += SPREAD
+        beside = _beside(places[:, 0].reshape(-1, d), n_spread)
+        n_known = len(runs.points)
+        new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)
+        points = np.concatenate([points, new])
+        yield Checks(new)
+        if len(runs.points) > n_known:
+            responses = runs.checks[n_known:]
+            errors = np.abs(data.relative(responses) - surface.mean(runs.points[n_known:]))
+            latest = (errors / np.ptp(data.Y, axis=0)).max(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +128,8 @@ class _Responses:
     noise: Array
 
     @classmethod
-    def of(cls, runs: Runs, nodes: Array) -> "_Responses":
-        points = np.concatenate([nodes[runs.is_attained], runs.points])
-        Y = np.concatenate([runs.nodes[runs.is_attained], runs.checks]).reshape(len(points), -1)
+    def of(cls, points: Array, Y: Array, runs: OutputRuns) -> "_Responses":
+        Y = Y.reshape(len(points), -1)
         mean, deviation, noise = Y.mean(axis=0), Y.std(axis=0), np.tile(runs.noise, runs.shape[0])
         varies = np.ptp(Y, axis=0) > np.maximum(runs.rounding * abs(Y).max(axis=0), 2 * noise)
         return cls(
@@ -155,7 +146,12 @@ class _Responses:
         return (responses.reshape(len(responses), -1) - self.mean)[:, self.varies] / self.deviation[self.varies]
 
     def range(
-        self, runs: Runs, surface: GaussianProcess, extremes: tuple[Array, Array], attained: Array, estimate: Array
+        self,
+        runs: OutputRuns,
+        surface: GaussianProcess,
+        extremes: tuple[Array, Array],
+        attained: Array,
+        estimate: Array,
     ) -> EstimatedRange:
         """From places (2, m, d) of the mean's extremes, and ends (2, 2, m) of the mean, and of it and deviations.
 
@@ -294,7 +290,7 @@ def _distinct(points: list[Array], known: Array) -> Array:
     return distinct[len(known) :]
 
 
-def _polynomials(surface: Callable[[Array], Array], runs: Runs, error: Array) -> Piecewise | None:
+def _polynomials(surface: Callable[[Array], Array], runs: OutputRuns, error: Array) -> Piecewise | None:
     """Interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not close."""
     d = len(runs.box)
     # Degree 2 does not tell x^3 from x.

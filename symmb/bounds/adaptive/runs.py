@@ -57,6 +57,7 @@ class Runs:
     rounding : share of an output's scale below which its width is rounding
     is_attained : (N,) which nodes have run without failure
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
+    places : (N, d) nodes
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
     tried, ok : (M, d) all points that were run, (M,) which of the runs did not fail
     noise : (n_y,) how far responses may be off: the simulator tells it, or it is measured; 0 before
@@ -79,7 +80,7 @@ class Runs:
         self._blocks: list[Array] = []  # interpolants need no copy of them
         self.checks = np.empty((0, *self.shape))
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
-        self.points = self.tried = np.empty((0, len(self.box)))
+        self.points = self.places = self.tried = np.empty((0, len(self.box)))
         self.ok = np.empty(0, dtype=bool)
         self.power = np.zeros(self.shape[1], dtype=np.intp)
         self._least_power = np.full(self.shape[1], np.iinfo(np.int32).min)
@@ -138,6 +139,10 @@ class Runs:
         coefficients = grid.coefficients(*(Y.reshape(len(Y), -1) for Y in self._blocks), rows=rows)
         return Expansion(grid.alpha, coefficients.reshape(len(rows), *self.shape), self.box.names)
 
+    def of(self, column: int) -> "OutputRuns":
+        """As one output sees them."""
+        return OutputRuns(self, column)
+
     def unknown(self, points: Array) -> int:
         """How many of the points (N, d) are not nodes yet."""
         return len(set(_keys(points)).difference(self._row))
@@ -164,6 +169,7 @@ class Runs:
                 events[~ok] = -1
                 self.events = events if self.events is None else np.concatenate([self.events, events])
             self._blocks.append(Y)
+            self.places = np.concatenate([self.places, points[new]])
             self.is_attained = np.concatenate([self.is_attained, ok])
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
@@ -175,13 +181,6 @@ class Runs:
         Y, points = Y[ok], points[ok]
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
         return points, Y
-
-    def checked(self, points: Array) -> Array | None:
-        """Responses (C, n_t, n_y) at check points, which are run unless they have been; None if any of them fails."""
-        self.check(points)
-        row = {key: k for k, key in enumerate(_keys(self.points))}
-        keys = _keys(points)
-        return self.checks[[row[key] for key in keys]] if row.keys() >= set(keys) else None
 
     def _progress(self, before: int) -> Progress | None:
         """Progress that counts the runs before."""
@@ -221,10 +220,6 @@ class Runs:
         """How far runs go beyond bounds (n_t, n_y), less noise."""
         lowest, highest = self.extremes
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
-
-    def may_hide(self) -> bool:
-        """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
-        return self.shapes() <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 
     def measure_noise(self) -> None:
         """Measure the noise on a short line, along which responses are straight but for it, if enough runs are left."""
@@ -294,6 +289,112 @@ class Runs:
             self._least_power = np.where(too_large, new, self._least_power)
             raise OutgrownError
         self.power = np.where(varies | (np.abs(new) < _ORDINARY / 2), self.power, new)
+
+
+class OutputRuns:
+    """Runs of a study as one of its outputs sees them. A figure has one time."""
+
+    def __init__(self, runs: Runs, column: int) -> None:
+        is_figure = runs.simulator.outputs[column] in getattr(runs.simulator, "figures", ())
+        self._runs, self.box, self.clock, self.column = runs, runs.box, runs.clock, column
+        self._own = (..., slice(0, 1) if is_figure else slice(None), slice(column, column + 1))
+        self.shape = 1 if is_figure else runs.shape[0], 1
+        self.has_lanes = isinstance(runs.simulator, SceneSimulator)
+        self.probes, self.most, self.rounding = runs.probes, runs.most, runs.rounding
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    @property
+    def left(self) -> int:
+        """Runs that are still allowed."""
+        return self._runs.left
+
+    @property
+    def nodes(self) -> Array:
+        """(N, n_t, 1)."""
+        return self._runs.nodes[self._own]
+
+    @property
+    def checks(self) -> Array:
+        """(C, n_t, 1)."""
+        return self._runs.checks[self._own]
+
+    @property
+    def points(self) -> Array:
+        """(C, d) of the checks."""
+        return self._runs.points
+
+    def attained(self, among: Array | None = None) -> tuple[Array, Array]:
+        """Points (M, d) of runs that did not fail, of all or of those among some points, and responses (M, n_t, 1)."""
+        ok = self._runs.is_attained
+        points, Y = np.concatenate([self._runs.places[ok], self.points]), np.concatenate([self.nodes[ok], self.checks])
+        if among is None:
+            return points, Y
+        wanted = set(_keys(among))
+        kept = [key in wanted for key in _keys(points)]
+        return points[kept], Y[kept]
+
+    @property
+    def are_ok(self) -> bool:
+        """Whether no run failed."""
+        return bool(self._runs.ok.all())
+
+    @property
+    def noise(self) -> Array:
+        """(1,)."""
+        return self._runs.noise[self._own[-1]]
+
+    @property
+    def noise_is_known(self) -> bool:
+        """Whether the simulator told it, or it was measured."""
+        return self._runs.noise_is_known
+
+    @property
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest responses (n_t, 1)."""
+        low, high = self._runs.extremes
+        return low[self._own[1:]], high[self._own[1:]]
+
+    def rms_widths(self) -> Array:
+        """Root mean square width (1,)."""
+        return self._runs.rms_widths()[self._own[-1]]
+
+    def beyond(self, lower: Array, upper: Array) -> Array:
+        """How far runs go beyond bounds (n_t, 1), less noise."""
+        lowest, highest = self.extremes
+        return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
+
+    def interpolant(self, grid: Grid) -> Expansion:
+        """Through the responses at the nodes of a grid."""
+        Y = self.nodes[self._runs.at(grid.nodes)]
+        return Expansion(grid.alpha, grid.coefficients(Y.reshape(len(Y), -1)).reshape(Y.shape), self.box.names)
+
+    def at_nodes(self, points: Array) -> Array:
+        """Responses (N, n_t, 1) at nodes (N, d) that have been run."""
+        return self.nodes[self._runs.at(points)]
+
+    def known(self, points: Array) -> tuple[Array, Array]:
+        """Those of some points (C, d) that have been check runs and did not fail, and responses there."""
+        row = {key: k for k, key in enumerate(_keys(self.points))}
+        rows = [row[key] for key in _keys(points) if key in row]
+        return self.points[rows], self.checks[rows]
+
+    def checked(self, points: Array) -> Array | None:
+        """Responses (C, n_t, 1) at check points; None if some have not been run, or failed."""
+        found, Y = self.known(points)
+        return Y if len(found) == len(points) else None
+
+    def may_hide(self) -> bool:
+        """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
+        some = slice(None, None, max(1, self.shape[0] // (2 * SHAPE_RUNS)))
+        Y = self.nodes[:SHAPE_RUNS, some]
+        Y = (Y - Y.mean(axis=0)) / self.rms_widths()
+        return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
+
+    def tell(self, error: float) -> None:
+        """Tell whoever watches the progress the error that is reached."""
+        self._runs.tell(error)
 
 
 def rms(a: Array) -> Array:

@@ -1,7 +1,9 @@
-"""What stands for the responses over the box: the interface of interpolants, searches and response surfaces."""
+"""The range of what stands for the responses over the box."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
+
+import numpy as np
 
 from symmb._types import Array
 from symmb.polynomials.ranges import Piecewise
@@ -23,14 +25,13 @@ class EstimatedRange(NamedTuple):
     places: Array | None = None
     is_enough: bool = False
 
-
-class Surrogate(Protocol):
-    """A function in the place of the responses, with the runs that it was made of."""
-
-    def bounded(self) -> EstimatedRange | None:
-        """Its range, if that is accurate enough or cannot be improved; check runs may be made for it."""
-        ...
-
-    def refined(self) -> "Surrogate":
-        """It, made of more runs, or another surrogate that serves the responses better."""
-        ...
+    def better(self, other: "EstimatedRange", widths: Array, tolerance: float) -> "EstimatedRange":
+        """For each output that range with the smaller error over the width (n_y,), and polynomials of this one."""
+        own, its = (np.sqrt(np.square(each.estimate).mean(axis=0)) / widths for each in (self, other))
+        is_other = its < own
+        if is_other.all():
+            return other
+        lower, upper, estimate = (np.where(is_other, b, a) for a, b in zip(self[:3], other[:3], strict=True))
+        surrogate = f"{self.surrogate}, {other.surrogate}" if is_other.any() else self.surrogate
+        is_enough = bool(np.minimum(own, its).max() <= tolerance)
+        return self._replace(lower=lower, upper=upper, estimate=estimate, surrogate=surrogate, is_enough=is_enough)

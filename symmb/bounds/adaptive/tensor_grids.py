@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symmb._types import Array, Indices
+from symmb._types import Array, Indices, Mask
 from symmb.bounds.adaptive.check_runs import (
     FEW_SHAPES,
+    PATIENCE,
     PROBES,
     SAFETY,
     evenly_spread_points,
@@ -16,16 +17,19 @@ from symmb.bounds.adaptive.check_runs import (
     quasi_random_points,
     select_dispersed,
 )
-from symmb.bounds.adaptive.piece import TENSOR_RANGE, Part, Piece, nodes_of
+from symmb.bounds.adaptive.piece import JUDGED_DEGREE, TENSOR_RANGE, Part, Piece, nodes_of
 from symmb.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
+from symmb.bounds.adaptive.secants import secant_extremes
 from symmb.bounds.adaptive.surrogate import EstimatedRange
-from symmb.bounds.time_windows import is_doubtful, is_doubtful_in_window
+from symmb.bounds.time_windows import DOUBTFUL, average_over_window, is_doubtful, is_doubtful_in_window
 from symmb.polynomials.ranges import Piecewise
 
 MANY_VALUES = 1000
 """Values of a run from which they are a field: a mean over fewer says little, and misses more with fewer runs."""
-FIELD_TRUST = 0.15
-"""TRUST of fields: their check runs show errors at many times. Less takes fewer runs, and misses more."""
+FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
+"""TRUST and SAFETY of fields, whose check runs show errors at many times: less takes fewer runs, and misses more."""
+KINK_GAIN = 0.9
+"""Share of the error that half of all rounds of runs near kinks may leave: more takes runs that do not help."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +101,10 @@ class TensorGrids:
 
     def __init__(self, runs: Runs, tolerance: float) -> None:
         d = len(runs.box)
-        self._runs, self._tolerance = runs, tolerance
-        self._pieces = [Piece.of(runs, (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2)))]
+        self._runs, self._tolerance, self._counts = runs, tolerance, np.full(runs.shape[1], True)
+        part = (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2))
+        runs.at(nodes_of(part))  # widths are those of runs
+        self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
 
     def bounded(self) -> EstimatedRange | None:
@@ -108,7 +114,7 @@ class TensorGrids:
         leave. Bounds that are doubtful are refined further as long as that takes few runs.
         """
         runs, tolerance, first = self._runs, self._tolerance, self._pieces[0]
-        widths, is_field = runs.rms_widths(), self._is_field()
+        widths, is_field = self._widths, self._is_field()
         measure = typical_error if is_field else relative_rms
         if len(self._pieces) == 1 and first.jumps is None:  # no range is needed where errors are large everywhere
             least = (FIELD_TRUST if is_field else TRUST) * first.truncation.least
@@ -117,7 +123,7 @@ class TensorGrids:
         union = _Union.of(self._pieces)
         worst, trusted = union.worst(widths), (FIELD_TRUST if is_field else union.trust) * union.expected
         if measure(trusted, widths) > tolerance and self._chooses(worst):
-            return None
+            return self._at_kinks(union, union.expected) if len(self._parts) > 1 else None
         runs.tell(relative_rms(union.expected, widths))
         return self._confirmed(union, worst, trusted, is_field)
 
@@ -127,33 +133,67 @@ class TensorGrids:
         They leave at least the trusted error (n_t, n_y), of fields at least the share of the error that they show.
         """
         runs, tolerance, expected = self._runs, self._tolerance, union.expected
-        inflated, ratio, worst = self._check(union, worst)
-        beyond, widths = runs.beyond(union.lower, union.upper), runs.rms_widths()
+        inflated, ratio, worst = self._check(union, worst, FIELD_SAFETY if is_field else SAFETY)
+        beyond, widths = runs.beyond(union.lower, union.upper), self._widths
         if is_field:
             left = np.maximum(np.maximum(ratio, FIELD_TRUST) * expected, beyond)
-            estimate, error = np.maximum(inflated, SAFETY * left), typical_error(left, widths)
+            error = typical_error(left, widths)
+            width = np.sqrt(average_over_window(np.square(union.upper - union.lower)))
+            unseen = np.minimum(expected, DOUBTFUL / 2 * width)
+            estimate = np.maximum(np.maximum(inflated, FIELD_SAFETY * left), unseen)
         else:
             estimate = np.maximum(inflated, np.maximum(trusted, beyond))
             error = relative_rms(estimate, widths)
-        if (
-            len(union.pieces) > 1
-            and len(runs.checks)
-            and relative_rms(beyond, widths) > relative_rms(np.maximum(inflated, trusted), widths)
-        ):
-            worst = self._farthest(union)
         if error > tolerance and self._chooses(worst):
-            return None
+            return self._at_kinks(union, estimate)
         width, varies = union.upper - union.lower, np.isfinite(widths)
         doubtful = is_doubtful(estimate, width, runs.noise) | is_doubtful_in_window(estimate, width, runs.noise)
-        if doubtful[:, varies].any():
-            if self._chooses(worst, CHEAP_RUNS - len(runs)):
-                return None
-            estimate = np.maximum(estimate, expected)
+        if doubtful[:, varies].any() and self._chooses(worst, CHEAP_RUNS - len(runs)):
+            return None
         n = len(union.pieces)
         name = "an interpolant on a tensor grid" if n == 1 else f"interpolants on {n} tensor grids"
         is_enough = max(error, TENSOR_RANGE) <= tolerance
         estimate = estimate + TENSOR_RANGE * width
         return EstimatedRange(union.lower, union.upper, estimate, union.polynomials, name, union.places, is_enough)
+
+    def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
+        """What runs attain near kinks of one parameter beside the estimated range, if its error is small enough.
+
+        The next runs are where secants on both sides meet, as at the vertex of a V. They go on while they help.
+        """
+        runs, tolerance, widths, sizes = self._runs, self._tolerance, self._widths, list[float]()
+        has_events = any(piece.event_errors is not None for piece in union.pieces)
+        if len(runs.box) > 1 or has_events or len(runs.places) <= JUDGED_DEGREE // 2:
+            return None
+        runs.check(self._probes(PROBES))
+        while runs.left > 1 and not runs.clock.is_late:
+            places, beyond = self._secant_extremes()
+            of_range = np.maximum(estimate, runs.beyond(union.lower, union.upper))
+            errors = np.minimum(beyond, of_range)
+            size = relative_rms(errors.max(axis=0), widths)
+            if size <= tolerance:
+                (is_lowest, is_highest), (lowest, highest) = beyond < of_range, runs.extremes
+                lower, upper = np.where(is_lowest, lowest, union.lower), np.where(is_highest, highest, union.upper)
+                error = errors.max(axis=0) + TENSOR_RANGE * (upper - lower)
+                return EstimatedRange(lower, upper, error, union.polynomials, "runs near kinks", is_enough=True)
+            sizes.append(size)
+            large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
+            has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
+            if not has_helped or not len(runs.check(select_dispersed(places, large, 2))[0]):
+                break
+        return None
+
+    def _secant_extremes(self) -> tuple[Array, Array]:
+        """Of all runs: where they suspect extremes at kinks, and how far beyond."""
+        runs, ok = self._runs, self._runs.is_attained
+        points = np.concatenate([runs.places[ok], runs.points])
+        return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
+
+    def _probes(self, number: int) -> Array:
+        """Check points: those that the study is asked for, and so many quasi-random ones."""
+        d = len(self._runs.box)
+        points = np.concatenate([evenly_spread_points(self._runs.probes, d), quasi_random_points(number, d)])
+        return points[: self._runs.left]
 
     def refined(self) -> "TensorGrids":
         """With the chosen piece refined or halved, or with measured noise."""
@@ -161,9 +201,11 @@ class TensorGrids:
         is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
         if not runs.noise_is_known and is_worth_it:
             runs.measure_noise()
-            self._pieces = [replace(piece, widths=runs.rms_widths()) for piece in self._pieces]  # with new errors
+            self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]  # with new errors
         else:
-            self._pieces = [piece for piece in self._pieces if piece is not old] + old.replaced(self._parts)
+            self._pieces = [piece for piece in self._pieces if piece is not old] + old.replaced(
+                self._parts, self._widths
+            )
         self._chosen = self._pieces[0]  # pieces are large
         return self
 
@@ -172,6 +214,26 @@ class TensorGrids:
         runs, self._chosen, self._parts = self._runs, piece, piece.refined_parts()
         most = runs.left if most is None else min(most, runs.left)
         return bool(self._parts) and self._cost() <= most and not runs.clock.is_late
+
+    @property
+    def _widths(self) -> Array:
+        """Widths (n_y,) by which errors are measured; infinite for outputs that do not count."""
+        return np.where(self._counts, self._runs.rms_widths(), np.inf)
+
+    def count_only(self, which: Mask) -> None:
+        """Refine these outputs (n_y,) from now on: others are known."""
+        self._counts = which
+        self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]
+        self._chosen, self._parts = self._pieces[0], []
+
+    @property
+    def is_costly(self) -> bool:
+        """Whether the next step takes more runs than it is worth, as halves along three parameters and large grids do.
+
+        Over two parameters pieces take some hundred runs, and show fronts that move in time better than searches.
+        """
+        d = len(self._runs.box)
+        return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)
 
     def _cost(self) -> int:
         """How many of the nodes of the next parts have not run."""
@@ -188,25 +250,27 @@ class TensorGrids:
             self._has_fields = bool(shapes.size and (shapes > FEW_SHAPES).all())
         return self._has_fields
 
-    def _farthest(self, union: _Union) -> Piece:
-        """The piece that holds the check run which goes farthest beyond the range."""
-        checks, widths = self._runs.checks, self._runs.rms_widths()
-        beyond = [relative_rms(np.maximum(np.maximum(union.lower - y, y - union.upper), 0.0), widths) for y in checks]
-        return union.piece_at(self._runs.points[int(np.argmax(beyond))])
-
-    def _check(self, union: _Union, worst: Piece) -> tuple[Array, Array, Piece]:
+    def _check(self, union: _Union, worst: Piece, safety: float) -> tuple[Array, Array, Piece]:
         """Check runs at some of the extremes, and at quasi-random points.
 
         A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E. Told
         are the error (n_t, n_y) that check runs show, the ratio (n_y,) of the root mean squares of errors and of
         estimates there, and the piece with the largest error that they show, the worst one without them.
         """
-        runs, widths = self._runs, self._runs.rms_widths()
+        runs, widths = self._runs, self._widths
         n_known, d = len(runs.points), len(runs.box)
-        n_probes = PROBES if runs.shapes() <= FEW_SHAPES else 1
-        probes = np.concatenate([evenly_spread_points(runs.probes, d), quasi_random_points(n_probes, d)])
-        selected = select_dispersed(union.places, union.checkable_error / widths, max(2 * d, 4))
-        runs.check(np.concatenate([probes, selected])[: runs.left])
+        probes = self._probes(PROBES if runs.shapes() <= FEW_SHAPES else 1)
+        runs.check(probes)
+        for _ in range(2 if d == 1 else 1):
+            places, weights = union.places, union.checkable_error
+            if d == 1:  # a response may have kinks
+                attained, beyond = self._secant_extremes()
+                lowest, highest = runs.extremes
+                foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
+                places = np.concatenate([places, attained])
+                unseen = np.where(beyond - foreseen > self._tolerance / 2 * widths, beyond - foreseen, 0.0)
+                weights = np.concatenate([weights, unseen])
+            runs.check(select_dispersed(places, weights / widths, 2 * d)[: runs.left])
         squares, largest = np.zeros(runs.shape), -1.0
         seen, foreseen = np.zeros((2, runs.shape[1]))
         rows = np.arange(len(runs.points))
@@ -225,7 +289,7 @@ class TensorGrids:
                 if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(error), widths)) > largest:
                     largest, worst = observed, piece
         ratio = np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
-        return inflated_error(squares), ratio, worst
+        return inflated_error(squares, safety), ratio, worst
 
 
 def _stacked(arrays: Sequence[Array]) -> Array:

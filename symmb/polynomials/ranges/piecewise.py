@@ -93,14 +93,15 @@ class Piecewise:
         return lows.min(axis=0), highs.max(axis=0), np.take_along_axis(places, best[None, ..., None], axis=0)[0]
 
     def acting(self, floor: Array) -> Mask:
-        """Parameters (d,) that may change a response by more than its floor (n_y,). Those without terms may."""
+        """Parameters (d,) that may change a response by more than its floor (n_y,). Those without terms may, and all of
+        an output that is not known."""
         acts, has_terms = np.zeros((2, self.centres.shape[1]), dtype=bool)
         for own in self.expansions:
             for i, degrees in enumerate(own.alpha.T):
                 terms = own.coefficients[degrees > 0]
                 has_terms[i] |= len(terms) > 0
                 acts[i] = acts[i] or bool((np.abs(terms).sum(axis=0) > floor).any())
-        return acts | ~has_terms
+        return acts | ~has_terms | bool(np.isinf(self.error).any())
 
     def _parts(self, lower: Array, upper: Array) -> Iterator[tuple[int, Array, Array]]:
         """Numbers of the parts that meet a box, with the ends of what they share."""
@@ -142,6 +143,25 @@ class Piecewise:
             low[inside] = np.minimum(low[inside], found[0].reshape(sums.shape[1:]))
             high[inside] = np.maximum(high[inside], found[1].reshape(sums.shape[1:]))
         return low, high
+
+
+def joined(parts: Sequence[Piecewise | None], n_t: int) -> Piecewise | None:
+    """One polynomial on the whole box for all outputs, from those of single outputs. A figure has n_t equal times.
+
+    The error of outputs that have none is infinite. If none has any, there is none.
+    """
+    known = {k: part.expansions[0] for k, part in enumerate(parts) if part}
+    if not known:
+        return None
+    alpha, which = np.unique(np.concatenate([own.alpha for own in known.values()]), axis=0, return_inverse=True)
+    coefficients, error, first = np.zeros((len(alpha), n_t, len(parts))), np.full((n_t, len(parts)), np.inf), 0
+    for k, own in known.items():
+        coefficients[which.ravel()[first : first + len(own.alpha)], :, k] = own.coefficients[..., 0]
+        first += len(own.alpha)
+    for k, part in enumerate(parts):
+        if part:
+            error[:, k] = part.error[:, 0]
+    return Piecewise.whole(Expansion(alpha, coefficients, next(iter(known.values())).parameters), error)
 
 
 def last_terms(own: Expansion) -> Array:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
+from symmb.bounds.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
 """Expected and least variance of noise, over that of responses: they keep covariances regular; more of them smooths."""
@@ -107,9 +107,15 @@ class GaussianProcess:
         """(N, N) inverse of the Cholesky factor of the covariance of the runs."""
         from scipy.linalg import cholesky, solve_triangular
 
-        noise = (self.kernel.noise + _LEAST_NOISE) * np.eye(len(self.points))
-        root = cholesky(np.sum(self._covariances, axis=0) + noise, lower=True)
-        return np.asarray(solve_triangular(root, np.eye(len(root)), lower=True))
+        covariance, unit = np.sum(self._covariances, axis=0), np.eye(len(self.points))
+        noise = self.kernel.noise + _LEAST_NOISE
+        while True:
+            try:
+                root = cholesky(covariance + noise * unit, lower=True)
+            except np.linalg.LinAlgError:  # rounding: points are near each other
+                noise *= 100
+            else:
+                return np.asarray(solve_triangular(root, unit, lower=True))
 
     @cached_property
     def _weights(self) -> Array:
@@ -122,10 +128,7 @@ class GaussianProcess:
         """
         kernel, m = self.kernel, self.Y.shape[1]
         mean, deviation = kernel.prior
-        try:
-            root, weights = self._inverse_root, self._weights
-        except np.linalg.LinAlgError:
-            return 1e10, np.zeros(len(mean))
+        root, weights = self._inverse_root, self._weights
         value = 0.5 * float((self.Y * weights).sum()) - m * float(np.log(np.diag(root)).sum())
         pull = 0.5 * (m * root.T @ root - weights @ weights.T)
         each = zip(kernel.terms, self._covariances, strict=True)
