@@ -285,6 +285,10 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
             return _Decision(False, "A further run is beyond it.", np.minimum(margin, own), further)
         if further.failed:
             return _Decision(None, f"{further.failed} of {further.runs} further runs near it failed.", margin, further)
+        if inside <= rounding:
+            return _Decision(
+                None, f"A further run meets it, within {rounding:.1e} of rounding or noise.", margin, further
+            )
         if np.isfinite(error):
             why = f"{further.runs} further runs near it stay {inside:.1e} inside, and may be off by {error:.1e}."
             return _Decision(True if inside > error else None, why, np.maximum(margin, inside), further)

@@ -1,7 +1,7 @@
 """Quantiles and probabilities of outputs, for parameters with laws, and parameters that stay intervals."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -116,7 +116,7 @@ class Quantiles(Figures):
     estimate: Array
 
     def _title(self) -> str:
-        return f"Quantiles of {self.output}, {len(self.t)} times"
+        return f"Quantiles of {self.output}, " + (f"{len(self.t)} times" if len(self.t) > 1 else "one time")
 
     def _rows(self) -> list[list[str]]:
         ends = ["least", "at [s]", "greatest", "at [s]", "estimated error"]
@@ -246,7 +246,11 @@ def probability_of(
     sides = ((below, "below"), (above, "above"))
     event = f"{responses.names[k]} " + " or ".join(f"{word} {end:g}" for end, word in sides if end is not None)
     last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
-    return Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
+    figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
+    if _is_short(found, error) and upper[-1] > 0:
+        short = f"The error of {error:g} that was asked for is not reached: it is {estimate[-1] / upper[-1]:.2g}."
+        return replace(figures, remarks=(*figures.remarks, short))
+    return figures
 
 
 def _is_short(found: Array, error: float) -> bool:

@@ -21,7 +21,7 @@ from symmb.bounds.adaptive.piece import JUDGED_DEGREE, TENSOR_RANGE, Part, Piece
 from symmb.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
 from symmb.bounds.adaptive.secants import secant_extremes
 from symmb.bounds.adaptive.surrogate import EstimatedRange
-from symmb.bounds.time_windows import DOUBTFUL, average_over_window, is_doubtful, is_doubtful_in_window
+from symmb.bounds.time_windows import DOUBTFUL, ROUNDING, average_over_window, is_doubtful, is_doubtful_in_window
 from symmb.polynomials.ranges import Piecewise
 
 MANY_VALUES = 1000
@@ -106,6 +106,7 @@ class TensorGrids:
         runs.at(nodes_of(part))  # widths are those of runs
         self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
+        self._foreseen, self._gained = np.zeros((2, runs.shape[1]))
 
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
@@ -143,6 +144,8 @@ class TensorGrids:
             estimate = np.maximum(np.maximum(inflated, FIELD_SAFETY * left), unseen)
         else:
             estimate = np.maximum(inflated, np.maximum(trusted, beyond))
+            if len(runs.box) == 1:
+                estimate = np.maximum(estimate, self._share_of_secants * self._unseen(union)[1].max(axis=0))
             error = relative_rms(estimate, widths)
         if error > tolerance and self._chooses(worst):
             return self._at_kinks(union, estimate)
@@ -169,7 +172,7 @@ class TensorGrids:
         while runs.left > 1 and not runs.clock.is_late:
             places, beyond = self._secant_extremes()
             of_range = np.maximum(estimate, runs.beyond(union.lower, union.upper))
-            errors = np.minimum(beyond, of_range)
+            errors = np.minimum(beyond, np.maximum(of_range, self._share_of_secants * beyond))
             size = relative_rms(errors.max(axis=0), widths)
             if size <= tolerance:
                 (is_lowest, is_highest), (lowest, highest) = beyond < of_range, runs.extremes
@@ -179,9 +182,36 @@ class TensorGrids:
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
             has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
-            if not has_helped or not len(runs.check(select_dispersed(places, large, 2))[0]):
+            chosen = select_dispersed(places, large, 2)
+            if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
                 break
         return None
+
+    def _unseen(self, union: _Union) -> tuple[Array, Array]:
+        """Where secants suspect extremes, and how far beyond all runs and the range, (2, n_t, n_y)."""
+        (places, beyond), (lowest, highest) = self._secant_extremes(), self._runs.extremes
+        foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
+        return places, np.maximum(beyond - foreseen, 0.0)
+
+    def _check_secants(self, union: _Union, places: Array, unseen: Array, chosen: Array) -> int:
+        """Run chosen points, and count what they gain where secants suspect extremes; returns how many are new."""
+        runs = self._runs
+        lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
+        points, _ = runs.check(chosen)
+        gains = np.maximum(np.stack([lower - runs.extremes[0], runs.extremes[1] - upper]), 0.0)
+        is_run = (np.abs(places - points[:, 0]) < ROUNDING).any(axis=-1)
+        self._foreseen += np.square(np.where(is_run, unseen, 0.0)).sum(axis=(0, 1))
+        self._gained += np.square(np.where(is_run, gains, 0.0)).sum(axis=(0, 1))
+        return len(points)
+
+    @property
+    def _share_of_secants(self) -> Array:
+        """Share (n_y,) of what secants suspect to be told as an error, from what runs there have gained of it.
+
+        Where it is small, polynomials are right.
+        """
+        ratio = np.divide(self._gained, self._foreseen, out=np.zeros_like(self._gained), where=self._foreseen > 0)
+        return np.minimum(SAFETY * np.sqrt(ratio), 1.0)
 
     def _secant_extremes(self) -> tuple[Array, Array]:
         """Of all runs: where they suspect extremes at kinks, and how far beyond."""
@@ -264,13 +294,14 @@ class TensorGrids:
         for _ in range(2 if d == 1 else 1):
             places, weights = union.places, union.checkable_error
             if d == 1:  # a response may have kinks
-                attained, beyond = self._secant_extremes()
-                lowest, highest = runs.extremes
-                foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
-                places = np.concatenate([places, attained])
-                unseen = np.where(beyond - foreseen > self._tolerance / 2 * widths, beyond - foreseen, 0.0)
-                weights = np.concatenate([weights, unseen])
-            runs.check(select_dispersed(places, weights / widths, 2 * d)[: runs.left])
+                at_kinks, unseen = self._unseen(union)
+                places = np.concatenate([places, at_kinks])
+                weights = np.concatenate([weights, np.where(unseen > self._tolerance / 2 * widths, unseen, 0.0)])
+            chosen = select_dispersed(places, weights / widths, 2 * d)[: runs.left]
+            if d == 1:
+                self._check_secants(union, at_kinks, unseen, chosen)
+            else:
+                runs.check(chosen)
         squares, largest = np.zeros(runs.shape), -1.0
         seen, foreseen = np.zeros((2, runs.shape[1]))
         rows = np.arange(len(runs.points))
