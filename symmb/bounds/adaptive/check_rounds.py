@@ -172,7 +172,10 @@ class CheckRounds:
             ),
             EstimatedRange(lowest, highest, np.empty(0), polynomials, "runs near extremes", self._places),
         ]
-        errors = [np.minimum(error, highest - lowest) for error in self._errors(spread=True)]
+        # Where no run has met an event, as before the first one, all agree with the interpolant: nothing is paid there.
+        seen = np.square(runs.checks - self.base.values(runs.points)).max(axis=0, initial=0.0)
+        agreed = inflated_error(seen) + self._unattained().max(axis=0)
+        errors = [np.minimum(np.minimum(error, agreed), highest - lowest) for error in self._errors(spread=True)]
         best = int(np.argmin([relative_rms(error, runs.rms_widths()) for error in errors]))
         return answers[best]._replace(estimate=errors[best])
 
