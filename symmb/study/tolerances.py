@@ -76,9 +76,8 @@ class Tolerances(Result):
     remarks: tuple[str, ...] = ()
 
     def _head(self) -> str:
-        kind = (
-            "The cheapest box" if self.cost is not None else "The largest box" if self.binding else "At least this box"
-        )
+        best = "The cheapest box that" if self.cost is not None else "The largest box that"
+        kind = best if self.binding or self.cost is not None else "At least this box"
         keeps = "may keep" if self.check.kept is None else "keeps"
         lines = [f"{kind} {keeps} the limits, from {self.evaluations} runs"]
         if self.cost is not None:
