@@ -24,7 +24,14 @@ peaks that move by more from run to run."""
 
 @dataclass
 class Foreseen:
-    """What an expansion foresees beyond former runs, and what runs attain: sums of squares over points and times."""
+    """What is foreseen beyond former runs, and what runs attain: sums of squares over points and times.
+
+    Attributes
+    ----------
+    foreseen : of what is foreseen
+    unconfirmed : of the difference of runs from it
+    attained : of what runs bring beyond former ones there
+    """
 
     foreseen: float = 0.0
     unconfirmed: float = 0.0
@@ -62,8 +69,9 @@ class CheckRounds:
     have not confirmed of what was predicted beyond former ones.
 
     What runs attain is an answer where corners have been run. Its error is what the last rounds attained beyond those
-    before, what twice as many runs brought inside of the box, and what the range has beyond all runs, by the share that
-    runs have confirmed of such predictions. The answer with the smaller error counts.
+    before, what twice as many runs brought inside of the box, and what the range, and lines between peaks at other
+    times, have beyond all runs, by the share that runs have confirmed of such predictions. At times when no run differs
+    from the interpolant, its own error counts. The answer with the smaller error over all times counts.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Bounds over many parameters: each output is studied by itself, and all share their runs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import count
 
 import numpy as np
@@ -39,8 +39,8 @@ def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
     return _joined(runs, [found[k] for k in range(len(studies))])
 
 
-def _answer(runs: Runs, requests: list[Request], predict) -> None:
-    """Make the runs that are asked for, together."""
+def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Array] | None) -> None:
+    """Make the runs that are asked for, together. Failed nodes take the values (N, n_t, n_y) that are predicted."""
     if any(isinstance(each, Noise) for each in requests) and not runs.noise_is_known:
         runs.measure_noise()
     for each in requests:

@@ -47,8 +47,9 @@ class OutputStudy:
     """An interpolant on a grid that grows by the indices with the largest expected coefficients.
 
     Its error is estimated from its last coefficients. Runs at some of its extremes then check the estimate and correct
-    the expansion. Corners are tried before it grows. Few times are left to a response surface, and growth ends when
-    it does not help, as with kinks, or, unless the study is patient, too slowly.
+    the expansion. Growth ends when it would take too many nodes to reach the tolerance, as with kinks. An output of few
+    times is then left to a response surface. For others corners and rounds of check runs follow. Simulators whose runs
+    do not share steps try corners before the grid grows.
     """
 
     def __init__(self, runs: OutputRuns, tolerance: float, is_patient: bool) -> None:
@@ -133,7 +134,7 @@ class OutputStudy:
         n_known, grid = len(self.grid.row), Grid(self.grid.d)
         grid.row = dict(self.grid.row)
         grid.add(step)
-        request = Nodes(grid.nodes[n_known:], self.expansion.values if n_known else None)
+        request = Nodes(grid.nodes[n_known:])
         yield request
         if request.are_run:
             self.grid, self.expansion = grid, self.runs.interpolant(grid)

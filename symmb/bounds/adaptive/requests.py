@@ -1,6 +1,6 @@
 """What studies of outputs ask runs for. All studies ask once a round, and share what is run."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass
 
 from symmb._types import Array
@@ -9,13 +9,9 @@ from symmb.bounds.adaptive.surrogate import EstimatedRange
 
 @dataclass
 class Nodes:
-    """Runs at new nodes (N, d), all of them or, if too few are left, none.
-
-    `predict` gives values (N, n_t, n_y) of those that fail.
-    """
+    """Runs at new nodes (N, d), all of them or, if too few are left, none."""
 
     points: Array
-    predict: Callable[[Array], Array] | None
     are_run: bool = False
 
 

@@ -48,7 +48,7 @@ _NAME = "a response surface"
 
 
 def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient: bool) -> Steps:
-    """The range of a Gaussian process through all runs, which is refined where extremes are or are not excluded.
+    """The range of a Gaussian process through runs, which is refined where extremes are or are not excluded.
 
     Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
     those of the mean and some standard deviations, and at points that are spread over the box, first of all at corners.
