@@ -1,4 +1,4 @@
-"""Parameters of a scene from measured outputs: least squares with exact derivatives."""
+"""Parameters of a scene from measured outputs, by least squares."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -224,7 +224,8 @@ def calibrate(
     """The parameters whose run comes closest to measured outputs, from the nominal ones on.
 
     Squares of the residuals over the noise of each output are summed. Where the noise is not known, it is estimated
-    from the residuals of each output, and the outputs are weighted by it.
+    from the residuals of each output, and the outputs are weighted by it. Where the residuals are not noise, other fits
+    begin elsewhere, and the best one counts.
 
     Parameters
     ----------
@@ -243,7 +244,7 @@ def calibrate(
     -------
     Calibration
         combinations that the data do not determine are a SymmbWarning, and stay as close to the nominal values as the
-        data allow, in shares of these
+        data allow, in shares of these; so are doubts, where the residuals of the best fit are not noise
 
     Raises
     ------
@@ -369,7 +370,7 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
         if found is not None and (own := cost_of(fit, found.u, known_noise)) < cost:
             best, cost = found, own
             doubts = residual_doubts(fit, found.u, known_noise, len(fit.data) - int((found.sizes > 0).sum()))
-        if best is not None and not doubts:
+        if k == 0 and best is not None and not doubts:
             break
     if best is None:
         raise SimulationError(f"{OWNER}: the fit has not ended after {STEPS} runs. Give nominal values closer by.")

@@ -31,8 +31,10 @@ HELD = 0.01
 data up to a horizon do not determine."""
 SURE = 1e-4
 """Probability of a needless doubt, of each test."""
-FEW = 8
-"""Values of an output below which its residuals are not tested."""
+LAGS = 4
+"""Neighbours in time that are compared: more find slower changes, and see fast ones less well."""
+FEW = 12
+"""Values of an output below which its residuals are not tested: tests of independence hold for many values."""
 NOISE_OF_RUNS = 1e-4
 """Residuals over the spread of the data that may be errors of runs: their order in time says nothing."""
 UNEXPLAINED = 0.7
@@ -196,11 +198,10 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
     doubts = list[str]()
     squares, n_squares = 0.0, 0
     for (name, (t, y)), r, spread in zip(fit.measured.items(), fit.parts(fit(u)[0]), fit.spreads, strict=True):
-        deviation = known_noise.get(name, 1.4826 * float(np.median(np.abs(r))))
+        deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
         limit = MARGIN * st.norm.isf(SURE / (2 * len(r)))
-        is_far = np.abs(r) > np.maximum(limit * deviation, NOISE_OF_RUNS * spread)
-        is_few = 0 < is_far.sum() <= max(1, len(r) // 10)
-        if len(r) >= FEW and is_few and (len(r) > len(u) + FEW):
+        is_far = np.abs(r) > limit * deviation
+        if 0 < is_far.sum() <= len(r) // 10 and len(r) > len(u) + FEW:
             worst = int(np.argmax(np.abs(r)))
             doubts.append(
                 f"{int(is_far.sum())} of {len(r)} values of {name} are outliers: that at t = {t[worst]:g} s is "
@@ -216,10 +217,10 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
                 f"The fitted run explains little of {name}: its residuals vary as much as the data. Begin with other "
                 "nominal values, or change the model."
             )
-        elif _runs_of_signs(r[np.argsort(t, kind="stable")]) < st.norm.ppf(SURE):
+        elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < SURE:
             doubts.append(
-                f"Residuals of {name} are not independent: neighbours in time have the same sign. The model does not "
-                "describe the data, or the fit is not the best one. Deviations are too small."
+                f"Residuals of {name} resemble those at neighbouring times, which noise does not. The model does not "
+                "describe the data, or another minimum does better. The deviations are too small."
             )
     if known_noise and squares > st.chi2.isf(SURE, max(degrees - len(fit.data) + n_squares, 1)):
         doubts.append(
@@ -229,14 +230,13 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
     return tuple(doubts)
 
 
-def _runs_of_signs(r: Array) -> float:
-    """How many runs of equal signs residuals (N,) have, in standard deviations from what independent ones have.
+def _chance_of_independence(r: Array) -> float:
+    """Probability that independent residuals (N,) resemble their neighbours in time as much as these do.
 
-    Wald and Wolfowitz, Annals of Mathematical Statistics 11 (1940).
+    Ljung and Box, Biometrika 65 (1978).
     """
-    above = r > 0
-    n, m = float(above.sum()), float((~above).sum())
-    mean = 2 * n * m / (n + m) + 1
-    variance = (mean - 1) * (mean - 2) / (n + m - 1)
-    number = 1 + np.count_nonzero(above[1:] != above[:-1])
-    return float((number - mean) / np.sqrt(variance)) if variance > 0 else -np.inf
+    from scipy.stats import chi2
+
+    n, lags = len(r), np.arange(1, LAGS + 1)
+    correlation = np.array([r[lag:] @ r[:-lag] for lag in lags]) / (r @ r)
+    return float(chi2.sf(n * (n + 2) * np.sum(correlation**2 / (n - lags)), LAGS))

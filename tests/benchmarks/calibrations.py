@@ -2,9 +2,9 @@
 
     PYTHONPATH=. python tests/benchmarks/calibrations.py [FAMILIES ...] [--seed 0] [--number 20]
 
-Chains of masses, vehicles, pendulums, contacts, impacts, friction and switch times, with one to six parameters, noise of
-0.1 to 3 % that is told or not, and outliers in some. Data come from runs with the true parameters. A fit is wrong in
-silence if an estimate is more than SIGMAS deviations off and nothing is doubted.
+Chains of masses, vehicles, pendulums, contacts, impacts, friction and switch times, with one to six parameters, noise
+of 0.1 to 3 % that is told or not, and outliers in some. Data come from runs with the true parameters. A fit is wrong
+in silence if an estimate is more than SIGMAS deviations off and nothing is doubted.
 """
 
 import argparse
@@ -35,7 +35,8 @@ def chain(rng):
         masses = [particle(f"m{i}", 1.0) for i in range(n)]
         ends = [ground.point(0, 0), *(m.point(0, 0) for m in masses)]
         springs = [
-            mb.SpringDamper(f"s{i}", ends[i], ends[i + 1], getattr(p, f"k{i}"), getattr(p, f"c{i}"), 1.0) for i in range(n)
+            mb.SpringDamper(f"s{i}", ends[i], ends[i + 1], getattr(p, f"k{i}"), getattr(p, f"c{i}"), 1.0)
+            for i in range(n)
         ]
         start = {f"m{i}.x": 1.0 + i + 0.3 * (i + 1 == n) for i in range(n)} | {f"m{i}.y": 0.0 for i in range(n)}
         outputs = {f"x{i}": m.x for i, m in enumerate(masses)}
@@ -47,7 +48,10 @@ def chain(rng):
 def quarter_car(rng):
     """Wheel and body over a step of 50 mm at 0.2 s."""
     truth = dict(
-        body=rng.uniform(250, 400), spring=rng.uniform(1e4, 2e4), damper=rng.uniform(800, 2000), tyre=rng.uniform(1.5e5, 2.5e5)
+        body=rng.uniform(250, 400),
+        spring=rng.uniform(1e4, 2e4),
+        damper=rng.uniform(800, 2000),
+        tyre=rng.uniform(1.5e5, 2.5e5),
     )
 
     def scene(values):
@@ -70,7 +74,9 @@ def pendulum(rng):
 
     def scene(values):
         p, ground = mb.Parameters(**values), mb.Ground()
-        rods = [mb.Body(f"rod{i}", getattr(p, f"l{i}"), getattr(p, f"l{i}") ** 3 / 12, pose=mb.Planar()) for i in (1, 2)]
+        rods = [
+            mb.Body(f"rod{i}", getattr(p, f"l{i}"), getattr(p, f"l{i}") ** 3 / 12, pose=mb.Planar()) for i in (1, 2)
+        ]
         ends = [[rod.point(side * getattr(p, f"l{i}") / 2, 0) for side in (-1, 1)] for i, rod in enumerate(rods, 1)]
         first = mb.Revolute("first", ground.point(0, 0), ends[0][0])
         second = mb.Revolute("second", ends[0][1], ends[1][0])
