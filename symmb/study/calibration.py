@@ -1,8 +1,9 @@
-"""Parameters of a scene from measured outputs: least squares with exact derivatives."""
+"""Parameters of a scene from measured outputs, by least squares."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,18 +17,21 @@ from symmb._types import Array, Figure
 from symmb.files import Record, Saved, entry
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator, chosen_parameters, simulator_with
+from symmb.simulation import chosen_parameters, simulator_with
+from symmb.study.residuals import (
+    STEPS,
+    UNDETERMINED,
+    UNDETERMINED_BY_DIFFERENCES,
+    Residuals,
+    cost_of,
+    least_squares,
+    other_minima,
+    residual_doubts,
+)
 
 OWNER = "calibrate"
-_ROUNDS = 3
-"""Fits with weights by the residuals of the fit before: they settle to 1 % where each output has ten values."""
-_UNDETERMINED = 1e-6
-"""Share of the largest sensitivity, in shares of the parameters, below which the data do not determine a combination:
-derivatives by integration are exact to about 1e-7."""
 _PART = 0.05
 """Part of a parameter in an undetermined combination from which on it is not determined either."""
-_STEPS = 200
-"""Most runs of a fit: from within 30 % of the truth ten are usual."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,6 +57,8 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
         number of values less that of what they determine; 0 if the noise was given
     undetermined : tuple of str
         what the data do not determine, in sentences
+    doubts : tuple of str
+        why the residuals are not noise, in sentences: the estimates may be wrong
     evaluations : int
         runs with derivatives
 
@@ -79,6 +85,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
     residuals: dict[str, Array]
     degrees: int
     undetermined: tuple[str, ...]
+    doubts: tuple[str, ...]
     evaluations: int
 
     _most = None
@@ -146,7 +153,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
             [
                 f"{self.name}: {numbers[0]} from {numbers[1]}, {numbers[2]}",
                 *(f"  noise       {name}: {noise:.3g}" for name, noise in self.noise.items()),
-                *(f"  doubtful    {text}" for text in self.undetermined),
+                *(f"  doubtful    {text}" for text in (*self.undetermined, *self.doubts)),
             ]
         )
 
@@ -179,7 +186,8 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
             "residual": (series, np.concatenate([*self.residuals.values()])),
             "noise": (series, np.concatenate([np.full(len(t), self.noise[name]) for name, t in self.times.items()])),
         }
-        about = {"scene": self.name, "undetermined": "\n".join(self.undetermined) or None}
+        sentences = {"undetermined": self.undetermined, "doubts": self.doubts}
+        about = {"scene": self.name, **{key: "\n".join(some) or None for key, some in sentences.items()}}
         return Labelled(coordinates, variables, about, {"time": "s"}, ("parameter",))
 
     @classmethod
@@ -200,6 +208,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
             {name: residuals.array(name, len(t)) for name, t in series.items()},
             record.whole("degrees"),
             record.texts("undetermined", default=()),
+            record.texts("doubts", default=()),
             record.whole("evaluations"),
         )
 
@@ -215,7 +224,8 @@ def calibrate(
     """The parameters whose run comes closest to measured outputs, from the nominal ones on.
 
     Squares of the residuals over the noise of each output are summed. Where the noise is not known, it is estimated
-    from the residuals of each output, and the outputs are weighted by it.
+    from the residuals of each output, and the outputs are weighted by it. Where the residuals are not noise, other fits
+    begin elsewhere, and the best one counts.
 
     Parameters
     ----------
@@ -234,7 +244,7 @@ def calibrate(
     -------
     Calibration
         combinations that the data do not determine are a SymmbWarning, and stay as close to the nominal values as the
-        data allow, in shares of these
+        data allow, in shares of these; so are doubts, where the residuals of the best fit are not noise
 
     Raises
     ------
@@ -264,8 +274,8 @@ def calibrate(
     if count < len(some) + (not known_noise):
         raise DeclarationError(f"{OWNER}: {count} values cannot determine {len(some)} parameters and the noise.")
     with kept_interrupts():
-        result = _fitted(_Fit(simulator_with(own, solver), some, measured), known_noise, scene.name)
-    warn_of(result.undetermined, f"{OWNER}: {scene.name}")
+        result = _fitted(Residuals(simulator_with(own, solver), some, measured), known_noise, scene.name)
+    warn_of((*result.undetermined, *result.doubts), f"{OWNER}: {scene.name}")
     return result
 
 
@@ -316,111 +326,74 @@ def _noise(noise: Mapping[str, float] | None, measured: Mapping[str, Any]) -> di
     return {name: float(value) for name, value in noise.items()}
 
 
-class _Fit:
-    """Residuals and their derivatives with respect to shares of the parameters, each run made once."""
-
-    def __init__(
-        self, simulator: DAESimulator, names: Sequence[str], measured: Mapping[str, tuple[Array, Array]]
-    ) -> None:
-        self.simulator, self.names, self.measured = simulator, names, measured
-        order = list(simulator.parameters)
-        self.p = np.array(list(simulator.parameters.values()))
-        self.columns = [order.index(name) for name in names]
-        self.sizes = np.where(self.p[self.columns] == 0, 1.0, np.abs(self.p[self.columns]))
-        self.places = [
-            (np.searchsorted(simulator.times, t), simulator.outputs.index(name)) for name, (t, _) in measured.items()
-        ]
-        self.data = np.concatenate([values for _, values in measured.values()])
-        self.counts = [len(values) for _, values in measured.values()]
-        self.runs = 0
-        self._known: dict[bytes, tuple[Array, Array]] = {}
-
-    def __call__(self, u: Array) -> tuple[Array, Array]:
-        """Residuals (N,), nan if the run fails, and derivatives (N, n_p) of the outputs."""
-        if u.tobytes() not in self._known:
-            p = self.p.copy()
-            p[self.columns] = u * self.sizes
-            directions = np.zeros((len(self.names), len(p)))
-            directions[np.arange(len(self.names)), self.columns] = self.sizes
-            self.runs += 1
-            try:
-                jets = np.asarray(self.simulator.jets(p, directions, 1), dtype=float)
-            except SimulationError:
-                jets = np.full((2, len(u), len(self.simulator.times), len(self.simulator.outputs)), np.nan)
-            y, slopes = (np.concatenate([part[:, i, k] for i, k in self.places], axis=1) for part in jets)
-            self._known[u.tobytes()] = self.data - y[0], slopes.T
-        return self._known[u.tobytes()]
-
-    def parts(self, values: Array) -> list[Array]:
-        """Values (N,) of each output."""
-        return np.split(values, np.cumsum(self.counts)[:-1])
-
-
-def _fitted(fit: _Fit, known_noise: Mapping[str, float], name: str) -> Calibration:
-    nominal = fit.p[fit.columns] / fit.sizes
-    if not np.isfinite(fit(nominal)[0]).all():
-        raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) tells why.")
-    u, noise = _least_squares(fit, nominal, np.eye(len(nominal)), known_noise)
-    sizes, directions = _determination(fit, u, noise)
-    if not (sizes > 0).all():  # along the others the fit went anywhere
-        u, noise = _least_squares(fit, nominal, directions[sizes > 0], known_noise)
-        sizes, directions = _determination(fit, u, noise)
-    is_known = sizes > 0
-    root = fit.sizes[:, None] * directions[is_known].T / sizes[is_known]
+def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Calibration:
+    found, doubts = _best(fit, known_noise)
+    is_known = found.sizes > 0
+    root = fit.sizes[:, None] * found.directions[is_known].T / found.sizes[is_known]
     covariance = root @ root.T
-    open_ = np.linalg.norm(directions[~is_known], axis=0) > _PART
+    open_ = np.linalg.norm(found.directions[~is_known], axis=0) > _PART
     covariance[open_], covariance[:, open_] = np.nan, np.nan
     covariance[open_, open_] = np.inf
     return Calibration(
         name,
-        dict(zip(fit.names, (u * fit.sizes).tolist(), strict=True)),
+        dict(zip(fit.names, (found.u * fit.sizes).tolist(), strict=True)),
         covariance,
-        dict(zip(fit.measured, noise.tolist(), strict=True)),
+        dict(zip(fit.measured, found.noise.tolist(), strict=True)),
         {output: t for output, (t, _) in fit.measured.items()},
         {output: values for output, (_, values) in fit.measured.items()},
-        dict(zip(fit.measured, fit.parts(fit(u)[0]), strict=True)),
+        dict(zip(fit.measured, fit.parts(fit(found.u)[0]), strict=True)),
         0 if known_noise else len(fit.data) - int(is_known.sum()),
-        tuple(_undetermined(fit.names, direction) for direction in directions[~is_known]),
+        tuple(_undetermined(fit.names, direction) for direction in found.directions[~is_known]),
+        doubts,
         fit.runs,
     )
 
 
-def _least_squares(fit: _Fit, begin: Array, basis: Array, known_noise: Mapping[str, float]) -> tuple[Array, Array]:
-    """Shares of the parameters (n_p,), from `begin` along orthonormal rows of a basis, and the noise of the outputs."""
-    from scipy.optimize import least_squares
+class _Minimum(NamedTuple):
+    """Shares of the parameters (n_p,), the noise of the outputs (n_y,), how strongly the data determine combinations
+    of the shares (n_p,), 0 if not at all, and these, in rows."""
 
-    spreads = [np.ptp(part) or np.abs(part).max() or 1.0 for part in fit.parts(fit.data)]
-    noise, u, along = np.array([*known_noise.values()] or spreads), begin, basis @ begin
-    rest = begin - along @ basis
-    for _ in range(1 if known_noise else _ROUNDS):
-        weights = np.repeat(1 / noise, fit.counts)
-
-        def residuals(along: Array, weights: Array = weights) -> Array:
-            return fit(rest + along @ basis)[0] * weights
-
-        def slopes(along: Array, weights: Array = weights) -> Array:
-            return -fit(rest + along @ basis)[1] @ basis.T * weights[:, None]
-
-        if len(basis):
-            tight = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12, "max_nfev": _STEPS}
-            solution = least_squares(residuals, along, jac=cast(Any, slopes), **tight)
-            if not solution.status:
-                raise SimulationError(
-                    f"{OWNER}: the fit has not ended after {_STEPS} runs. Give nominal values closer by."
-                )
-            along = solution.x
-            u = rest + along @ basis
-        if not known_noise:  # each output bears its share of the parameters
-            share = 1 - len(basis) / len(fit.data)
-            floor = 1e-12 * np.array(spreads)
-            noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
-    return u, noise
+    u: Array
+    noise: Array
+    sizes: Array
+    directions: Array
 
 
-def _determination(fit: _Fit, u: Array, noise: Array) -> tuple[Array, Array]:
-    """How strongly the data determine combinations of shares (n_p, n_p), 0 if not at all; and these, in rows."""
-    _, sizes, directions = np.linalg.svd(fit(u)[1] * np.repeat(1 / noise, fit.counts)[:, None], full_matrices=False)
-    return np.where(sizes > _UNDETERMINED * sizes.max(initial=0.0), sizes, 0.0), directions
+def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, tuple[str, ...]]:
+    """The fit from the nominal parameters, and its doubts; where there are any, the best one of many fits."""
+    nominal = fit.p[fit.columns] / fit.sizes
+    if not np.isfinite(fit(nominal)[0]).all():
+        raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) tells why.")
+    best, doubts, cost = None, (), np.inf
+    for k, begin in enumerate(itertools.chain([nominal], other_minima(fit, nominal))):
+        found = _minimum(fit, nominal, begin, known_noise)
+        if found is not None and (own := cost_of(fit, found.u, known_noise)) < cost:
+            best, cost = found, own
+            doubts = residual_doubts(fit, found.u, known_noise, len(fit.data) - int((found.sizes > 0).sum()))
+        if k == 0 and best is not None and not doubts:
+            break
+    if best is None:
+        raise SimulationError(f"{OWNER}: the fit has not ended after {STEPS} runs. Give nominal values closer by.")
+    return best, doubts
+
+
+def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[str, float]) -> _Minimum | None:
+    """The fit that begins at some shares; None if it does not end. What data do not determine stays nominal."""
+    basis = np.eye(len(begin))
+    for _ in range(2):
+        solution = least_squares(fit, begin, basis, known_noise)
+        if solution is None:
+            return None
+        u, noise = solution
+        slopes = fit(u)[1] * np.repeat(1 / noise, fit.counts)[:, None]
+        _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
+        least = UNDETERMINED_BY_DIFFERENCES if fit.has_kinks else UNDETERMINED
+        sizes = np.where(sizes > least * sizes.max(initial=0.0), sizes, 0.0)
+        if (sizes > 0).all():
+            break
+        basis = directions[sizes > 0]  # along the others the fit went anywhere
+        begin = nominal + (begin - nominal) @ basis.T @ basis
+    return _Minimum(u, noise, sizes, directions)
 
 
 def _undetermined(names: Sequence[str], direction: Array) -> str:

@@ -1,5 +1,6 @@
 """Calibration against closed forms of linear regression, and SciPy's curve_fit on solutions by hand."""
 
+import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -113,6 +114,81 @@ def test_what_is_determined_beside_an_undetermined_pair_is_as_without_it(name, n
         assert str(one) == str(found) and one.correlation[2, 2] == pytest.approx(1)
         for call in (lambda fit=one: fit.laws, one.box):
             refused("do not determine 'm', 'k' together", call)
+
+
+@pytest.mark.parametrize("noise", [None, 0.004])
+@pytest.mark.parametrize("nominal", [2.6, 4.1, 12.3, 19.0])
+def test_an_oscillation_is_found_from_a_wrong_minimum(nominal, noise):
+    """From these starts the nearest minimum of the squares is another one, many deviations off."""
+    p = mb.Parameters(k=nominal, c=0.1)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    spring = mb.SpringDamper("spring", mb.Ground().point(-1, 0), ball.point(0, 0), p.k, p.c, 1.0)
+    t = np.linspace(0, 9, 101)
+    scene = mb.Scene(mb.System(ball, spring, parameters=p), {"ball.x": 0.5, "ball.y": 0.0}, t, {"x": ball.x})
+    y = swing(t, 6.3, 0.2) + 0.004 * np.random.default_rng(4).standard_normal(101)
+    found = mb.calibrate(scene, {"x": y}, noise=noise and {"x": noise})
+    exact, _ = curve_fit(swing, t, y, [6.2, 0.2])
+    assert list(found.parameters.values()) == pytest.approx(exact, rel=1e-4) and not found.doubts
+
+
+def fallen(t, k, g):
+    """Height of a ball of 1 kg that falls from 1 m on a spring, up to the time when it leaves it."""
+    hit, v, w = np.sqrt(2 / g), np.sqrt(2 * g), np.sqrt(k)
+    s = w * (t - hit)
+    return np.where(t < hit, 1 - g * t**2 / 2, -v / w * np.sin(s) + g / k * (np.cos(s) - 1))
+
+
+def bounced(t, e, g):
+    """Height of a ball that falls from 1 m, up to its second impact."""
+    hit = np.sqrt(2 / g)
+    return np.where(t < hit, 1 - g * t**2 / 2, e * np.sqrt(2 * g) * (t - hit) - g * (t - hit) ** 2 / 2)
+
+
+def pushed(t, on, push):
+    """A mass of 1 kg that is pushed from a time on."""
+    return np.where(t > on, push * (t - on) ** 2 / 2, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("law", [fallen, bounced, pushed])
+def test_fits_go_across_contacts_impacts_and_switches(law, seed):
+    rng = np.random.default_rng(seed)
+    truth = {fallen: (rng.uniform(300, 800), 9.0), bounced: (rng.uniform(0.4, 0.6), 9.0), pushed: (0.4, 2.0)}[law]
+    names = {fallen: ("k", "g"), bounced: ("e", "g"), pushed: ("on", "push")}[law]
+    p = mb.Parameters(**{n: v * rng.uniform(0.7, 1.4) for n, v in zip(names, truth, strict=True)})
+    ball, t = mb.Body("ball", 1.0, pose=mb.Particle()), np.linspace(0, 0.6, 61)
+    if law is pushed:
+        force = ca.if_else(mb.t > p.on, p.push, 0.0)
+    else:
+        force = -p.g + (ca.if_else(ball.y < 0, -p.k * ball.y, 0.0) if law is fallen else 0.0)
+    floor = [mb.Impact("floor", ball.y, p.e)] if law is bounced else []
+    system = mb.System(ball, mb.Force("force", ball.point(0, 0), (0, force)), *floor, parameters=p)
+    scene = mb.Scene(system, {"ball.y": 0.0 if law is pushed else 1.0}, t, {"y": ball.y})
+    y = law(t, *truth) + 0.002 * rng.standard_normal(61)
+    found = mb.calibrate(scene, {"y": y})
+    exact, covariance = curve_fit(law, t, y, truth, epsfcn=1e-6)
+    assert list(found.parameters.values()) == pytest.approx(
+        exact, abs=0.1 * np.sqrt(np.diag(covariance)).max(), rel=1e-3
+    )
+    assert found.covariance == pytest.approx(covariance, rel=0.1, abs=1e-9) and not found.doubts
+
+
+@pytest.mark.parametrize("noise", [None, 0.01])
+def test_what_is_no_noise_is_doubted(noise, tmp_path):
+    rng, given = np.random.default_rng(2), noise and {"x": noise}
+    y = 1.3 * T + 0.4 * T**2 + 0.01 * rng.standard_normal(41)
+    spoilt = y + np.where(np.arange(41) == 17, 0.2, 0.0)
+    with pytest.warns(mb.SymmbWarning, match="1 of 41 values of x are outliers: that at t = 1.7 s is"):
+        found = mb.calibrate(particle(), {"x": spoilt}, noise=given)
+    assert len(found.doubts) == 1 and "doubtful" in str(found)
+    found.save(tmp_path / "a.npz")
+    assert mb.Calibration.load(tmp_path / "a.npz").doubts == found.doubts
+    why = "the noise that was given" if noise else "resemble those at neighbouring times"
+    with pytest.warns(mb.SymmbWarning, match=why):
+        mb.calibrate(particle(), {"x": y + 0.1 * np.sin(3 * T)}, noise=given)
+    with pytest.warns(mb.SymmbWarning, match="noise that was given" if noise else "explains little of x"):
+        mb.calibrate(particle(), {"x": rng.standard_normal(41)}, noise=given)
+    assert not mb.calibrate(particle(), {"x": y}, noise=given).doubts
 
 
 def test_nothing_determined_stays_nominal():

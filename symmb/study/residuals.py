@@ -1,0 +1,242 @@
+"""Residuals of runs from data, their least squares from one start and from many, and what is doubtful about them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from symmb._errors import SimulationError
+from symmb._types import Array
+from symmb.nodes import Sobol
+from symmb.simulation import DAESimulator
+
+ROUNDS = 3
+"""Fits with weights by the residuals of the fit before: they settle to 1 % where each output has ten values."""
+STEPS = 200
+"""Most runs of a fit: from within 30 % of the truth ten are usual."""
+APART = 1e-3
+"""Distance of the runs of a difference, in shares of a parameter."""
+UNDETERMINED, UNDETERMINED_BY_DIFFERENCES = 1e-6, 1e-4
+"""Share of the largest sensitivity, in shares of the parameters, below which the data do not determine a combination:
+derivatives by integration are exact to about 1e-7, and differences of runs to about 1e-5."""
+STARTS, FACTOR = 64, 2.5
+"""Other starts for each parameter, and the largest factor between them and the nominal values."""
+FOLLOWED = 3
+"""Starts that are followed: more find more minima, and take longer."""
+HORIZONS = 0.1, 0.2, 0.4, 1.0
+"""Shares of the time span up to which data count, one fit after another. Over half a period the residuals of an
+oscillation have one minimum, and each fit leads the next one into the right one."""
+HELD = 0.01
+"""Residual, over the spread of the data, of a parameter that leaves its start by its own size: it holds those that
+data up to a horizon do not determine."""
+SURE = 1e-4
+"""Probability of a needless doubt, of each test."""
+LAGS = 4
+"""Neighbours in time that are compared: more find slower changes, and see fast ones less well."""
+FEW = 12
+"""Values of an output below which its residuals are not tested: tests of independence hold for many values."""
+NOISE_OF_RUNS = 1e-4
+"""Residuals over the spread of the data that may be errors of runs: their order in time says nothing."""
+UNEXPLAINED = 0.7
+"""Variance of the residuals over that of the data from which on the model explains little of the data."""
+MARGIN = 1.3
+"""Factor of normal quantiles from which on a value is an outlier: the deviation of few values is known to 15 %."""
+
+
+class Residuals:
+    """Residuals and their derivatives with respect to shares of the parameters, each run made once.
+
+    Derivatives are exact where a run meets no kinks and jumps of its equations, and else differences of runs.
+    """
+
+    def __init__(
+        self, simulator: DAESimulator, names: Sequence[str], measured: Mapping[str, tuple[Array, Array]]
+    ) -> None:
+        self.simulator, self.names, self.measured = simulator, names, measured
+        order = list(simulator.parameters)
+        self.p = np.array(list(simulator.parameters.values()))
+        self.columns = [order.index(name) for name in names]
+        self.sizes = np.where(self.p[self.columns] == 0, 1.0, np.abs(self.p[self.columns]))
+        self.places = [
+            (np.searchsorted(simulator.times, t), simulator.outputs.index(name)) for name, (t, _) in measured.items()
+        ]
+        self.times = np.concatenate([t for t, _ in measured.values()])
+        self.data = np.concatenate([values for _, values in measured.values()])
+        self.counts = [len(values) for _, values in measured.values()]
+        self.spreads = np.array([np.ptp(part) or np.abs(part).max() or 1.0 for part in self.parts(self.data)])
+        self.runs, self.has_kinks = 0, False
+        self._known: dict[bytes, tuple[Array, Array]] = {}
+
+    def __call__(self, u: Array) -> tuple[Array, Array]:
+        """Residuals (N,), nan if the run fails, and derivatives (N, n_p) of the outputs."""
+        if u.tobytes() not in self._known:
+            try:
+                exact = self.simulator.dae.impacts is None and self.simulator.kink(self._parameters(u)) is None
+                y, slopes = self._derived(u) if exact else self._differences(u)
+                self.has_kinks |= not exact
+            except SimulationError:
+                y, slopes = np.full(len(self.data), np.nan), np.full((len(u), len(self.data)), np.nan)
+            self._known[u.tobytes()] = self.data - y, slopes.T
+        return self._known[u.tobytes()]
+
+    def values(self, U: Array) -> Array:
+        """Outputs (M, N) where data are, for shares U (M, n_p); nan where a run fails."""
+        self.runs += len(U)
+        return self._placed(self.simulator.run(self._parameters(U)).Y)
+
+    def parts(self, values: Array) -> list[Array]:
+        """Values (N,) of each output."""
+        return np.split(values, np.cumsum(self.counts)[:-1])
+
+    def _parameters(self, U: Array) -> Array:
+        """Parameters (..., d) of the simulator for shares (..., n_p)."""
+        P = np.tile(self.p, (*U.shape[:-1], 1))
+        P[..., self.columns] = U * self.sizes
+        return P
+
+    def _placed(self, Y: Array) -> Array:
+        """Outputs (M, n_t, n_y) where data are (M, N)."""
+        return np.concatenate([Y[:, i, k] for i, k in self.places], axis=1)
+
+    def _derived(self, u: Array) -> tuple[Array, Array]:
+        """Outputs (N,) and their derivatives (n_p, N) by integration."""
+        self.runs += 1
+        directions = self._parameters(np.eye(len(u))) * 0
+        directions[:, self.columns] = np.diag(self.sizes)
+        jets = np.asarray(self.simulator.jets(self._parameters(u), directions, 1), dtype=float)
+        y, slopes = map(self._placed, jets)
+        return y[0], slopes
+
+    def _differences(self, u: Array) -> tuple[Array, Array]:
+        """Outputs (N,) and their derivatives (n_p, N) by differences.
+
+        Where an output jumps between two of the runs, the difference on the other side counts.
+        """
+        n = len(u)
+        steps = APART * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
+        Y = self.values(u + steps)
+        ahead, behind = (Y[1 : n + 1] - Y[0]) / APART, (Y[0] - Y[n + 1 :]) / APART
+        smaller = np.where((np.abs(ahead) < np.abs(behind)) | np.isnan(behind), ahead, behind)
+        alike = np.abs(ahead - behind) < np.abs(smaller)
+        return Y[0], np.where(alike, (ahead + behind) / 2, smaller)
+
+
+def least_squares(
+    fit: Residuals, begin: Array, basis: Array, known_noise: Mapping[str, float]
+) -> tuple[Array, Array] | None:
+    """Shares of the parameters (n_p,), from `begin` along orthonormal rows of a basis, and the noise of the outputs.
+
+    None if the fit does not end.
+    """
+    noise, u = np.array([*known_noise.values()] or fit.spreads), begin
+    for _ in range(1 if known_noise else ROUNDS):
+        if len(basis):
+            found = _minimum(fit, u, basis, np.repeat(1 / noise, fit.counts))
+            if found is None:
+                return None
+            u = found
+        if not known_noise:  # each output bears its share of the parameters
+            share = 1 - len(basis) / len(fit.data)
+            floor = 1e-12 * fit.spreads
+            noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
+    return u, noise
+
+
+def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: float = 0.0) -> Array | None:
+    """Where (n_p,) the sum of squares of weighted residuals is least; None if the search does not end."""
+    from scipy.optimize import least_squares
+
+    along, d = basis @ begin, len(basis)
+    rest, first = begin - along @ basis, along
+
+    def residuals(along: Array) -> Array:
+        return np.concatenate([fit(rest + along @ basis)[0] * weights, held * (along - first)])
+
+    def slopes(along: Array) -> Array:
+        return np.concatenate([-fit(rest + along @ basis)[1] @ basis.T * weights[:, None], held * np.eye(d)])
+
+    tight = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
+    solution = least_squares(residuals, along, jac=cast(Any, slopes), max_nfev=STEPS, **tight)
+    return rest + solution.x @ basis if solution.status else None
+
+
+def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
+    """Shares (n_p,) where other fits end that begin at runs with small residuals, over growing spans of time."""
+    d, (begin, end) = len(nominal), (fit.times.min(), fit.times.max())
+    U = nominal * FACTOR ** Sobol().points(STARTS * d, d, seed=0)
+    weights = np.repeat(1 / fit.spreads, fit.counts)
+    squares = np.square((fit.data - fit.values(U)) * weights)
+    starts = [nominal]
+    for share in (HORIZONS[1], 1.0):
+        costs = np.nan_to_num(squares[:, fit.times <= begin + share * (end - begin)].sum(axis=1), nan=np.inf)
+        starts += [U[k] for k in np.argsort(costs)[:FOLLOWED] if np.isfinite(costs[k])]
+    for start in starts:
+        u: Array | None = start
+        for share in HORIZONS:
+            is_within = fit.times <= begin + share * (end - begin)
+            if u is not None and is_within.sum() > d and np.isfinite(fit(u)[0]).all():
+                held = HELD * np.sqrt(is_within.sum()) if share < 1 else 0.0
+                u = _minimum(fit, u, np.eye(d), weights * is_within, held)
+        if u is not None:
+            yield u
+
+
+def cost_of(fit: Residuals, u: Array, known_noise: Mapping[str, float]) -> float:
+    """What fits are compared by: minus twice the logarithm of their likelihood, but for a constant."""
+    squares = [np.square(part) for part in fit.parts(fit(u)[0])]
+    if known_noise:
+        parts = [part.sum() / noise**2 for part, noise in zip(squares, known_noise.values(), strict=True)]
+    else:
+        parts = [len(part) * np.log(part.mean() + 1e-300) for part in squares]
+    return float(np.nan_to_num(np.sum(parts), nan=np.inf))
+
+
+def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], degrees: int) -> tuple[str, ...]:
+    """Why the residuals (N,) at shares u are not noise, in sentences."""
+    import scipy.stats as st
+
+    doubts = list[str]()
+    squares, n_squares = 0.0, 0
+    for (name, (t, y)), r, spread in zip(fit.measured.items(), fit.parts(fit(u)[0]), fit.spreads, strict=True):
+        deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
+        limit = MARGIN * st.norm.isf(SURE / (2 * len(r)))
+        is_far = np.abs(r) > limit * deviation
+        if 0 < is_far.sum() <= len(r) // 10 and len(r) > len(u) + FEW:
+            worst = int(np.argmax(np.abs(r)))
+            doubts.append(
+                f"{int(is_far.sum())} of {len(r)} values of {name} are outliers: that at t = {t[worst]:g} s is "
+                f"{abs(r[worst]) / deviation:.3g} deviations off. Replace wrong values by nan."
+            )
+            t, y, r = t[~is_far], y[~is_far], r[~is_far]
+        squares, n_squares = squares + float(np.square(r / deviation).sum()), n_squares + len(r)
+        rms = np.sqrt(np.mean(np.square(r)))
+        if len(r) < FEW or rms < NOISE_OF_RUNS * spread:
+            continue
+        if not known_noise and rms**2 > UNEXPLAINED * np.var(y):
+            doubts.append(
+                f"The fitted run explains little of {name}: its residuals vary as much as the data. Begin with other "
+                "nominal values, or change the model."
+            )
+        elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < SURE:
+            doubts.append(
+                f"Residuals of {name} resemble those at neighbouring times, which noise does not. The model does not "
+                "describe the data, or another minimum does better. The deviations are too small."
+            )
+    if known_noise and squares > st.chi2.isf(SURE, max(degrees - len(fit.data) + n_squares, 1)):
+        doubts.append(
+            f"The data do not fit: residuals are {np.sqrt(squares / n_squares):.3g} times as large as the noise that "
+            "was given. Begin with other nominal values, change the model, or give a larger noise."
+        )
+    return tuple(doubts)
+
+
+def _chance_of_independence(r: Array) -> float:
+    """Probability that independent residuals (N,) resemble their neighbours in time as much as these do.
+
+    Ljung and Box, Biometrika 65 (1978).
+    """
+    from scipy.stats import chi2
+
+    n, lags = len(r), np.arange(1, LAGS + 1)
+    correlation = np.array([r[lag:] @ r[:-lag] for lag in lags]) / (r @ r)
+    return float(chi2.sf(n * (n + 2) * np.sum(correlation**2 / (n - lags)), LAGS))
