@@ -43,13 +43,17 @@ STIFF = 2e3
 """A motion is stiff if its horizon holds more shortest time constants: explicit steps are about as long as one."""
 
 
+_MOST, _LARGEST, _ROUGH = 600, 6, 1e-2
+"""States up to which all eigenvalues are computed, and beyond them how many of the largest, and their relative error:
+all take n^3 operations, a minute of 3,000 states."""
+
+
 def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
     """From the Jacobian of x' = f(x, p, t) at states X (m, n_x) of the times (m,), parameters p (n_p,)."""
     decay = growth = frequency = 0.0
     for state, time in zip(X, times, strict=True) if X.size else ():
-        A = dae.remembered(_Linearization)(state, p, np.array([time]))
-        if np.isfinite(A).all():
-            eigenvalues = np.linalg.eigvals(A)
+        eigenvalues = dae.remembered(_Linearization).eigenvalues(state, p, np.array([time]))
+        if np.isfinite(eigenvalues).all():
             decay = max(decay, float(-eigenvalues.real.min()))
             growth = max(growth, float(eigenvalues.real.max()))
             frequency = max(frequency, float(np.abs(eigenvalues.imag).max()))
@@ -72,16 +76,26 @@ class _Linearization:
         f = ca.Function("values", at, [values])
         entries = ca.horzcat(f.jac_sparsity(0, 0), f.jac_sparsity(0, 1))
         colours = entries.uni_coloring()
-        self._entries, self._seeds = pattern(entries), pattern(colours).T.astype(float)  # (colours, n_x + n_z)
-        self._colours = self._seeds.argmax(axis=0)
+        self._rows, self._columns = np.array(entries.get_triplet(), dtype=np.intp)
+        self._seeds = pattern(colours).T.astype(float)  # (colours, n_x + n_z)
+        self._colours = self._seeds.argmax(axis=0)[self._columns]
 
-    def __call__(self, x: Array, p: Array, t: Array) -> Array:
-        """The Jacobian (n_x, n_x) at a state (n_x,); nan where it does not exist."""
+    def eigenvalues(self, x: Array, p: Array, t: Array) -> Array:
+        """Those of the Jacobian at a state (n_x,), the largest ones of large systems; nan where it does not exist."""
+        from scipy import sparse
+
         n = len(x)
         (z,) = batch(self._z, x, p, t)
         (changes,) = batch(self._along, x, z[0], p, t, self._seeds[:, :n], self._seeds[:, n:])
-        J = np.where(self._entries, changes.reshape(len(self._seeds), -1).T[:, self._colours], 0.0)
+        values = changes.reshape(len(self._seeds), -1)[self._colours, self._rows]
+        J = sparse.csc_array((values, (self._rows, self._columns)), shape=(self._seeds.shape[1],) * 2)
+        A, B, C, D = J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]
         try:
-            return J[:n, :n] - J[:n, n:] @ np.linalg.solve(J[n:, n:], J[n:, :n])
-        except np.linalg.LinAlgError:
-            return np.full((n, n), np.nan)
+            if n <= _MOST:
+                full = A.toarray() - B.toarray() @ np.linalg.solve(D.toarray(), C.toarray())
+                return np.linalg.eigvals(full) if np.isfinite(full).all() else np.full(n, np.nan)
+            solved = sparse.linalg.splu(D).solve if len(z[0]) else np.copy
+            operator = sparse.linalg.LinearOperator((n, n), lambda v: A @ v - B @ solved(C @ v), dtype=float)
+            return sparse.linalg.eigs(operator, k=_LARGEST, tol=_ROUGH, return_eigenvectors=False)
+        except (np.linalg.LinAlgError, sparse.linalg.ArpackError, RuntimeError):
+            return np.full(n, np.nan)

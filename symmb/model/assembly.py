@@ -422,9 +422,9 @@ def _untouched(c: Collected) -> list[tuple[int, int]]:
         return []
     laws = [*(state.rate for state in c.states), *(law for _, law in c.sampled), *(gap for _, gap, _ in c.impacts)]
     laws += [margin for _, margin in c.joint_events]
-    equations = ca.vertcat(c.Phi, c.Psi, c.Q, ca.vec(c.M), c.potential, *laws)
-    pattern = ca.DM(ca.jacobian_sparsity(equations, ca.vertcat(c.q, c.v)), 1).full()
-    in_q, in_v = np.split(np.any(pattern, axis=0), [c.q.numel()])
+    equations = ca.vertcat(c.Phi, c.Psi, c.Q, ca.sparsify(c.M).nz[:], c.potential, *laws)
+    pattern = ca.jacobian_sparsity(equations, ca.vertcat(c.q, c.v))
+    in_q, in_v = np.split(np.diff(pattern.colind()) > 0, [c.q.numel()])
     pairs = []
     for at_q, at_v in particles:
         own = zip(range(at_q.start, at_q.stop), range(at_v.start, at_v.stop), strict=True)

@@ -1,6 +1,7 @@
 """Impacts: times and speeds against closed forms, what a jump keeps and what it takes, contacts that stay closed."""
 
 import pickle
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -372,3 +373,26 @@ def test_faults_of_the_declaration(law, told):
     with pytest.raises(mb.DeclarationError, match=told) as raised:
         mb.System(ball, mb.Impact("floor", *law(ball, p)), parameters=p)
     assert "Impact 'floor'" in str(raised.value)
+
+
+@pytest.mark.parametrize("number", [2, 5, 12, 30])
+def test_waggons_that_couple_go_on_together(number):
+    """One of unit mass hits others that stand in contact, with restitution 0: momentum tells the speed of all."""
+    waggons = [mb.Body(f"w{i}", 1.0, pose=mb.Particle()) for i in range(number + 1)]
+    buffers = [mb.Impact(f"c{i}", waggons[i + 1].x - waggons[i].x - 1.0, 0.0) for i in range(number)]
+    start = {"w0.vx": 1.0, "w0.x": 0.0} | {f"w{i}.x": i + 0.5 for i in range(1, number + 1)}
+    run = mb.simulate(mb.Scene(mb.System(*waggons, *buffers), start, [0.0, 1.0], {w.name: w.vx for w in waggons}))
+    assert [run[w.name][-1] for w in waggons] == pytest.approx([1 / (number + 1)] * (number + 1), abs=1e-10)
+    assert max(Counter(event.time for event in run.events).values()) <= 100 and not run.doubts
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("number, restitution", [(3, 0.2), (4, 0.1), (5, 0.1), (5, 0.2)])
+def test_balls_that_collapse_go_on_together(number, restitution):
+    """Infinitely many impacts in a finite time, one of which may stop them for good (McNamara and Young, 1992)."""
+    balls = [mb.Body(f"b{i}", 1.0, pose=mb.Particle()) for i in range(number)]
+    contacts = [mb.Impact(f"c{i}", balls[i + 1].x - balls[i].x, restitution) for i in range(number - 1)]
+    wall = mb.Impact("wall", number - balls[-1].x, restitution)
+    start = {f"b{i}.x": 0.7 * i + 0.1 for i in range(number)} | {"b0.vx": 1.0}
+    scene = mb.Scene(mb.System(*balls, *contacts, wall), start, [0.0, 9.0, 20.0], {b.name: b.vx for b in balls})
+    assert [mb.simulate(scene)[b.name][-1] for b in balls] == pytest.approx([0.0] * number, abs=1e-10)

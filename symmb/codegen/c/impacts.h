@@ -19,8 +19,8 @@
 enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed for a failure */
 
 #if N_G > 0
-#define ROUNDING 2.220446049250313e-16
-#define MOST_IMPACTS 1000 /* at one instant: impacts that lose energy die away long before. tests/events/test_impacts.py */
+#define MOST_IMPACTS (1000 * N_I * N_I) /* at one instant: those of a row that lose all energy die away in 100 N_I^2 */
+#define MOST_NOTED 50       /* impacts at one instant that are noted one by one: more are one event of each contact */
 #define SAME_JUMP 1e-6    /* difference of jumps of velocity, over their size, above which the order of impacts matters */
 #define CROWD_SPAN 1e-12  /* share of the run's time: more than CROWD events within it are an endless sequence */
 #define CROWD 1000
@@ -33,7 +33,7 @@ enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed 
 /* Contacts at one instant. */
 typedef struct {
   double rate[SIZE(N_I)], rest[SIZE(N_I)]; /* rates of gaps, and those that count as rest: a rebound rises no higher than rounding */
-  double D[SIZE(N_I)][SIZE(N_I)], impulse[SIZE(N_I)];
+  double D[SIZE(N_I)][SIZE(N_I)], impulse[SIZE(N_I)], work[SIZE(N_I)];
   int touching[SIZE(N_I)], movable[SIZE(N_I)];
 } Instant;
 
@@ -54,26 +54,32 @@ PRIVATE int blame(Block *b, Study *s, const int *marked, char why) {
 
 PRIVATE int hits(const Instant *c, int k) { return c->touching[k] && c->rate[k] < -c->rest[k]; }
 
-/* Impacts one after the other, until no gap that is 0 closes, in the order of contacts or from the last to the first. They
-   are noted if they are told whether their order matters. Returns their work, or NaN if they do not end. */
-PRIVATE double in_turn(Instant *c, Block *b, Study *s, int last_first, const int *ordered) {
-  double all = 0.0;
+/* Impacts in rounds, until no gap that is 0 closes: those that close at the begin of a round come one after the other, from
+   the first to the last or from the last to the first, so that impacts spread through a row of bodies as waves do. They are
+   noted if a study is given. Returns their number and one, or 0 if they do not end. */
+PRIVATE int in_turn(Instant *c, const Block *b, int last_first, Study *s, int ordered) {
+  int number = 0, before = -1;
   memset(c->impulse, 0, sizeof c->impulse);
-  for (int n = 0; n < MOST_IMPACTS; ++n) {
-    int k = -1;
-    for (int i = 0; i < N_I; ++i)
-      if (hits(c, i) && c->movable[i] && (k < 0 || last_first)) k = i;
-    if (k < 0) return all;
-    const double from = c->rate[k], to = -b->law[2 * N_I * N_V + N_I + k][0] * from, P = (to - from) / c->D[k][k];
-    const double work = P * ((from + to) / 2 - b->law[2 * N_I * N_V + k][0]);
-    for (int i = 0; i < N_I; ++i) c->rate[i] += c->D[i][k] * P;
-    c->rate[k] = to;
-    c->impulse[k] += P;
-    all += work;
-    const V L = each(P);
-    if (ordered) note_event(b, s, IMPACT, k, from, to, work, *ordered, &L, 1);
+  memset(c->work, 0, sizeof c->work);
+  while (number > before && number < MOST_IMPACTS) {
+    int closing[SIZE(N_I)];
+    before = number;
+    for (int k = 0; k < N_I; ++k) closing[k] = hits(c, k) && c->movable[k];
+    for (int n = 0; n < N_I; ++n) {
+      const int k = last_first ? N_I - 1 - n : n;
+      if (!closing[k] || !hits(c, k)) continue;
+      const double from = c->rate[k], to = -b->law[2 * N_I * N_V + N_I + k][0] * from, P = (to - from) / c->D[k][k];
+      const double work = P * ((from + to) / 2 - b->law[2 * N_I * N_V + k][0]);
+      const V L = each(P);
+      if (s) note_event(b, s, IMPACT, k, from, to, work, ordered, &L, 1);
+      for (int i = 0; i < N_I; ++i) c->rate[i] += c->D[i][k] * P;
+      c->rate[k] = to;
+      c->impulse[k] += P;
+      c->work[k] += work;
+      ++number;
+    }
   }
-  return NAN;
+  return number > before ? 0 : number + 1;
 }
 
 /* The jump of velocity i by the impulses P. */
@@ -83,18 +89,14 @@ PRIVATE double jump_of(const Block *b, int i, const double *P) {
   return jump;
 }
 
-/* Whether impacts that begin together would end otherwise from the last to the first. */
-PRIVATE int order_matters(const Instant *c, Block *b, Study *s) {
-  int together = 0;
-  for (int k = 0; k < N_I; ++k) together += hits(c, k);
-  if (together < 2) return 0;
-  Instant one = *c, other = *c;
-  in_turn(&one, b, s, 0, NULL);
-  in_turn(&other, b, s, 1, NULL);
+/* Whether impacts would end otherwise than in `all` if the last ones of a round came first. */
+PRIVATE int order_matters(const Instant *c, const Instant *all, const Block *b) {
+  Instant other = *c;
+  in_turn(&other, b, 1, NULL, 0);
   double size = 0.0, change = 0.0;
   for (int i = 0; i < N_V; ++i) {
-    size = fmax(size, fabs(jump_of(b, i, one.impulse)));
-    change = fmax(change, fabs(jump_of(b, i, other.impulse) - jump_of(b, i, one.impulse)));
+    size = fmax(size, fabs(jump_of(b, i, all->impulse)));
+    change = fmax(change, fabs(jump_of(b, i, other.impulse) - jump_of(b, i, all->impulse)));
   }
   return change > SAME_JUMP * size;
 }
@@ -113,12 +115,18 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
     for (int j = 0; j < N_V; ++j) size += pow(b->law[k + N_I * j][0] * displacement[j], 2.0);
     c->movable[k] = c->D[k][k] * ENERGY > SMALL * size;
   }
-  const int ordered = order_matters(c, b, s);
-  const double work = in_turn(c, b, s, 0, &ordered);
+  Instant all = *c;
+  const int number = in_turn(&all, b, 0, NULL, 0), is_few = number <= MOST_NOTED;
+  const int ordered = number > 2 && order_matters(c, &all, b);
+  for (int k = 0; !is_few && k < N_I; ++k) {
+    const V P = each(all.impulse[k]);
+    if (all.impulse[k] != 0.0) note_event(b, s, IMPACT, k, c->rate[k], all.rate[k], all.work[k], ordered, &P, 1);
+  }
+  in_turn(c, b, 0, is_few ? s : NULL, ordered);
   for (int k = 0; k < N_I; ++k) any |= immovable[k] = hits(c, k) && !c->movable[k];
   if (any) return blame(b, s, immovable, IMMOVABLE);
-  if (work != work) return blame(b, s, c->touching, UNENDING);
-  if (N_WORK) a->x[place[N_X - 1]] += work;
+  if (!number) return blame(b, s, c->touching, UNENDING);
+  for (int k = 0; N_WORK && k < N_I; ++k) a->x[place[N_X - 1]] += c->work[k];
   for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] += jump_of(b, i, c->impulse);
   return 1;
 }
@@ -269,7 +277,7 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
     forces(a->x, a->c, each(b->t), b->force);
     for (int k = 0; k < N_I; ++k) {
       const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
-      rounding[k] = 8.0 * ROUNDING * (LENGTH + b->gap[2 * N_I + k][0]);
+      rounding[k] = ROUNDED * (LENGTH + b->gap[2 * N_I + k][0]);
       before[k] = is_closed(a, k);
       released[k] = before[k] && (contact == N_G + k || (contact >= N_G && b->force[k][0] + slack < 0.0));
       c.touching[k] = before[k] || contact == k || b->gap[k][0] <= rounding[k];

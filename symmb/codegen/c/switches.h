@@ -46,6 +46,10 @@ PRIVATE int find_stop(Block *b, const Study *s) {
                                cubic: four times what it is for a sine whose phase changes by 2 in a step */
 #define SLIGHT 1e-3         /* hystereses that count as 0 within a step: that of a narrow pulse is larger than its height */
 #define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9: a slope is off the cubic's by this many times the largest distance */
+#define ROUNDED 1.7763568394002505e-15 /* share of lengths, 2^-49, below which a gap is 0: eight roundings */
+#ifndef LENGTH
+#define LENGTH 0.0 /* without contacts */
+#endif
 #define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
 #define SMALL 1e-12         /* share of the terms of a sum below which the sum is zero but for rounding */
 #define FORCE_PARTS 4       /* parts of a step in which a force that opens a contact or a joint is looked at, at both ends and
@@ -145,7 +149,8 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
     if (is_by_force(k)) continue; /* see first_release */
     const M up = (M)(sides(a)[k] > 0.0);
     const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
-    const V rounding = each(share < 1.0 ? SLIGHT * hysteresis[k] : 0.0); /* a whole step near a switch is looked at in halves */
+    const double slight = is_gap(k) ? ROUNDED * LENGTH : SLIGHT * hysteresis[k];
+    const V rounding = each(share < 1.0 ? slight : 0.0); /* a whole step near a switch is looked at in halves */
     const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]), rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
     const V from = u[k] + rounding, to = u_end[k] + rounding;
     const M between = (M)(from >= 0.0) & (M)(from * rise - to * fall > -fall * rise);
