@@ -158,7 +158,8 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
     Parameters
     ----------
     condition : SX
-        a comparison of expressions, or several by `casadi.logic_and` and `logic_or`. Runs in which it never holds fail
+        a comparison of expressions, or several by `casadi.logic_and` and `logic_or`. Where it never holds, the
+        figure of a run is nan, which is a doubt, and the run of a study fails
     window : (2,)
         first and last time [s] that count; None for those of the run
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import casadi as ca
 import numpy as np
 
+from symmb._errors import SimulationError
 from symmb._options import require_instance
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Ensemble, Progress, Reduction, Samples, checked_samples, digest, stream
@@ -146,30 +147,48 @@ class FigureSimulator:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
         return digest(self._with_rates.identity(), self.outputs, tuple(self._rules))
 
+    def values(self, p: Array) -> tuple[Array, tuple[str, ...]]:
+        """Outputs (n_t, n_y) of the run with parameters p (d,), and the figures whose condition never holds: nan.
+
+        Raises
+        ------
+        SimulationError        if the run breaks down
+        """
+        with LOCK:
+            traces, Y = self._values(p[None])
+        if not traces.ok[0]:
+            raise SimulationError(f"{self.name}: {traces.texts[0]}.")
+        return Y[0], tuple(name for name in self.figures if np.isnan(Y[0, 0, self.outputs.index(name)]))
+
     def _run(self, P: Array) -> Ensemble:
+        traces, Y = self._values(P)
+        ok, t_failed, texts = traces.ok.copy(), traces.t_failed.copy(), dict(traces.texts)
+        for rule in self._rules:
+            for i in np.flatnonzero(np.isnan(Y[:, 0, self.outputs.index(rule.name)]) & ok).tolist():
+                values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
+                ok[i], t_failed[i] = False, rule.window[1]
+                texts[i] = (
+                    f"t = {t_failed[i]:g} s{values}: the condition of output {rule.name!r} does not hold in the run"
+                )
+        Y[~ok] = np.nan
+        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
+
+    def _values(self, P: Array) -> "tuple[_Traces, Array]":
+        """Curves of samples, and outputs (N, n_t, n_y): nan of figures whose condition never holds."""
         times, grid = self._first_times()
         traces = self._traces(times, P)
-        ok, t_failed, texts = traces.ok.copy(), traces.t_failed.copy(), dict(traces.texts)
         Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
         at = np.searchsorted(times, self.curves.times - _SAME * self._span)
         if self._columns:
             Y[:, :, self._columns] = np.moveaxis(traces.Y[0, : len(self._columns)], 0, 2)[:, at]
-        good, count = np.flatnonzero(ok), len(grid) - 1
+        good, count = np.flatnonzero(traces.ok), len(grid) - 1
         panels = _panels(traces, np.repeat(good, count), np.tile(grid[:-1], len(good)), np.tile(grid[1:], len(good)))
         sizes = self._sizes(traces)
         panels = self._refined(panels, sizes, P, traces.stops)
         curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
         for rule in self._rules:
-            figures = curves.figure(rule)
-            Y[:, :, self.outputs.index(rule.name)] = figures[:, None]
-            for i in np.flatnonzero(np.isnan(figures) & ok).tolist():
-                ok[i], t_failed[i] = False, rule.window[1]
-                texts[i] = f"the condition of output {rule.name!r} does not hold in the run"
-        Y[~ok] = np.nan
-        for i in np.flatnonzero(traces.ok & ~ok).tolist():
-            values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
-            texts[i] = f"t = {t_failed[i]:g} s{values}: {texts[i]}"
-        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
+            Y[:, :, self.outputs.index(rule.name)] = curves.figure(rule)[:, None]
+        return traces, Y
 
     def _first_times(self) -> tuple[Array, Array]:
         """Times of runs at first, and the ends of their panels: as many as the nominal run needs."""

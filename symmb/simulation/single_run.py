@@ -9,6 +9,7 @@ from typing import overload
 import casadi as ca
 import numpy as np
 
+from symmb._doubt import Doubt
 from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
 from symmb._interrupts import carry, kept_interrupts, runs_of
 from symmb._names import did_you_mean
@@ -207,22 +208,23 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
 def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: bool) -> Trajectory:
     """The trajectory with the figures of its scene, and their errors if they are to be checked.
 
+    Those whose condition never holds are nan, which is a doubt.
+
     Raises
     ------
-    SimulationError        if a condition does not hold, or the run breaks down in the solver of studies
+    SimulationError        if the run breaks down in the solver of studies
     """
-    P = np.array([list(trajectory.parameters.values())])
-    runs = [each.run(P) for each in (simulator, *([simulator.tighter()] if check else []))]
-    if messages := [text for run in runs for text in run.messages]:
-        raise SimulationError(f"{trajectory.name}: {messages[0]}.")
+    p = np.array([*trajectory.parameters.values()])
+    Y, lacking = simulator.values(p)
     columns = [simulator.outputs.index(name) for name in simulator.figures]
-    values = dict(zip(simulator.figures, runs[0].Y[0, 0, columns].tolist(), strict=True))
+    values = dict(zip(simulator.figures, Y[0, columns].tolist(), strict=True))
     error = None
     if trajectory.error is not None:
-        error = np.abs(runs[-1].Y[0, :1] - runs[0].Y[0, :1]).repeat(len(trajectory.t), axis=0)
+        error = np.abs((simulator.tighter().values(p)[0] if check else Y)[:1] - Y[:1]).repeat(len(trajectory.t), axis=0)
         others = [k for k in range(len(simulator.outputs)) if k not in columns]
         error[:, others] = trajectory.error
-    return replace(trajectory, figures=values, error=error)
+    doubts = (Doubt(f"Output {name!r} is nan: its condition does not hold in the run.", [name]) for name in lacking)
+    return replace(trajectory, figures=values, error=error, run_doubts=(*trajectory.run_doubts, *doubts))
 
 
 def _start_fault(runs: "_PilotRuns") -> str:
