@@ -12,24 +12,14 @@ import numpy as np
 
 from symmb._errors import DeclarationError, warn_of
 from symmb._options import optional_package, require_truth, shown
-from symmb._types import Array, Expr
+from symmb._types import Expr
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.robots.algebra import Vector, add, angles, conjugate, matrix, one_after, turned
-from symmb.mechanics.robots.description import (
-    ENTRIES,
-    RPY,
-    XYZ,
-    Description,
-    JointData,
-    LinkData,
-    ShapeData,
-    full_matrix,
-    named,
-)
+from symmb.mechanics.robots.description import ENTRIES, RPY, XYZ, Description, JointData, LinkData, ShapeData, named
 from symmb.mechanics.robots.mjcf_elements import MjcfElements, element_numbers
 from symmb.mechanics.robots.mjcf_left_out import left_out
 from symmb.mechanics.robots.mjcf_model import MjcfModel, values_of
-from symmb.mechanics.robots.repair import accepted, nearest_possible
+from symmb.mechanics.robots.repair import nearest_possible, repaired
 from symmb.mechanics.robots.robot import Building, Robot, replaced, require_stop
 
 _JOINTS = "floating", "ball", "prismatic", "revolute"
@@ -38,8 +28,6 @@ _SPHERE, _CAPSULE, _CYLINDER, _BOX, _MESH = 2, 3, 5, 6, 7
 """Shapes that can be drawn, of MuJoCo's mjtGeom."""
 _DRAWN = 3
 """Groups of shapes that MuJoCo's viewer shows; those from this one on are for contacts alone, by custom."""
-_ROUNDING = 1e-12
-"""Share of an inertia by which the nearest possible one may differ by rounding."""
 _UNNAMED = "MuJoCo Model"
 """The name that MuJoCo gives a model without a name."""
 
@@ -73,8 +61,7 @@ def load_mjcf(
     stop : ContactLaw
         as of `load_urdf`
     strict : bool
-        whether an inertia that no body has is an error. By default the nearest possible one stands for it, as in
-        `load_urdf`
+        whether an inertia that no body has is an error. By default it is repaired as in `load_urdf`
 
     Returns
     -------
@@ -104,26 +91,20 @@ def load_mjcf(
         raise DeclarationError(f"load_mjcf: expected the path of a file, got {shown(path)}.")
     require_stop("load_mjcf", stop)
     require_truth("load_mjcf", "strict", strict)
-    source, name, said, repairs = _compiled(Path(path), strict)
+    source, name, said = _compiled(Path(path), strict)
     description = _description(source, name)
-    if repairs:
-        after, old = Building(description, description.numbers, True, None), dict(description.numbers)
-        for body, principal in repairs.items():
-            order = np.argsort(np.argsort(source.model.body_inertia[body]))
-            old |= named(f"{source.bodies[body]}.inertia", ("xx", "yy", "zz"), values_of(principal[order]))
-        links = [source.bodies[body] for body in repairs]
-        said.append(accepted(with_changes(after, values=old), after, links))
-    building = Building(description, replaced(description, replace, stop, "Give it a joint in the file."), True, stop)
+    values = replaced(description, replace, stop, "Give it a joint in the file.")
+    building, repairs = repaired(Building(description, values, True, stop))
     robot = building.robot()
     more = MjcfElements(source, building, robot.joints)
     elements = (*robot.elements, *more.all())
     start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
-    warn_of([*left_out(source, stop is not None), *said], f"load_mjcf {path}")
+    warn_of([*left_out(source, stop is not None), *said, *repairs], f"load_mjcf {path}")
     return with_changes(robot, elements=elements, start=start)
 
 
-def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str], dict[int, Array]]:
-    """MuJoCo's model of a file, its name, what MuJoCo warns of, and moments of the file that are repaired, by body."""
+def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
+    """MuJoCo's model of a file, its name, and what MuJoCo warns of."""
     mujoco = optional_package("mujoco", "load_mjcf", "mjcf")
     is_urdf = path.suffix.lower() == ".urdf"
     if not path.is_file() and not is_urdf:
@@ -134,39 +115,33 @@ def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str], dict
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            spec, repairs = mujoco.MjSpec.from_file(str(path)), {}
+            spec, moments = mujoco.MjSpec.from_file(str(path)), {}
             try:
                 model = spec.compile()
             except ValueError:
-                repairs = {} if strict else dict(_repaired(spec, mujoco.mjMINVAL))
-                if not repairs:
+                moments = {} if strict else dict(_impossible(spec))
+                if not moments:
                     raise
                 model = spec.compile()
         except Exception as error:  # of a parser and a compiler in C++
             raise DeclarationError(f"{path}: MuJoCo cannot read this file ({_line(error)}).") from None
     name = path.stem if spec.modelname == _UNNAMED else spec.modelname
-    said = [f"MuJoCo says: {_line(warning.message)}." for warning in caught]
-    return MjcfModel(model, mujoco, path), name, said, repairs
+    return (
+        MjcfModel(model, mujoco, path, moments),
+        name,
+        [f"MuJoCo says: {_line(warning.message)}." for warning in caught],
+    )
 
 
-def _repaired(spec: Any, least: float) -> Iterator[tuple[int, Array]]:
-    """Bodies of a specification whose inertia becomes the nearest possible one, and their principal moments before.
-
-    MuJoCo asks for principal moments above the `least` one, and has no tolerance.
-    """
+def _impossible(spec: Any) -> Iterator[tuple[int, tuple[float, ...]]]:
+    """Bodies whose inertia MuJoCo refuses, and its entries xx, xy, xz, yy, yz, zz. That of a ball stands for it."""
     for k, body in enumerate(spec.bodies):
         is_full = math.isfinite(body.fullinertia[0])
-        xx, yy, zz, xy, xz, yz = body.fullinertia if is_full else (*body.inertia, 0.0, 0.0, 0.0)
+        xx, yy, zz, xy, xz, yz = map(float, body.fullinertia if is_full else (*body.inertia, 0, 0, 0))
         moments = xx, xy, xz, yy, yz, zz
-        best = nearest_possible(moments)
-        margin = max(_ROUNDING * max(map(abs, best)), 100 * least)
-        if body.explicitinertial and not np.allclose(best, moments, rtol=0, atol=margin):
-            yield k, np.linalg.eigvalsh(full_matrix(moments))
-            xx, xy, xz, yy, yz, zz = np.add(best, margin * np.array([1, 0, 0, 1, 0, 1])).tolist()
-            if is_full:
-                body.fullinertia = xx, yy, zz, xy, xz, yz
-            else:
-                body.inertia = xx, yy, zz
+        if body.explicitinertial and not np.allclose(moments, nearest_possible(moments), rtol=1e-12, atol=0):
+            body.fullinertia, body.inertia = (math.nan, 0, 0, 0, 0, 0), (1, 1, 1)
+            yield k, moments
 
 
 def _line(text: object) -> str:
@@ -194,7 +169,8 @@ def _mass(source: MjcfModel, body: int) -> dict[str, float]:
     m, name = source.model, source.bodies[body]
     numbers = _weightless(name) | {f"{name}.mass": float(m.body_mass[body])}
     numbers |= named(f"{name}.com", (*XYZ, *RPY), _placed(m.body_ipos[body], m.body_iquat[body]))
-    return numbers | named(f"{name}.inertia", ("xx", "yy", "zz"), values_of(m.body_inertia[body]))
+    xx, yy, zz = values_of(m.body_inertia[body])
+    return numbers | named(f"{name}.inertia", ENTRIES, source.moments.get(body, (xx, 0.0, 0.0, yy, 0.0, zz)))
 
 
 def _weightless(name: str) -> dict[str, float]:

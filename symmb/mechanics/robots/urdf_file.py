@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from dataclasses import replace as with_changes
 from pathlib import Path
 
 from symmb._errors import DeclarationError, warn_of
@@ -81,8 +80,8 @@ def load_urdf(
         act. Equal lower and upper limits do not act either
     strict : bool
         whether all faults are errors. By default one SymmbWarning tells those that do not matter: attributes of
-        other programs, <mimic> of joints that cannot follow, shapes that cannot be drawn, dots in names, and inertias
-        that no body has. The nearest possible one stands for such an inertia, unless it changes the motion much
+        other programs, <mimic> of joints that cannot follow, dots in names, and inertias that no body has. The nearest
+        possible one stands for such an inertia, unless it changes the motion much
 
     Returns
     -------
@@ -133,18 +132,18 @@ def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Descri
     numbers: dict[str, float] = {}
     links: dict[str, _Link] = {}
     joints: dict[str, _Joint] = {}
+    known = [joint.attributes.get("name", "").strip() for joint in top.all("joint")]
     for tag in top.inside:
         try:
             if tag.name == "link":
                 _add(links, _link(tag, numbers))
             elif tag.name == "joint":
-                _add(joints, _joint(tag, numbers))
+                _add(joints, _joint(tag, numbers, known))
             elif tag.name in {*_IN_LINK, *_IN_JOINT} - {*_IN_ROBOT}:
                 raise tag.fault("this element stands right in <robot>; move it into its link or joint.")
         except DeclarationError as error:
             faults.append(str(error))
     if not faults:
-        faults += _lost_leaders(joints, numbers)
         faults += _reference_faults(links, joints)
     if faults:
         raise DeclarationError("\n".join(dict.fromkeys(faults)))
@@ -190,17 +189,8 @@ def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
             of_inertia.pass_over("inertias that no body has", of_inertia.fault(fault))
     numbers |= {f"{name}.mass": mass} | named(f"{name}.com", (*XYZ, *RPY), (*xyz, *rpy))
     numbers |= named(f"{name}.inertia", tuple(entry[1:] for entry in _INERTIA), moments)
-    visual, collision = ([shape for t in tag.all(kind) if (shape := _drawn(t))] for kind in ("visual", "collision"))
+    visual, collision = ([shape for t in tag.all(kind) if (shape := _shape(t))] for kind in ("visual", "collision"))
     return _Link(name, tuple(visual or collision), tag)
-
-
-def _drawn(tag: Tag) -> ShapeData | None:
-    """The shape of a <visual> or <collision>; None of one that cannot be drawn."""
-    try:
-        return _shape(tag)
-    except DeclarationError as error:
-        tag.pass_over(f"shapes in <{tag.name}> that cannot be drawn", error)
-        return None
 
 
 def _shape(tag: Tag) -> ShapeData | None:
@@ -227,7 +217,7 @@ def _shape(tag: Tag) -> ShapeData | None:
     return ShapeData(shape.name, xyz, rpy, size)  # pyright: ignore[reportArgumentType]
 
 
-def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
+def _joint(tag: Tag, numbers: dict[str, float], known: list[str]) -> _Joint:
     name = tag.own_name()
     tag.check(_IN_JOINT, ("name", "type"))
     kind = tag.text("type")
@@ -241,20 +231,31 @@ def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
     numbers |= named(f"{name}.origin", (*XYZ, *RPY), sum(_origin(tag), ()))
     if kind not in ("fixed", "floating"):
         numbers |= named(f"{name}.axis", XYZ, _axis(tag))
-    mimic = tag.one("mimic")
+    mimic = _mimic(tag, kind, known)
     if kind in (*TURNING, *SLIDING):
         numbers |= _limits(tag, name, kind) | _dynamics(tag, name)
         if mimic is not None:
             mimic.check_exactly(("joint", "multiplier", "offset"))
             numbers[f"{name}.mimic.multiplier"] = mimic.number("multiplier", 1.0)
             numbers[f"{name}.mimic.offset"] = mimic.number("offset", 0.0)
-    elif mimic is not None:
-        fault = mimic.fault(f"a {kind} joint has no value that could follow another one; remove <mimic>.")
-        mimic.pass_over(f"<mimic> of {kind} joints", fault)
-        mimic = None
-    if kind not in (*TURNING, *SLIDING, "fixed") and any(_dynamics(tag, name).values()):
+    elif kind != "fixed" and any(_dynamics(tag, name).values()):
         raise tag.needed("dynamics").fault(f"a {kind} joint has no single rate to damp; declare its forces in Python.")
     return _Joint(name, kind, *ends, mimic=None if mimic is None else mimic.reference("joint"), tag=tag)
+
+
+def _mimic(tag: Tag, kind: str, known: list[str]) -> Tag | None:
+    """The <mimic> of a joint, if the joint and the one that it follows have a value."""
+    mimic = tag.one("mimic")
+    if mimic is not None and kind not in (*TURNING, *SLIDING):
+        error = mimic.fault(f"a {kind} joint has no value that could follow another one; remove <mimic>.")
+        mimic.pass_over(f"<mimic> of {kind} joints", error)
+    elif mimic is not None and (leader := mimic.text("joint")) not in known:
+        close = did_you_mean(leader, known).strip().rstrip(".")
+        error = mimic.fault(f"there is no joint {leader!r}; {close[0].lower()}{close[1:]}.")
+        mimic.pass_over("<mimic> of joints that are not there, so that the followers move freely", error)
+    else:
+        return mimic
+    return None
 
 
 def _axis(tag: Tag) -> tuple[float, ...]:
@@ -296,21 +297,6 @@ def _dynamics(tag: Tag, name: str) -> dict[str, float]:
             raise dynamics.fault(f"{what} {value:g} is negative; give 0 or more.")
         values[f"{name}.{what}"] = value
     return values
-
-
-def _lost_leaders(joints: dict[str, _Joint], numbers: dict[str, float]) -> Iterator[str]:
-    """Faults of joints that follow one that is not there. They move freely if these are passed over."""
-    for name, joint in joints.items():
-        if joint.mimic is not None and joint.mimic not in joints:
-            mimic, close = joint.tag.needed("mimic"), did_you_mean(joint.mimic, joints).strip().rstrip(".")
-            error = mimic.fault(f"there is no joint {joint.mimic!r}; {close[0].lower()}{close[1:]}.")
-            try:
-                mimic.pass_over("<mimic> of joints that are not there, so that the followers move freely", error)
-            except DeclarationError:
-                yield str(error)
-                continue
-            joints[name] = with_changes(joint, mimic=None)
-            del numbers[f"{name}.mimic.multiplier"], numbers[f"{name}.mimic.offset"]
 
 
 def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> Iterator[str]:
