@@ -492,9 +492,9 @@ class _PilotRuns:
     def starts_stiff(self) -> bool:
         """Whether the motion linearised about the start is stiff over the horizon."""
         tree = self.simulator.least_constrained
-        if tree.dae.n_r or tree.bodies is None:
-            return self._is_stiff(self.x0, self.simulator.times[:1])
-        return self._is_stiff(tree.start.states(self.p[None])[0], self.simulator.times[:1], tree.dae)
+        use_tree = tree.bodies is not None and not tree.dae.n_r
+        X, dae = (tree.start.states(self.p[None])[0], tree.dae) if use_tree else (self.x0, None)
+        return self._is_stiff(X, self.simulator.times[:1], dae)
 
     def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
         """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
