@@ -492,12 +492,11 @@ class _PilotRuns:
     def starts_stiff(self) -> bool:
         """Whether the motion linearised about the start is stiff over the horizon."""
         tree = self.simulator.least_constrained
-        use_tree = tree.bodies is not None and not tree.dae.n_r
-        X, dae = (tree.start.states(self.p[None])[0], tree.dae) if use_tree else (self.x0, None)
-        return self._is_stiff(X, self.simulator.times[:1], dae)
+        if tree.bodies is None or tree.dae.n_r:
+            return self._is_stiff(self.x0, self.simulator.times[:1])
+        return self._is_stiff(tree.start.states(self.p[None])[0], self.simulator.times[:1], tree.dae)
 
     def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
         """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
         some = np.unique(np.linspace(0, len(t) - 1, _STIFFNESS_SAMPLES).astype(int))
-        horizon = float(np.ptp(self.simulator.times))
-        return stiffness(dae or self.simulator.dae, X[some], self.p, t[some]).is_stiff(horizon)
+        return stiffness(dae or self.simulator.dae, X[some], self.p, t[some]).is_stiff(np.ptp(self.simulator.times))
