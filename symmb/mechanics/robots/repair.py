@@ -29,9 +29,9 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
     numbers = {name: description.numbers[name] if isinstance(x, ca.SX) else x for name, x in values.items()}
     before, better = replace(building, values=numbers), {}
     for link, top in description.tops.items():
-        moments = building.vector(f"{link}.inertia", ENTRIES)
-        is_free = not building.fixed_base or top != description.root
-        if is_free and not any(isinstance(x, ca.SX) for x in moments) and inertia_fault(moments):
+        moments = tuple(x for x in building.vector(f"{link}.inertia", ENTRIES) if not isinstance(x, ca.SX))
+        is_base = building.fixed_base and top == description.root
+        if not is_base and len(moments) == len(ENTRIES) and inertia_fault(moments):
             parts = [before.mass(part, before.places[part]) for part, own in description.tops.items() if own == top]
             if inertia_fault(tuple(np.array(united(parts).inertia)[np.triu_indices(3)])):
                 better |= named(f"{link}.inertia", ENTRIES, nearest_possible(moments))
