@@ -121,7 +121,7 @@ def difference(path, states, rng):
     gravity = [mb.Gravity(0, 0, -9.81)] if is_urdf else [e for e in robot.elements if isinstance(e, mb.Gravity)]
     own = own_accelerations(robot, gravity, values, rates)
     other = (pinocchio_accelerations if is_urdf else mujoco_accelerations)(path, robot, joints, values, rates)
-    return float(np.abs(own - other).max() / np.abs(other).max()), len(joints)
+    return float(np.abs(own - other).max() / (np.abs(other).max() or 1.0)), len(joints)
 
 
 def main():
