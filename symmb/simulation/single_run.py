@@ -491,10 +491,8 @@ class _PilotRuns:
     @property
     def starts_stiff(self) -> bool:
         """Whether the motion linearised about the start is stiff over the horizon."""
-        tree = self.simulator.least_constrained
-        if tree.bodies is None or tree.dae.n_r:
-            return self._is_stiff(self.x0, self.simulator.times[:1])
-        return self._is_stiff(tree.start.states(self.p[None])[0], self.simulator.times[:1], tree.dae)
+        X, dae = self.simulator.shortest_equations(self.x0, self.p)
+        return self._is_stiff(X, self.simulator.times[:1], dae)
 
     def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
         """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
