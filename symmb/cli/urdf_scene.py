@@ -1,6 +1,7 @@
 """The scene of a URDF file: the machine is released in its zero pose."""
 
 import re
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -29,7 +30,9 @@ def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
         raise DeclarationError(
             f"{path}: two of {', '.join(names)} give parameters of one name. Rename a link or joint."
         )
-    nominal = mb.load_urdf(path).numbers
+    with warnings.catch_warnings():  # they are told below
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        nominal = mb.load_urdf(path).numbers
     p = mb.Parameters(**{own: nominal.get(name, 0.0) for name, own in names.items()})
     robot = mb.load_urdf(path, replace={name: getattr(p, own) for name, own in names.items()})
     outputs = _outputs(robot)

@@ -264,5 +264,5 @@ def _equations(dae: DAE, _: Array) -> ca.Function:
     if dae.gamma is not None:
         parts.append(dae.gamma(*at))
     if dae.n_s:
-        parts.append(dae.rhs(*at)[2])
+        parts.append(dae.s_rate(*at))
     return ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))])

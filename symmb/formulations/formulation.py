@@ -14,7 +14,7 @@ from symmb.formulations.output_functions import declared_function, joint_output_
 from symmb.integrate import Run
 from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints, with_gated_rows
-from symmb.symbolic import batch, common
+from symmb.symbolic import batch, common, least_factorization
 from symmb.symbolic import t as time_symbol
 
 _STAGE = 8
@@ -78,8 +78,9 @@ class Formulation:
 
     @property
     def least_operations(self) -> int:
-        """Operations of a stage that the right side of the rows alone takes. The others need not be derived."""
-        rows = 0 if self.dae.gamma is None else self.dae.gamma.n_instructions() - self.dae.gamma.nnz_out(0)
+        """Operations of a stage that the rows alone take, and their factors. The others need not be derived."""
+        gamma, G = self.dae.gamma, self.dae.G
+        rows = 0 if gamma is None or G is None else gamma.n_instructions() - gamma.nnz_out(0) + least_factorization(G)
         return rows + _STAGE * self.y.numel_in(0)
 
 

@@ -148,6 +148,7 @@ def _equations(
         "forward": one_of(solved, "forward") if right.numel() else alone("forward", forward),
         "inertia": alone("inertia", lambda: {"Ma": ca.densify(system.inertial(a))}),
         "Q": alone("Q", lambda: {"Q": system.Q}),
+        "s_rate": alone("s_rate", lambda: {"sdot": system.s_rate}),
         "energy": alone("energy", lambda: {"T": system.kinetic_energy, "V": system.potential_energy}),
     }
     if system.Phi.numel():

@@ -61,6 +61,7 @@ class DAE:
     inertia                (..., a) -> M a, the forces that accelerations a (n_v,) need
     Phi, Phi_q, Phi_t      position rows (n_c,), Jacobian (n_c, n_q), partial rate (n_c,) with drives only
     Phi_dot, G, gamma      all rows' rates (n_r,), velocity Jacobian (n_r, n_v), right side of G v' = gamma (n_r,)
+    s_rate                 s', as in `rhs`, without accelerations
     forward                (..., gamma) -> v', lam: accelerations and multipliers for a given right side
     min_norm_correction  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
     energy                 -> T, V [J]
@@ -109,6 +110,7 @@ class DAE:
     Phi_q = Equation[ca.Function | None]()
     Phi_t = Equation[ca.Function | None]()
     gamma = Equation[ca.Function | None]()
+    s_rate = Equation[ca.Function]()
     min_norm_correction = Equation[ca.Function | None]()
     power = Equation[ca.Function | None]()
     distribute_multipliers = Equation[ca.Function | None]()

@@ -31,7 +31,7 @@ from symmb.integrate import (
     round_otherwise,
 )
 from symmb.mechanics import FlexibleBody
-from symmb.model import Scene
+from symmb.model import DAE, Scene
 from symmb.simulation.ensembles import LOCK, CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.solver_choice import MANY, Pilot, another, choose, for_studies, require_able
 from symmb.symbolic import HIGHEST_ORDER, batch
@@ -153,6 +153,12 @@ class DAESimulator:
     def least_constrained(self) -> Formulation:
         """Equations, start and outputs in the coordinates that the fewest rows of constraints bind."""
         return min(filter(None, (self.bodies, self._joints, self._spare)), key=lambda form: form.dae.n_r)
+
+    def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
+        """States (1, n_x) at the start and the equations: those of a tree, or of bodies that start in the states X."""
+        tree = self.least_constrained
+        is_tree = tree.bodies is not None and not tree.dae.n_r
+        return (tree.start.states(p[None])[0], tree.dae) if is_tree else (X, self.dae)
 
     @property
     def coordinates(self) -> str:

@@ -19,7 +19,7 @@ from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
 from symmb.integrate import Run, Solver, SwitchPasses, follow_doubts, stiffness
 from symmb.mechanics import Constraint, Rope
-from symmb.model import Scene, compile_dae
+from symmb.model import DAE, Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
@@ -491,10 +491,10 @@ class _PilotRuns:
     @property
     def starts_stiff(self) -> bool:
         """Whether the motion linearised about the start is stiff over the horizon."""
-        return self._is_stiff(self.x0, self.simulator.times[:1])
+        X, dae = self.simulator.shortest_equations(self.x0, self.p)
+        return self._is_stiff(X, self.simulator.times[:1], dae)
 
-    def _is_stiff(self, X: Array, t: Array) -> bool:
+    def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
         """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
         some = np.unique(np.linspace(0, len(t) - 1, _STIFFNESS_SAMPLES).astype(int))
-        horizon = float(np.ptp(self.simulator.times))
-        return stiffness(self.simulator.dae, X[some], self.p, t[some]).is_stiff(horizon)
+        return stiffness(dae or self.simulator.dae, X[some], self.p, t[some]).is_stiff(np.ptp(self.simulator.times))

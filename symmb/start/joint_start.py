@@ -11,8 +11,8 @@ from symmb.mechanics import Spatial
 from symmb.model import DAE, Scene, System, compile_dae, is_linear
 from symmb.start.assembly import drive_rows
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.rank import general_entries, independent_rows_and_columns, lasting_rows, own_scales, row_sizes
-from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
+from symmb.start.rank import independent_rows_and_columns, lasting_rows
+from symmb.start.scales import evaluate_at_rest, general_entries, own_scales, resting, row_sizes, with_coarse_scales
 from symmb.start.start import Start, start_functions
 from symmb.start.tolerances import ROUNDING
 from symmb.symbolic import common, conjugate, product, shared

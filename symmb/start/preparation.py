@@ -20,15 +20,8 @@ from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
 from symmb.start.joint_values import of_positions, of_rates, residuals, with_position_rows, with_rate_rows, with_states
 from symmb.start.labels import coordinate_of, coordinate_with_value
-from symmb.start.rank import (
-    general_entries,
-    independent_rows,
-    independent_rows_and_columns,
-    lasting_rows,
-    redundant_names,
-    row_sizes,
-)
-from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
+from symmb.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
+from symmb.start.scales import evaluate_at_rest, general_entries, resting, row_sizes, with_coarse_scales
 from symmb.start.start import Start, start_functions
 from symmb.start.tolerances import NEGLIGIBLE, VIOLATION
 from symmb.start.velocities import start_velocities

@@ -8,8 +8,8 @@ import numpy as np
 
 from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
-from symmb.model import DAE, is_linear
-from symmb.start.scales import evaluate_at_rest, length_of, resting
+from symmb.model import DAE
+from symmb.start.scales import above_zero, evaluate_at_rest, own_scales, resting, row_sizes
 from symmb.start.sparse_rows import LARGE, determining_columns, least_step
 from symmb.start.tolerances import NEGLIGIBLE, ROUNDING
 
@@ -22,9 +22,6 @@ step follows the one before than chance: two turns to and fro of a mechanism wit
 _AS_INDEPENDENT = 0.3
 """Least singular value of the rows that are kept, over that of all rows at the same rank, that is enough for them: it
 stays above 0.5 in planar loops of spatial bodies, and falls to 0 in Bricard's mechanism. test_redundancy.py"""
-_SMALL = 1e-3
-"""Norm of a row over its size in general from which on it is measured by its own norm. What is below keeps its share:
-a row that has vanished but for rounding (1e-16) is none. test_redundancy.py"""
 
 
 def independent_rows_and_columns(
@@ -36,43 +33,13 @@ def independent_rows_and_columns(
     """
     if not A.size:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
-    scaled = A / _above_zero(np.linalg.norm(A, axis=1) if sizes is None else sizes)[:, None]
+    scaled = A / above_zero(np.linalg.norm(A, axis=1) if sizes is None else sizes)[:, None]
     if min(A.shape) > LARGE and (columns := determining_columns(scaled)) is not None:
         return np.arange(len(A), dtype=np.intp), columns
     if rank is None:
         rank = int(np.linalg.matrix_rank(scaled, tol=ROUNDING * max(A.shape)))
     rows = np.arange(len(A), dtype=np.intp) if rank == len(A) else _pivots(scaled.T, rank)
     return rows, _pivots(scaled[rows], rank)
-
-
-def row_sizes(A: Array, general: Array) -> Array:
-    """Sizes (m,) by which the rows of A (m, n) are judged: their norms, unless they are small.
-
-    Of A (k, m, n) at several positions, the largest norms count. A row far below the norm of its entries in `general`
-    (m, n) is one that vanishes, or rounding of it.
-    """
-    own, usual = np.atleast_2d(np.linalg.norm(A, axis=-1)).max(axis=0), np.linalg.norm(general, axis=1)
-    return _above_zero(np.where(own > _SMALL * usual, own, usual))
-
-
-def general_entries(dae: DAE, q: Array, t0: float) -> Array:
-    """Sizes of the entries of the velocity Jacobian in general, (n_r, n_v): the largest ones around q (n_q,).
-
-    The positions need not be on the constraints.
-    """
-    if dae.G is None:
-        return np.zeros((0, dae.n_v))
-    random, scales = np.random.default_rng(0), own_scales(dae, q, t0)
-    general = np.abs(evaluate_at_rest(dae.G, dae, q, t0))
-    for _ in range(_NEIGHBOURS):
-        step = _STRIDE * scales * random.uniform(-1, 1, dae.n_v)
-        there = evaluate_at_rest(dae.G, dae, np.asarray(dae.retract(q, step)).ravel(), t0)
-        general = np.fmax(general, np.where(np.isfinite(there), np.abs(there), 0.0))
-    return general
-
-
-def _above_zero(sizes: Array) -> Array:
-    return np.where(sizes > 0, sizes, 1.0)
 
 
 def strong_rows(A: Array, weakest: float) -> Indices:
@@ -176,12 +143,6 @@ def _superfluous(N: Array) -> list[int]:
     return rows
 
 
-def own_scales(dae: DAE, q: Array, t0: float) -> Array:
-    """Scales of displacements (n_v,) by the size of the scene at q (n_q,), which the coarse ones of the DAE round."""
-    length = length_of(dae, q, evaluate_at_rest(cast(ca.Function, dae.G), dae, q, t0)) or 1.0
-    return np.where([is_linear(name) for name in dae.v_names], length, 1.0)
-
-
 def _least(G: Array, rank: int) -> float:
     """The singular value of that number, the least one of a matrix of that rank."""
     return float(np.linalg.svd(G, compute_uv=False)[rank - 1])
@@ -198,7 +159,7 @@ def _positions(
     symbols = ca.SX.sym("q", dae.n_q), ca.SX.sym("p", len(dae.p_nominal)), ca.SX.sym("t")
     rates = ca.sparsify(cast(ca.Function, dae.Phi_dot)(*resting(dae, *symbols[:2]), *symbols[1:]))
     held, scale = np.setdiff1d(np.arange(dae.n_r), rates.row()), own_scales(dae, q, t0)
-    own, of_positions = _above_zero(sizes)[held, None], int((held < dae.n_c).sum())
+    own, of_positions = above_zero(sizes)[held, None], int((held < dae.n_c).sum())
 
     def rows_at(position: Array) -> Array:
         return evaluate_at_rest(cast(ca.Function, dae.G), dae, position, t0)[held] * scale / own

@@ -25,6 +25,12 @@ _STEP_BITS = 10
 _USUAL_RATE = 2.0**_STEP_BITS
 """Rates [1/s] of mechanisms with stiff springs and fast rotors, and its reciprocal those of slow machines: absolute
 tolerances of velocities stay in between."""
+_SMALL = 1e-3
+"""Norm of a row over its size in general from which on it is measured by its own norm. What is below keeps its share:
+a row that has vanished but for rounding (1e-16) is none. test_redundancy.py"""
+_AROUND, _DISTANCE = 3, 0.3
+"""Positions around one where entries of Jacobians have their general sizes, and how far off they are [rad, share of the
+size]: far from places where an entry vanishes by chance. test_assembly.py"""
 
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
@@ -153,11 +159,53 @@ def power_of_two(value: float) -> float:
 
 def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:
     """The DAE with scales at coordinates q (n_q,), at rest, which are 1 in scenes of usual size."""
-    G = evaluate_at_rest(dae.G, dae, q, t0) if dae.G is not None else np.zeros((0, dae.n_v))
+    G = _jacobian(dae, q, t0)
     length = coarse(length_of(dae, q, G))
-    scaled = dae.scaled(lambda: Scales(length))
-    rows = np.array([coarse(row) for row in np.abs(G * scaled.displacement_scales).max(axis=1, initial=0.0)])
+    scales = dae.scaled(lambda: Scales(length)).displacement_scales
+    own, usual = (np.abs(A * scales).max(axis=1, initial=0.0) for A in (G, general_entries(dae, q, t0)))
+    rows = np.array([coarse(row) for row in np.where(own > _SMALL * usual, own, usual)])
     return dae.scaled(lambda: Scales(length, rows=rows))
+
+
+def own_scales(dae: DAE, q: Array, t0: float) -> Array:
+    """Scales of displacements (n_v,) by the size of the scene at q (n_q,), which the coarse ones of the DAE round."""
+    length = length_of(dae, q, _jacobian(dae, q, t0)) or 1.0
+    return np.where(_is_linear(dae.v_names), length, 1.0)
+
+
+def general_entries(dae: DAE, q: Array, t0: float) -> Array:
+    """Sizes of the entries of the velocity Jacobian in general, (n_r, n_v): the largest ones around q (n_q,).
+
+    The positions need not be on the constraints.
+    """
+    if dae.G is None:
+        return np.zeros((0, dae.n_v))
+    random, scales = np.random.default_rng(0), own_scales(dae, q, t0)
+    general = np.abs(evaluate_at_rest(dae.G, dae, q, t0))
+    for _ in range(_AROUND):
+        step = _DISTANCE * scales * random.uniform(-1, 1, dae.n_v)
+        there = evaluate_at_rest(dae.G, dae, np.asarray(dae.retract(q, step)).ravel(), t0)
+        general = np.fmax(general, np.where(np.isfinite(there), np.abs(there), 0.0))
+    return general
+
+
+def row_sizes(A: Array, general: Array) -> Array:
+    """Sizes (m,) by which the rows of A (m, n) are judged: their norms, unless they are small.
+
+    Of A (k, m, n) at several positions, the largest norms count. A row far below the norm of its entries in `general`
+    (m, n) is one that vanishes, or rounding of it.
+    """
+    own, usual = np.atleast_2d(np.linalg.norm(A, axis=-1)).max(axis=0), np.linalg.norm(general, axis=1)
+    return above_zero(np.where(own > _SMALL * usual, own, usual))
+
+
+def above_zero(sizes: Array) -> Array:
+    return np.where(sizes > 0, sizes, 1.0)
+
+
+def _jacobian(dae: DAE, q: Array, t0: float) -> Array:
+    """The velocity Jacobian at coordinates q (n_q,), at rest, (n_r, n_v)."""
+    return evaluate_at_rest(dae.G, dae, q, t0) if dae.G is not None else np.zeros((0, dae.n_v))
 
 
 def coarse(size: float) -> float:

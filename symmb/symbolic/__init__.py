@@ -34,6 +34,7 @@ from symmb.symbolic.linear import (
     general_solver,
     independent,
     is_singular,
+    least_factorization,
     least_multipliers,
     saddle_solver,
     symmetric_solver,

@@ -116,11 +116,20 @@ def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
     if in_plane:
         c, s = ca.dot(a, b), a[0] * b[1] - a[1] * b[0]
         return ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1))
-    if is_zero(ca.simplify(a + b)):
-        n = triad(a)[:, 0]
-        return 2 * n @ n.T - ca.SX.eye(3)
-    w = ca.skew(ca.cross(a, b))
+    axis = ca.cross(a, b)
+    sides = ca.norm_2(a + b), ca.norm_2(axis)
+    if is_zero(ca.simplify(a + b)) or (sides[0].is_constant() and float(sides[0]) < _OPPOSITE):
+        # Half a turn, and the rest. The axis is any one at right angles where rounding decides on it.
+        is_clear = sides[1].is_constant() and float(sides[1]) > _CLEAR
+        n = unit(axis - ca.dot(axis, a) * a) if is_clear else triad(a)[:, 0]
+        return turn(-a, b) @ (2 * n @ n.T - ca.SX.eye(3))
+    w = ca.skew(axis)
     return ca.SX.eye(3) + w + w @ w / (1 + ca.dot(a, b))
+
+
+_OPPOSITE, _CLEAR = 1e-3, 1e-12
+"""Length of the sum of two directions below which 1 plus their cosine has lost digits, and the sine above which their
+common normal is no rounding. test_assembly.py"""
 
 
 def rotation_z(theta: ca.SX) -> ca.SX:

@@ -236,6 +236,13 @@ def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
     return inverse, [*determinants, *others]
 
 
+def least_factorization(G: ca.Function) -> int:
+    """Operations that `saddle_solver` takes at least: those of its factors, by the pattern of G (n_c, n_v)."""
+    pattern = ca.DM(G.sparsity_out(0), 1)
+    factor = (pattern @ pattern.T).sparsity().ldl()[0]
+    return int((np.diff(factor.colind()) ** 2).sum())
+
+
 def saddle_solver(
     M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool = False, nullity: int = 0, gates: ca.SX | None = None
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:

@@ -1,5 +1,6 @@
 """Machines from URDF files: where links are, what they weigh, and what joints do. Oracles are written out here."""
 
+import warnings
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from faults import refused
 from numpy.testing import assert_allclose
+from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 import symmb as mb
@@ -233,3 +235,80 @@ def test_what_is_no_file_and_a_free_base_without_mass_are_told(tmp_path):
     refused(r"none.urdf: this file cannot be read", mb.load_urdf, "none.urdf")
     text = f'<link name="base"/><link name="arm">{ROD}</link>' + joint("elbow", "continuous", "base", "arm")
     refused("free base 'base' has no mass", load, tmp_path, text, fixed_base=False)
+
+
+def impossible(seed):
+    """Moments that mostly no body has, their nearest possible ones by SciPy, and a hinge about a random axis.
+
+    Returns the matrices (3, 3), mass, centre, axis, and what the repair changes of the energy of the hinge.
+    """
+    rng = np.random.default_rng(seed)
+    R, principal = Rotation.random(rng=rng).as_matrix(), rng.normal(0.3, 1.0, 3) * 10.0 ** rng.integers(-3, 1)
+    pairs = 1 - np.eye(3)  # principal moments are sums of two second moments of mass
+    best = pairs @ nnls(pairs, principal)[0]
+    J, nearest = R * principal @ R.T, R * best @ R.T
+    mass, centre, axis = rng.uniform(0.1, 2), rng.normal(0, 0.5, 3), rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    energy = axis @ nearest @ axis + mass * np.sum(np.cross(axis, centre) ** 2)
+    return J, nearest, mass, centre, axis, abs(axis @ (J - nearest) @ axis) / energy
+
+
+ENTRIES = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+
+
+@pytest.mark.parametrize("is_mjcf", [False, True], ids=["urdf", "mjcf"])
+@pytest.mark.parametrize("seed", range(16))
+def test_the_nearest_possible_inertia_stands_for_one_that_no_body_has(seed, is_mjcf, tmp_path):
+    J, nearest, mass, centre, axis, change = impossible(seed)
+    xyz, around = (" ".join(map(repr, vector.tolist())) for vector in (centre, axis))
+    xx, xy, xz, yy, yz, zz = (float(J[entry]) for entry in ENTRIES)
+    moments = f'ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"'
+    inertial = f'<inertial><origin xyz="{xyz}"/><mass value="{mass}"/><inertia {moments}/></inertial>'
+    text = f'<robot name="r"><link name="base"/><link name="arm">{inertial}</link>'
+    text += joint("hinge", "continuous", "base", "arm", f'<axis xyz="{around}"/>') + "</robot>"
+    if is_mjcf:
+        pytest.importorskip("mujoco")
+        full = f'<inertial pos="{xyz}" mass="{mass}" fullinertia="{xx} {yy} {zz} {xy} {xz} {yz}"/>'
+        text = f'<mujoco><worldbody><body name="arm"><joint axis="{around}"/>{full}</body></worldbody></mujoco>'
+    path = tmp_path / f"r.{'xml' if is_mjcf else 'urdf'}"
+    path.write_text(text)
+    load = mb.load_mjcf if is_mjcf else mb.load_urdf
+    if change > 0.5:
+        refused("energy of a motion by", load, path)
+        return
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        robot = load(path)
+    assert len(told) == (not np.allclose(J, nearest, rtol=0, atol=1e-9 * np.abs(J).max()))
+    found = np.zeros((3, 3))
+    for entry, name in zip(ENTRIES, ("xx", "xy", "xz", "yy", "yz", "zz"), strict=True):
+        found[entry] = found[entry[::-1]] = robot.numbers[f"arm.inertia.{name}"]
+    if is_mjcf:  # in its principal axes
+        R = Rotation.from_euler("xyz", [robot.numbers[f"arm.com.{x}"] for x in ("roll", "pitch", "yaw")]).as_matrix()
+        found = R @ found @ R.T
+    assert_allclose(found, nearest, rtol=0, atol=1e-9 * np.abs(J).max() + 1e-12)
+    if told:
+        refused("inertia", load, path, strict=True)
+
+
+def test_an_inertia_that_cannot_matter_is_kept(tmp_path):
+    """Of links on the base, and on a body that is possible as a whole."""
+    bad = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0.005"/></inertial>'
+    text = f'<link name="base">{bad}</link><link name="arm">{ROD}</link><link name="lamp">{bad}</link>'
+    text += joint("hinge", "continuous", "base", "arm") + joint("screws", "fixed", "arm", "lamp")
+    with pytest.warns(mb.SymmbWarning, match=r"inertias that no body has \(line 1 and 1 more\)\. With") as told:
+        robot = load(tmp_path, text)
+    assert "nearest" not in str(told[0].message) and robot.numbers["lamp.inertia.zz"] == 0.005
+    assert_allclose(np.diag(ca.evalf(ca.SX(robot.bodies["arm"].inertia)).full()), [0.01, 0.2, 0.205])
+
+
+def test_dots_in_names_and_followers_of_what_is_not_there(tmp_path):
+    text = f'<link name="base"/><link name="link 1.0">{ROD}</link><link name="link_2.0">{ROD}</link>'
+    text += joint("a.0", "continuous", "base", "link 1.0")
+    text += joint("b", "continuous", "link 1.0", "link_2.0", '<mimic joint="A.0" multiplier="2"/>')
+    with pytest.warns(mb.SymmbWarning, match="which are _ now .* followers move freely") as told:
+        robot = load(tmp_path, text)
+    assert len(told) == 1 and set(robot.joints) == {"a_0", "b"} and set(robot.start) == {"a_0.angle", "b.angle"}
+    followed = text.replace("A.0", "a.0")
+    with pytest.warns(mb.SymmbWarning):
+        assert set(load(tmp_path, followed).start) == {"a_0.angle"}

@@ -2,10 +2,12 @@
 
 import re
 
+import casadi as ca
 import numpy as np
 import pytest
 from conftest import but_long
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 import symmb as mb
 
@@ -240,3 +242,64 @@ def test_a_planar_joint_reminds_that_normals_stay_parallel():
         mb.simulate(mb.Scene(mb.System(rod, plate), start))
     run = mb.simulate(mb.Scene(mb.System(rod, mb.Motion("plate", foot.z, 0)), start, outputs={"z": rod.z}))
     assert run["z"][0] == pytest.approx(0.25 * np.cos(0.3))
+
+
+INERTIA = '<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/>'
+
+
+def nearly_square_chain(seed, way, folder):
+    """A chain of one to six hinges and slides, each turned by a right angle but for 1e-15 to 1e-6 rad.
+
+    Returns its elements, its joints, their values and their turns at zero.
+    """
+    rng = np.random.default_rng(seed)
+    bodies, joints, values, turns, urdf = [GROUND], [], [], [], '<robot name="chain"><link name="b"/>'
+    for k in range(rng.integers(1, 7)):
+        angle = rng.choice([-1, 1, 2]) * np.pi / 2 + rng.choice([-1, 1]) * 10 ** rng.uniform(-15, -6)
+        side, at, slides = np.eye(3)[rng.integers(2)], rng.uniform(-0.3, 0.3, 3), rng.random() < 0.3
+        turns.append(Rotation.from_rotvec(angle * side))
+        values.append(rng.uniform(-1, 1))
+        zero = {"zero": mb.rotation(axis=tuple(side), angle=angle), "axis_b": tuple(turns[k].inv().apply((0, 0, 1)))}
+        bodies.append(mb.Body(f"b{k}", 1.0, (0.01, 0.02, 0.02), mb.Spatial()))
+        points = bodies[k].point(*at), bodies[k + 1].point(0, 0, 0)
+        kind = mb.Prismatic if slides else mb.Revolute
+        joints.append(kind(f"j{k}", *points, axis=(0, 0, 1), **({way: zero[way]} if way in zero else {})))
+        place = f'xyz="{" ".join(map(repr, at.tolist()))}" rpy="{" ".join(map(repr, (angle * side).tolist()))}"'
+        urdf += f"""<link name="b{k}"><inertial><mass value="1"/>{INERTIA}</inertial></link>
+            <joint name="j{k}" type="{"prismatic" if slides else "continuous"}"><parent link="b{k - 1 if k else ""}"/>
+            <child link="b{k}"/><axis xyz="0 0 1"/><origin {place}/><limit lower="-9" upper="9"/></joint>"""
+    if way == "rpy":
+        (folder / "chain.urdf").write_text(urdf + "</robot>")
+        robot = mb.load_urdf(folder / "chain.urdf")
+        return robot.elements, [*robot.joints.values()], values, turns
+    return (*bodies[1:], *joints), joints, values, turns
+
+
+@pytest.mark.parametrize("way", ["zero", "axis_b", "rpy"])
+@pytest.mark.parametrize("seed", but_long(range(12), *range(3, 12)))
+def test_axes_that_are_nearly_square_start(seed, way, tmp_path):
+    """Rows that nearly vanish where nothing is assembled got scales of 1e-12, and rounding was a violation."""
+    elements, joints, values, turns = nearly_square_chain(seed, way, tmp_path)
+    handles = {f"{joint.name}.{joint.coordinate}": value for joint, value in zip(joints, values, strict=True)}
+    outputs = {name: getattr(joint, joint.coordinate) for name, joint in zip(handles, joints, strict=True)}
+    for k, joint in enumerate(joints):
+        (A, B), gap = joint.frames, joint.point_b.r - joint.point_a.r
+        gap -= A[:, 2] * outputs[f"j{k}.displacement"] if joint.coordinate == "displacement" else 0
+        outputs |= {f"gap{k}": ca.norm_2(gap), f"tilt{k}": ca.norm_2(A[:, 2] - B[:, 2])}
+    outputs["R"] = joints[-1].point_b.body.frame.R
+    system = mb.System(*elements)
+    simulator = mb.DAESimulator(mb.Scene(system, handles), mb.DormandPrince())
+    turned = [state.sx for joint in joints for state in joint.turn_states]
+    evaluate = ca.Function("f", [system.q, ca.vertcat(*turned)], [*outputs.values()])
+    found = dict(zip(outputs, evaluate(simulator.start.nominal()["q"], 0), strict=True))
+    assert_allclose([float(found[name]) for name in handles], values, atol=1e-12)
+    assert max(abs(float(found[f"{what}{k}"])) for what in ("gap", "tilt") for k in range(len(joints))) < 1e-12
+    states, failures = simulator.formulation.start.states(simulator.dae.p_nominal[None])
+    assert simulator.coordinates == "joint" and not failures[0]
+    assert_allclose(states[0, : len(joints)], values, atol=1e-12)
+    if way != "axis_b":  # the turn of a file comes before that of its joint
+        R = Rotation.identity()
+        for joint, value, turn in zip(joints, values, turns, strict=True):
+            own = Rotation.from_rotvec([0, 0, value * (joint.coordinate == "angle")])
+            R = R * (own * turn if way == "zero" else turn * own)
+        assert_allclose(np.asarray(found["R"]), R.as_matrix(), atol=1e-12)

@@ -8,6 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from symmb._types import Array
+
 TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
 """Types of joints that have an angle, and those that have a displacement."""
 XYZ, RPY, ENTRIES = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("xx", "xy", "xz", "yy", "yz", "zz")
@@ -81,10 +83,15 @@ def named(prefix: str, names: tuple[str, ...], values: tuple[float, ...]) -> dic
     return {f"{prefix}.{name}": value for name, value in zip(names, values, strict=True)}
 
 
+def full_matrix(moments: tuple[float, ...]) -> Array:
+    """The symmetric matrix (3, 3) of its entries xx, xy, xz, yy, yz, zz."""
+    xx, xy, xz, yy, yz, zz = moments
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
 def inertia_fault(moments: tuple[float, ...]) -> str:
     """Why no body has these entries xx, xy, xz, yy, yz, zz of its inertia matrix; empty if one has."""
-    xx, xy, xz, yy, yz, zz = moments
-    low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
+    low, middle, high = np.linalg.eigvalsh(full_matrix(moments)).tolist()
     total = low + middle + high
     if low < -_TRIANGLE * abs(total):
         return f"a principal moment of inertia is {low:.3g}, below 0; check the entries and their signs."

@@ -1,6 +1,7 @@
 """XML elements with the lines on which they stand. Entities are refused: they can make a small file a huge one."""
 
 import math
+import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -12,6 +13,8 @@ from symmb._names import name_fault
 
 _CLOSE = 0.75
 """Similarity from which an unknown name is a misspelt one. Less similar names are those of extensions."""
+
+_NOT_IN_NAMES = ".[] "
 
 LARGEST = 1e30
 """Largest length, mass or moment of inertia [SI]: products of these, as of a body of fixed links, are numbers too."""
@@ -27,6 +30,8 @@ class Tag:
     line: int
     inside: list["Tag"] = field(default_factory=list)
     parent: "Tag | None" = None
+    passed: dict[str, list["Tag"]] | None = None
+    """Places of what does not matter in the file, by what it is; None if the file is read strictly."""
 
     @property
     def title(self) -> str:
@@ -42,6 +47,12 @@ class Tag:
     def fault(self, text: str) -> DeclarationError:
         """An error that names the file, the line and the element."""
         return DeclarationError(f"{self.file}, line {self.line}, {self.title}: {text}")
+
+    def pass_over(self, what: str, fault: DeclarationError) -> None:
+        """Note what does not matter. Its fault is raised if the file is read strictly."""
+        if self.passed is None:
+            raise fault
+        self.passed.setdefault(what, []).append(self)
 
     def all(self, name: str) -> Iterator["Tag"]:
         """The elements of that name right inside."""
@@ -73,10 +84,17 @@ class Tag:
     def own_name(self) -> str:
         """The attribute `name`, as a name that symmb allows."""
         name = self.text("name")
-        fault = name_fault(name, without=".[] ")
+        fault = name_fault(name, without=_NOT_IN_NAMES)
         if fault:
-            raise self.fault(f"the name {name!r} cannot be used, as {fault.rstrip('.')}; rename it.")
-        return name
+            error = self.fault(f"the name {name!r} cannot be used, as {fault.rstrip('.')}; rename it.")
+            if name_fault(self.reference("name")):
+                raise error
+            self.pass_over("dots, brackets and spaces in names, which are _ now", error)
+        return self.reference("name")
+
+    def reference(self, attribute: str) -> str:
+        """The name in an attribute, as `own_name` has it."""
+        return re.sub(f"[{re.escape(_NOT_IN_NAMES)}]", "_", self.text(attribute))
 
     def numbers(self, attribute: str, default: tuple[float, ...]) -> tuple[float, ...]:
         """The numbers of an attribute, as many as the default has, which stands for an attribute that is not there."""
@@ -118,14 +136,20 @@ class Tag:
         for name in self.attributes:
             meant = _meant(name, attributes)
             if meant:
-                raise self.fault(f"the attribute {name!r} is not known; did you mean {meant!r}?")
+                error = self.fault(f"the attribute {name!r} is not known; did you mean {meant!r}?")
+                if meant not in self.attributes:
+                    raise error
+                self.pass_over(f"the attribute {name!r} of <{self.name}>", error)
 
-    def check_exactly(self, attributes: Collection[str]) -> None:
-        """Raise if there is an attribute that is not known and has no prefix, which extensions have."""
+    def check_exactly(self, attributes: Collection[str], *, others_matter: bool = False) -> None:
+        """Raise or pass over if there is an attribute that is not known and has no prefix, which extensions have."""
         self.check((), attributes)
         for name in self.attributes:
-            if name not in attributes and ":" not in name:
-                raise self.fault(f"the attribute {name!r} is not known; known are {', '.join(attributes)}.")
+            if name not in attributes and ":" not in name and not _meant(name, attributes):
+                error = self.fault(f"the attribute {name!r} is not known; known are {', '.join(attributes)}.")
+                if others_matter:
+                    raise error
+                self.pass_over(f"the attribute {name!r} of <{self.name}>", error)
 
 
 def _meant(name: str, known: Collection[str]) -> str:
@@ -134,13 +158,22 @@ def _meant(name: str, known: Collection[str]) -> str:
     return close[0] if close else ""
 
 
-def read_document(path: Path) -> Tag:
+def told(passed: dict[str, list[Tag]]) -> list[str]:
+    """One sentence that lists what is passed over, with the first line and the count of each; empty if nothing is."""
+    kinds = []
+    for what, tags in passed.items():
+        more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""
+        kinds.append(f"{what} (line {tags[0].line}{more})")
+    return [f"Passed over are: {'; '.join(kinds)}. With strict=True they are errors."] if kinds else []
+
+
+def read_document(path: Path, passed: dict[str, list[Tag]] | None) -> Tag:
     """The outermost element of an XML file, which must be well-formed and declare no entities."""
     try:
         content = path.read_bytes()
     except OSError as error:
         raise DeclarationError(f"{path}: this file cannot be read ({error.strerror}).") from None
-    reading = _Reading(path.name)
+    reading = _Reading(path.name, passed)
     try:
         reading.parser.Parse(content, True)
     except expat.ExpatError as error:
@@ -161,8 +194,8 @@ def read_document(path: Path) -> Tag:
 class _Reading:
     """A parser and the elements that it has found so far."""
 
-    def __init__(self, file: str) -> None:
-        self.file = file
+    def __init__(self, file: str, passed: dict[str, list[Tag]] | None) -> None:
+        self.file, self.passed = file, passed
         self.root: Tag | None = None
         self.open: list[Tag] = []
         self.parser = expat.ParserCreate()
@@ -172,7 +205,7 @@ class _Reading:
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         parent = self.open[-1] if self.open else None
-        tag = Tag(name, attributes, self.file, self.parser.CurrentLineNumber, parent=parent)
+        tag = Tag(name, attributes, self.file, self.parser.CurrentLineNumber, parent=parent, passed=self.passed)
         if parent is None:
             self.root = tag
         else:

@@ -1,5 +1,6 @@
 """Machines from MJCF files, which the package mujoco reads and compiles: their bodies and joints."""
 
+import math
 import re
 import warnings
 from collections.abc import Iterator, Mapping
@@ -7,8 +8,10 @@ from dataclasses import replace as with_changes
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from symmb._errors import DeclarationError, warn_of
-from symmb._options import optional_package, shown
+from symmb._options import optional_package, require_truth, shown
 from symmb._types import Expr
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.robots.algebra import Vector, add, angles, conjugate, matrix, one_after, turned
@@ -16,6 +19,7 @@ from symmb.mechanics.robots.description import ENTRIES, RPY, XYZ, Description, J
 from symmb.mechanics.robots.mjcf_elements import MjcfElements, element_numbers
 from symmb.mechanics.robots.mjcf_left_out import left_out
 from symmb.mechanics.robots.mjcf_model import MjcfModel, values_of
+from symmb.mechanics.robots.repair import nearest_possible, repaired
 from symmb.mechanics.robots.robot import Building, Robot, replaced, require_stop
 
 _JOINTS = "floating", "ball", "prismatic", "revolute"
@@ -29,7 +33,11 @@ _UNNAMED = "MuJoCo Model"
 
 
 def load_mjcf(
-    path: str | Path, *, replace: Mapping[str, Expr] | None = None, stop: ContactLaw | float | None = None
+    path: str | Path,
+    *,
+    replace: Mapping[str, Expr] | None = None,
+    stop: ContactLaw | float | None = None,
+    strict: bool = False,
 ) -> Robot:
     """A machine from an MJCF file of MuJoCo, which the package mujoco must be installed to read.
 
@@ -52,6 +60,8 @@ def load_mjcf(
         "loop.body2.x", "loop.polycoef.0" (.1 ... .4)
     stop : ContactLaw
         as of `load_urdf`
+    strict : bool
+        whether an inertia that no body has is an error. By default it is repaired as in `load_urdf`
 
     Returns
     -------
@@ -80,18 +90,20 @@ def load_mjcf(
     if not isinstance(path, str | Path):
         raise DeclarationError(f"load_mjcf: expected the path of a file, got {shown(path)}.")
     require_stop("load_mjcf", stop)
-    source, name, said = _compiled(Path(path))
+    require_truth("load_mjcf", "strict", strict)
+    source, name, said = _compiled(Path(path), strict)
     description = _description(source, name)
-    building = Building(description, replaced(description, replace, stop, "Give it a joint in the file."), True, stop)
+    values = replaced(description, replace, stop, "Give it a joint in the file.")
+    building, repairs = repaired(Building(description, values, True, stop))
     robot = building.robot()
     more = MjcfElements(source, building, robot.joints)
     elements = (*robot.elements, *more.all())
     start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
-    warn_of([*left_out(source, stop is not None), *said], f"load_mjcf {path}")
+    warn_of([*left_out(source, stop is not None), *said, *repairs], f"load_mjcf {path}")
     return with_changes(robot, elements=elements, start=start)
 
 
-def _compiled(path: Path) -> tuple[MjcfModel, str, list[str]]:
+def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
     """MuJoCo's model of a file, its name, and what MuJoCo warns of."""
     mujoco = optional_package("mujoco", "load_mjcf", "mjcf")
     is_urdf = path.suffix.lower() == ".urdf"
@@ -103,12 +115,33 @@ def _compiled(path: Path) -> tuple[MjcfModel, str, list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            spec = mujoco.MjSpec.from_file(str(path))
-            model = spec.compile()
+            spec, moments = mujoco.MjSpec.from_file(str(path)), {}
+            try:
+                model = spec.compile()
+            except ValueError:
+                moments = {} if strict else dict(_impossible(spec))
+                if not moments:
+                    raise
+                model = spec.compile()
         except Exception as error:  # of a parser and a compiler in C++
             raise DeclarationError(f"{path}: MuJoCo cannot read this file ({_line(error)}).") from None
     name = path.stem if spec.modelname == _UNNAMED else spec.modelname
-    return MjcfModel(model, mujoco, path), name, [f"MuJoCo says: {_line(warning.message)}." for warning in caught]
+    return (
+        MjcfModel(model, mujoco, path, moments),
+        name,
+        [f"MuJoCo says: {_line(warning.message)}." for warning in caught],
+    )
+
+
+def _impossible(spec: Any) -> Iterator[tuple[int, tuple[float, ...]]]:
+    """Bodies whose inertia MuJoCo refuses, and its entries xx, xy, xz, yy, yz, zz. That of a ball stands for it."""
+    for k, body in enumerate(spec.bodies):
+        is_full = math.isfinite(body.fullinertia[0])
+        xx, yy, zz, xy, xz, yz = map(float, body.fullinertia if is_full else (*body.inertia, 0, 0, 0))
+        moments = xx, xy, xz, yy, yz, zz
+        if body.explicitinertial and not np.allclose(moments, nearest_possible(moments), rtol=1e-12, atol=0):
+            body.fullinertia, body.inertia = (math.nan, 0, 0, 0, 0, 0), (1, 1, 1)
+            yield k, moments
 
 
 def _line(text: object) -> str:
@@ -136,7 +169,8 @@ def _mass(source: MjcfModel, body: int) -> dict[str, float]:
     m, name = source.model, source.bodies[body]
     numbers = _weightless(name) | {f"{name}.mass": float(m.body_mass[body])}
     numbers |= named(f"{name}.com", (*XYZ, *RPY), _placed(m.body_ipos[body], m.body_iquat[body]))
-    return numbers | named(f"{name}.inertia", ("xx", "yy", "zz"), values_of(m.body_inertia[body]))
+    xx, yy, zz = values_of(m.body_inertia[body])
+    return numbers | named(f"{name}.inertia", ENTRIES, source.moments.get(body, (xx, 0.0, 0.0, yy, 0.0, zz)))
 
 
 def _weightless(name: str) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """A model of MuJoCo: names of its parts, which may be missing in the file, and what is switched off."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,11 +21,12 @@ def values_of(array: Any) -> tuple[Any, ...]:
 
 @dataclass(frozen=True, eq=False)
 class MjcfModel:
-    """A compiled `mujoco.MjModel`, the package, and the file from which it comes."""
+    """A compiled `mujoco.MjModel`, the package, the file, and by body the moments of inertia that MuJoCo refuses."""
 
     model: Any
     mujoco: Any
     path: Path
+    moments: Mapping[int, tuple[float, ...]]
 
     def acts(self, what: str) -> bool:
         """Whether a part of the physics is switched on, by its name in mjtDisableBit."""

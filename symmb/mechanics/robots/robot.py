@@ -59,7 +59,7 @@ _TRANSITION = 0.01
 to Coulomb's law, and stiffer."""
 Place: TypeAlias = "tuple[Vector, Vector]"
 """Origin (3,) [m] and quaternion (4,) of a frame."""
-_ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
+ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
 _JOINTS: dict[str, type[AxisJoint]] = dict.fromkeys(TURNING, Revolute)
 _JOINTS |= dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
 
@@ -167,7 +167,7 @@ def replaced(
             faults.append(f"replace: {fault}")
         else:
             values[name] = float(value) if is_real(value) else scalar(value, f"replace: {name!r}")
-    for link in description.links:
+    for link in {name.partition(".inertia.")[0] for name in replace if ".inertia." in str(name)} & {*description.links}:
         entries = [values[f"{link}.inertia.{entry}"] for entry in ENTRIES]
         numbers = tuple(entry for entry in entries if not isinstance(entry, ca.SX))
         fault = inertia_fault(numbers) if len(numbers) == len(entries) else ""
@@ -231,7 +231,7 @@ class Building:
         places: dict[str, Place] = {}
         joints = {joint.child: joint for joint in self.description.joints.values()}
         for link, top in self.description.tops.items():
-            places[link] = _ORIGIN if link == top else self.carried(joints[link], places[joints[link].parent])
+            places[link] = ORIGIN if link == top else self.carried(joints[link], places[joints[link].parent])
         return places
 
     @cached_property
@@ -240,12 +240,13 @@ class Building:
         tops = self.description.tops
         held: dict[str, list[Mass]] = {top: [] for top in tops.values()}
         for link, top in tops.items():
-            held[top].append(self._mass(link))
+            held[top].append(self.mass(link, self.places[link]))
         bodies = {top: self._body(top, masses) for top, masses in held.items()}
         return {link: LinkFrame(link, bodies[top], *self.places[link]) for link, top in tops.items()}
 
-    def _mass(self, link: str) -> Mass:
-        origin, e = self.places[link]
+    def mass(self, link: str, place: Place) -> Mass:
+        """That of a link at a place."""
+        origin, e = place
         xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ENTRIES)
         R = matrix(one_after(e, self.quaternion(f"{link}.com")))
         J = product(product(R, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), transposed(R))
@@ -355,7 +356,7 @@ class Building:
     def _free_start(self) -> dict[str, Any]:
         """The pose of bodies that no joint carries, and the orientation of those on ball joints."""
         kinds = {joint.child: joint.kind for joint in self.description.joints.values()}
-        places: dict[str, Place] = {self.description.root: _ORIGIN}
+        places: dict[str, Place] = {self.description.root: ORIGIN}
         start: dict[str, Any] = {}
         for joint in self.description.joints.values():
             places[joint.child] = self.carried(joint, places[joint.parent])

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, warn_of
 from symmb._names import did_you_mean
 from symmb._options import require_truth, shown
 from symmb._types import Expr
@@ -21,7 +21,8 @@ from symmb.mechanics.robots.description import (
     inertia_fault,
     named,
 )
-from symmb.mechanics.robots.document import Tag, read_document
+from symmb.mechanics.robots.document import Tag, read_document, told
+from symmb.mechanics.robots.repair import repaired
 from symmb.mechanics.robots.robot import Building, Robot, replaced, require_stop
 
 _TYPES = (*TURNING, *SLIDING, "fixed", "floating", "planar")
@@ -55,6 +56,7 @@ def load_urdf(
     replace: Mapping[str, Expr] | None = None,
     fixed_base: bool = True,
     stop: ContactLaw | float | None = None,
+    strict: bool = False,
 ) -> Robot:
     """A machine from a URDF file.
 
@@ -76,6 +78,10 @@ def load_urdf(
     stop : ContactLaw
         or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each; None: limits do not
         act. Equal lower and upper limits do not act either
+    strict : bool
+        whether all faults are errors. By default one SymmbWarning tells those that do not matter: attributes of
+        other programs, <mimic> of joints that cannot follow, dots in names, and inertias that no body has. The nearest
+        possible one stands for such an inertia, unless it changes the motion much
 
     Returns
     -------
@@ -106,14 +112,19 @@ def load_urdf(
         raise DeclarationError(f"load_urdf: expected the path of a file, got {shown(path)}.")
     require_stop("load_urdf", stop)
     require_truth("load_urdf", "fixed_base", fixed_base)
-    description = _read_description(Path(path))
+    require_truth("load_urdf", "strict", strict)
+    passed = None if strict else {}
+    description = _read_description(Path(path), passed)
     values = replaced(description, replace, stop, "Give fixed_base=False." if fixed_base else None)
-    return Building(description, values, fixed_base, stop).robot()
+    building, repairs = repaired(Building(description, values, fixed_base, stop))
+    robot = building.robot()
+    warn_of([*told(passed or {}), *repairs], f"load_urdf {path}")
+    return robot
 
 
-def _read_description(path: Path) -> Description:
+def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Description:
     """What a URDF file says. All faults of links and joints are told at once, each with line and element."""
-    top = read_document(path)
+    top = read_document(path, passed)
     if top.name != "robot":
         raise top.fault("the outermost element of a URDF file must be <robot>.")
     top.check(_IN_ROBOT, ("name", "version"))
@@ -121,12 +132,13 @@ def _read_description(path: Path) -> Description:
     numbers: dict[str, float] = {}
     links: dict[str, _Link] = {}
     joints: dict[str, _Joint] = {}
+    known = [joint.attributes.get("name", "").strip() for joint in top.all("joint")]
     for tag in top.inside:
         try:
             if tag.name == "link":
                 _add(links, _link(tag, numbers))
             elif tag.name == "joint":
-                _add(joints, _joint(tag, numbers))
+                _add(joints, _joint(tag, numbers, known))
             elif tag.name in {*_IN_LINK, *_IN_JOINT} - {*_IN_ROBOT}:
                 raise tag.fault("this element stands right in <robot>; move it into its link or joint.")
         except DeclarationError as error:
@@ -152,7 +164,7 @@ def _origin(tag: Tag) -> tuple[tuple[float, ...], tuple[float, ...]]:
     origin = tag.one("origin")
     if origin is None:
         return (0.0,) * 3, (0.0,) * 3
-    origin.check_exactly(("xyz", "rpy"))
+    origin.check_exactly(("xyz", "rpy"), others_matter=True)
     return origin.numbers("xyz", (0.0,) * 3), origin.numbers("rpy", (0.0,) * 3)
 
 
@@ -174,7 +186,7 @@ def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
         moments = tuple(of_inertia.number(entry) for entry in _INERTIA)
         fault = inertia_fault(moments)
         if fault:
-            raise of_inertia.fault(fault)
+            of_inertia.pass_over("inertias that no body has", of_inertia.fault(fault))
     numbers |= {f"{name}.mass": mass} | named(f"{name}.com", (*XYZ, *RPY), (*xyz, *rpy))
     numbers |= named(f"{name}.inertia", tuple(entry[1:] for entry in _INERTIA), moments)
     visual, collision = ([shape for t in tag.all(kind) if (shape := _shape(t))] for kind in ("visual", "collision"))
@@ -205,7 +217,7 @@ def _shape(tag: Tag) -> ShapeData | None:
     return ShapeData(shape.name, xyz, rpy, size)  # pyright: ignore[reportArgumentType]
 
 
-def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
+def _joint(tag: Tag, numbers: dict[str, float], known: list[str]) -> _Joint:
     name = tag.own_name()
     tag.check(_IN_JOINT, ("name", "type"))
     kind = tag.text("type")
@@ -215,22 +227,35 @@ def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
     for end in ("parent", "child"):
         of_end = tag.needed(end)
         of_end.check_exactly(("link",))
-        ends.append(of_end.text("link"))
+        ends.append(of_end.reference("link"))
     numbers |= named(f"{name}.origin", (*XYZ, *RPY), sum(_origin(tag), ()))
     if kind not in ("fixed", "floating"):
         numbers |= named(f"{name}.axis", XYZ, _axis(tag))
-    mimic = tag.one("mimic")
+    mimic = _mimic(tag, kind, known)
     if kind in (*TURNING, *SLIDING):
         numbers |= _limits(tag, name, kind) | _dynamics(tag, name)
         if mimic is not None:
             mimic.check_exactly(("joint", "multiplier", "offset"))
             numbers[f"{name}.mimic.multiplier"] = mimic.number("multiplier", 1.0)
             numbers[f"{name}.mimic.offset"] = mimic.number("offset", 0.0)
-    elif mimic is not None:
-        raise mimic.fault(f"a {kind} joint has no value that could follow another one; remove <mimic>.")
     elif kind != "fixed" and any(_dynamics(tag, name).values()):
         raise tag.needed("dynamics").fault(f"a {kind} joint has no single rate to damp; declare its forces in Python.")
-    return _Joint(name, kind, *ends, mimic=None if mimic is None else mimic.text("joint"), tag=tag)
+    return _Joint(name, kind, *ends, mimic=None if mimic is None else mimic.reference("joint"), tag=tag)
+
+
+def _mimic(tag: Tag, kind: str, known: list[str]) -> Tag | None:
+    """The <mimic> of a joint, if the joint and the one that it follows have a value."""
+    mimic = tag.one("mimic")
+    if mimic is not None and kind not in (*TURNING, *SLIDING):
+        error = mimic.fault(f"a {kind} joint has no value that could follow another one; remove <mimic>.")
+        mimic.pass_over(f"<mimic> of {kind} joints", error)
+    elif mimic is not None and (leader := mimic.text("joint")) not in known:
+        close = did_you_mean(leader, known).strip().rstrip(".")
+        error = mimic.fault(f"there is no joint {leader!r}; {close[0].lower()}{close[1:]}.")
+        mimic.pass_over("<mimic> of joints that are not there, so that the followers move freely", error)
+    else:
+        return mimic
+    return None
 
 
 def _axis(tag: Tag) -> tuple[float, ...]:
@@ -304,9 +329,6 @@ def _mimic_faults(joint: _Joint, joints: Mapping[str, _Joint]) -> Iterator[str]:
             yield str(mimic.fault(f"joint {joint.name!r} follows itself; name another joint."))
             return
         if other not in joints:
-            if len(seen) == 1:
-                close = did_you_mean(other, joints).strip().rstrip(".")
-                yield str(mimic.fault(f"there is no joint {other!r}; {close[0].lower()}{close[1:]}."))
             return
         if not joints[other].moves:
             if len(seen) == 1:
