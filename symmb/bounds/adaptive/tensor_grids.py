@@ -145,7 +145,8 @@ class TensorGrids:
         else:
             estimate = np.maximum(inflated, np.maximum(trusted, beyond))
             if len(runs.box) == 1:
-                estimate = np.maximum(estimate, self._share_of_secants * self._unseen(union)[1].max(axis=0))
+                share = np.maximum(self._share_of_secants, 0 if len(union.pieces)==1 else 1/SAFETY)
+                estimate = np.maximum(estimate, share * self._unseen(union)[1].max(axis=0))
             error = relative_rms(estimate, widths)
         if error > tolerance and self._chooses(worst):
             return self._at_kinks(union, estimate)
@@ -172,7 +173,7 @@ class TensorGrids:
         while runs.left > 1 and not runs.clock.is_late:
             places, beyond = self._secant_extremes()
             of_range = np.maximum(estimate, runs.beyond(union.lower, union.upper))
-            errors = np.minimum(beyond, np.maximum(of_range, self._share_of_secants * beyond))
+            errors = np.minimum(beyond, np.maximum(of_range, np.maximum(self._share_of_secants, 1/SAFETY) * beyond))
             size = relative_rms(errors.max(axis=0), widths)
             if size <= tolerance:
                 (is_lowest, is_highest), (lowest, highest) = beyond < of_range, runs.extremes
@@ -200,8 +201,9 @@ class TensorGrids:
         points, _ = runs.check(chosen)
         gains = np.maximum(np.stack([lower - runs.extremes[0], runs.extremes[1] - upper]), 0.0)
         is_run = (np.abs(places - points[:, 0]) < ROUNDING).any(axis=-1)
-        self._foreseen += np.square(np.where(is_run, unseen, 0.0)).sum(axis=(0, 1))
-        self._gained += np.square(np.where(is_run, gains, 0.0)).sum(axis=(0, 1))
+        is_run &= unseen > self._tolerance / 2 * self._widths
+        ratio = np.divide(gains, unseen, out=np.zeros_like(gains), where=is_run)
+        self._gained = np.maximum(self._gained, ratio.max(axis=(0, 1)))
         return len(points)
 
     @property
@@ -210,8 +212,7 @@ class TensorGrids:
 
         Where it is small, polynomials are right.
         """
-        ratio = np.divide(self._gained, self._foreseen, out=np.zeros_like(self._gained), where=self._foreseen > 0)
-        return np.minimum(SAFETY * np.sqrt(ratio), 1.0)
+        return np.minimum(self._gained, 1.0)
 
     def _secant_extremes(self) -> tuple[Array, Array]:
         """Of all runs: where they suspect extremes at kinks, and how far beyond."""
