@@ -4,7 +4,7 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import SAFETY
+from symmb.bounds.adaptive.check_runs import SAFETY, WORTHWHILE
 
 
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
@@ -31,6 +31,21 @@ def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array
             beyond[side, window] = np.maximum(least - np.take_along_axis(values, which, axis=0)[0], 0.0)
             places[side, window, :, 0] = np.take_along_axis(at, which, axis=0)[0]
     return places, beyond
+
+
+def worst_intervals(points: Array, places: Array, weights: Array, most: int) -> Array:
+    """Of the intervals of points (N, 1) with the most weight: the heaviest place (n, 1) of each.
+
+    Places (..., 1) have weights (...), whose squares count. Intervals with less than a share WORTHWHILE do not.
+    """
+    places, squares = places.ravel(), np.square(weights).ravel()
+    order = np.argsort(-squares, kind="stable")
+    intervals = np.searchsorted(np.sort(points[:, 0]), places[order])
+    found, first, which = np.unique(intervals, return_index=True, return_inverse=True)
+    total = np.bincount(which, squares[order])
+    heaviest = np.argsort(-total)[:most]
+    heaviest = heaviest[total[heaviest] > WORTHWHILE**2 * total.max()]
+    return places[order][first[heaviest], None]
 
 
 def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from symmb.bounds.adaptive.check_runs import (
 )
 from symmb.bounds.adaptive.piece import JUDGED_DEGREE, TENSOR_RANGE, Part, Piece, nodes_of
 from symmb.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
-from symmb.bounds.adaptive.secants import secant_extremes
+from symmb.bounds.adaptive.secants import secant_extremes, worst_intervals
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import DOUBTFUL, ROUNDING, average_over_window, is_doubtful, is_doubtful_in_window
 from symmb.polynomials.ranges import Piecewise
@@ -183,7 +183,7 @@ class TensorGrids:
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
             has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
-            chosen = select_dispersed(places, large, 2)
+            chosen = worst_intervals(np.concatenate([runs.places, runs.points]), places, large, 8)
             if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
                 break
         return None
