@@ -6,6 +6,8 @@ from symmb._limits import windows
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import SAFETY, WORTHWHILE
 
+LEAST_SHARE = 0.2
+"""Least share of an interval between a vertex and its ends where slopes grow towards it, as at cusps."""
 
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
     """Places of possible minima and maxima (2, n_t, n_y, 1), and how far they may go beyond all responses.
@@ -20,7 +22,8 @@ def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array
     Y : (N, n_t, n_y)       responses there
     noise : (n_y,)          of the responses, which is no slope
     """
-    x, order = np.unique(points[:, 0], return_index=True)
+    _, order = np.unique(points[:, 0].round(9), return_index=True)  # slopes of less are rounding
+    x = points[order, 0]
     n_t, n_y = Y.shape[1:]
     places, beyond = np.empty((2, n_t, n_y, 1)), np.empty((2, n_t, n_y))
     for window in windows(n_t, n_y * len(x)):
@@ -60,14 +63,11 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
     bends[[0, -1]] = False
     is_valley = bends & (left < 0) & (right > 0)
     u = np.divide(slope - right, left - right, out=np.full_like(slope, 0.5), where=is_valley)
-    value = np.where(is_valley, y[:-1] + left * u * h, np.where(bends, np.inf, np.minimum(on_left, on_right)))
+    least = np.minimum(np.maximum(growth_before, growth_after) - 1, LEAST_SHARE)
+    u = np.where(is_valley, np.clip(u, least, 1 - least), u)
+    in_valley = np.minimum(y[:-1] + left * u * h, y[1:] - right * (1 - u) * h)
+    value = np.where(is_valley, in_valley, np.where(bends, np.inf, np.minimum(on_left, on_right)))
     depth = np.maximum(np.minimum(y[:-1], y[1:]) - value, 0.0)
-    for at, growth, falls in (
-        (0.3, growth_after, (slope > 0) & (before < 0)),
-        (0.7, growth_before, (slope < 0) & (after > 0)),
-    ):
-        cusp = np.where(falls, np.abs(sure) * h * (growth - 1), 0.0)
-        u, depth = np.where(cusp > depth, at, u), np.maximum(cusp, depth)
     return np.minimum(y[:-1], y[1:]) - SAFETY * depth, x[:-1, None, None] + u * h
 
 

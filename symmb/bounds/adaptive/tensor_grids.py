@@ -223,7 +223,10 @@ class TensorGrids:
     def _probes(self, number: int) -> Array:
         """Check points: those that the study is asked for, and so many quasi-random ones."""
         d = len(self._runs.box)
-        points = np.concatenate([evenly_spread_points(self._runs.probes, d), quasi_random_points(number, d)])
+        if d == 1:  # a kink may be anywhere
+            points = evenly_spread_points(self._runs.probes + number, d)
+        else:
+            points = np.concatenate([evenly_spread_points(self._runs.probes, d), quasi_random_points(number, d)])
         return points[: self._runs.left]
 
     def refined(self) -> "TensorGrids":
