@@ -9,6 +9,7 @@ from symmb.bounds.adaptive.check_runs import SAFETY, WORTHWHILE
 LEAST_SHARE = 0.2
 """Least share of an interval between a vertex and its ends where slopes grow towards it, as at cusps."""
 
+
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
     """Places of possible minima and maxima (2, n_t, n_y, 1), and how far they may go beyond all responses.
 
@@ -36,19 +37,19 @@ def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array
     return places, beyond
 
 
-def worst_intervals(points: Array, places: Array, weights: Array, most: int) -> Array:
-    """Of the intervals of points (N, 1) with the most weight: the heaviest place (n, 1) of each.
+def worst_intervals(points: Array, places: Array, weights: Array) -> Array:
+    """Of each interval of points (N, 1) the place (n, 1) with the largest weight; the first interval has the most.
 
-    Places (..., 1) have weights (...), whose squares count. Intervals with less than a share WORTHWHILE do not.
+    Places (..., 1) have weights (...), whose squares count. Intervals with less than a share WORTHWHILE of the largest
+    root sum do not.
     """
     places, squares = places.ravel(), np.square(weights).ravel()
     order = np.argsort(-squares, kind="stable")
     intervals = np.searchsorted(np.sort(points[:, 0]), places[order])
-    found, first, which = np.unique(intervals, return_index=True, return_inverse=True)
+    _, first, which = np.unique(intervals, return_index=True, return_inverse=True)
     total = np.bincount(which, squares[order])
-    heaviest = np.argsort(-total)[:most]
-    heaviest = heaviest[total[heaviest] > WORTHWHILE**2 * total.max()]
-    return places[order][first[heaviest], None]
+    heaviest = np.argsort(-total)
+    return places[order[first[heaviest[total[heaviest] > WORTHWHILE**2 * total.max()]]], None]
 
 
 def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
@@ -58,15 +59,15 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
     sure = np.sign(slope) * np.maximum(np.abs(slope) - 2 * noise / h, 0.0)
     (before, growth_before), (after, growth_after) = _outer(sure), (each[::-1] for each in _outer(sure[::-1]))
     left, right = before * growth_before, after * growth_after
-    on_left, on_right = y[:-1] + np.minimum(left, 0.0) * h, y[1:] - np.maximum(right, 0.0) * h
     bends = (np.minimum(left, right) <= slope) & (slope <= np.maximum(left, right))
     bends[[0, -1]] = False
     is_valley = bends & (left < 0) & (right > 0)
-    u = np.divide(slope - right, left - right, out=np.full_like(slope, 0.5), where=is_valley)
+    crossing = np.divide(slope - right, left - right, out=np.full_like(slope, 0.5), where=is_valley)
     least = np.minimum(np.maximum(growth_before, growth_after) - 1, LEAST_SHARE)
-    u = np.where(is_valley, np.clip(u, least, 1 - least), u)
-    in_valley = np.minimum(y[:-1] + left * u * h, y[1:] - right * (1 - u) * h)
-    value = np.where(is_valley, in_valley, np.where(bends, np.inf, np.minimum(on_left, on_right)))
+    u = np.where(is_valley, np.clip(crossing, least, 1 - least), 0.5)
+    of_left, of_right = h * np.where(is_valley, [u, 1 - u], 1.0)
+    value = np.minimum(y[:-1] + np.minimum(left, 0.0) * of_left, y[1:] - np.maximum(right, 0.0) * of_right)
+    value[bends & ~is_valley] = np.inf
     depth = np.maximum(np.minimum(y[:-1], y[1:]) - value, 0.0)
     return np.minimum(y[:-1], y[1:]) - SAFETY * depth, x[:-1, None, None] + u * h
 

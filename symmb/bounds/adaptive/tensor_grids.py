@@ -96,7 +96,8 @@ class TensorGrids:
 
     Where the response is not smooth the box is halved. Each half is refined by itself as long as it may hold an
     extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the
-    extremes. Runs at some of these places then check the estimate.
+    extremes. Runs at some of these places then check the estimate. Of one parameter, secants suspect extremes at kinks,
+    and runs there tell the largest share (n_y,) of the suspicion that was right: so much of the rest counts as an error.
     """
 
     def __init__(self, runs: Runs, tolerance: float) -> None:
@@ -106,7 +107,7 @@ class TensorGrids:
         runs.at(nodes_of(part))  # widths are those of runs
         self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
-        self._foreseen, self._gained = np.zeros((2, runs.shape[1]))
+        self._share_of_secants = np.zeros(runs.shape[1])
 
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
@@ -145,8 +146,7 @@ class TensorGrids:
         else:
             estimate = np.maximum(inflated, np.maximum(trusted, beyond))
             if len(runs.box) == 1:
-                share = np.maximum(self._share_of_secants, 0 if len(union.pieces)==1 else 1/SAFETY)
-                estimate = np.maximum(estimate, share * self._unseen(union)[1].max(axis=0))
+                estimate = np.maximum(estimate, self._share_of_secants * self._unseen(union)[1].max(axis=0))
             error = relative_rms(estimate, widths)
         if error > tolerance and self._chooses(worst):
             return self._at_kinks(union, estimate)
@@ -173,7 +173,7 @@ class TensorGrids:
         while runs.left > 1 and not runs.clock.is_late:
             places, beyond = self._secant_extremes()
             of_range = np.maximum(estimate, runs.beyond(union.lower, union.upper))
-            errors = np.minimum(beyond, np.maximum(of_range, np.maximum(self._share_of_secants, 1/SAFETY) * beyond))
+            errors = np.minimum(beyond, np.maximum(of_range, self._share_of_secants * beyond))
             size = relative_rms(errors.max(axis=0), widths)
             if size <= tolerance:
                 (is_lowest, is_highest), (lowest, highest) = beyond < of_range, runs.extremes
@@ -183,7 +183,7 @@ class TensorGrids:
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
             has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
-            chosen = worst_intervals(np.concatenate([runs.places, runs.points]), places, large, 8)
+            chosen = worst_intervals(np.concatenate([runs.places, runs.points]), places, large)[: runs.left]
             if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
                 break
         return None
@@ -195,24 +195,16 @@ class TensorGrids:
         return places, np.maximum(beyond - foreseen, 0.0)
 
     def _check_secants(self, union: _Union, places: Array, unseen: Array, chosen: Array) -> int:
-        """Run chosen points, and count what they gain where secants suspect extremes; returns how many are new."""
+        """Run chosen points, and note what they gain where secants suspect extremes; returns how many are new."""
         runs = self._runs
         lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
         points, _ = runs.check(chosen)
         gains = np.maximum(np.stack([lower - runs.extremes[0], runs.extremes[1] - upper]), 0.0)
         is_run = (np.abs(places - points[:, 0]) < ROUNDING).any(axis=-1)
         is_run &= unseen > self._tolerance / 2 * self._widths
-        ratio = np.divide(gains, unseen, out=np.zeros_like(gains), where=is_run)
-        self._gained = np.maximum(self._gained, ratio.max(axis=(0, 1)))
+        share = np.divide(gains, unseen, out=np.zeros_like(gains), where=is_run).max(axis=(0, 1))
+        self._share_of_secants = np.clip(share, self._share_of_secants, 1.0)
         return len(points)
-
-    @property
-    def _share_of_secants(self) -> Array:
-        """Share (n_y,) of what secants suspect to be told as an error, from what runs there have gained of it.
-
-        Where it is small, polynomials are right.
-        """
-        return np.minimum(self._gained, 1.0)
 
     def _secant_extremes(self) -> tuple[Array, Array]:
         """Of all runs: where they suspect extremes at kinks, and how far beyond."""
@@ -221,12 +213,10 @@ class TensorGrids:
         return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
 
     def _probes(self, number: int) -> Array:
-        """Check points: those that the study is asked for, and so many quasi-random ones."""
+        """Check points: those that the study is asked for, and so many others, nearer to corners if there are any."""
         d = len(self._runs.box)
-        if d == 1:  # a kink may be anywhere
-            points = evenly_spread_points(self._runs.probes + number, d)
-        else:
-            points = np.concatenate([evenly_spread_points(self._runs.probes, d), quasi_random_points(number, d)])
+        n_even = self._runs.probes + (number if d == 1 else 0)  # a kink may be anywhere
+        points = np.concatenate([evenly_spread_points(n_even, d), quasi_random_points(number if d > 1 else 0, d)])
         return points[: self._runs.left]
 
     def refined(self) -> "TensorGrids":
