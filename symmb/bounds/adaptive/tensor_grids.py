@@ -96,8 +96,8 @@ class TensorGrids:
 
     Where the response is not smooth the box is halved. Each half is refined by itself as long as it may hold an
     extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the
-    extremes. Runs at some of these places then check the estimate. Of one parameter, secants suspect extremes at kinks,
-    and runs there tell the largest share (n_y,) of the suspicion that was right: so much of the rest counts as an error.
+    extremes. Runs at some of these places then check the estimate. Of one parameter, secants suspect extremes at kinks.
+    Runs there tell the largest share (n_y,) of a suspicion that was right: so much of the others counts as an error.
     """
 
     def __init__(self, runs: Runs, tolerance: float) -> None:
