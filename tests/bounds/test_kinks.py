@@ -81,7 +81,10 @@ def test_a_kink_of_one_parameter_is_found(kink):
 @pytest.mark.parametrize(("at", "speed"), [(0.317, 0.37), (0.59, -0.26)])
 def test_kinks_that_move_are_found_or_told_at_each_time(power, n_t, most, at, speed):
     t, x = np.linspace(0, 1, n_t), np.linspace(0, 1, 5001)[:, None]
-    f = lambda x: 1 + 0.3 * np.sin(5 * t + at) - np.abs(x - at - speed * t) ** power
+
+    def f(x):
+        return 1 + 0.3 * np.sin(5 * t + at) - np.abs(x - at - speed * t) ** power
+
     simulator = mb.FunctionSimulator(f, parameters={"x": 0.5}, times=t, outputs=["y"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(x=(0.0, 1.0)))
     low, high = bounds.outer
