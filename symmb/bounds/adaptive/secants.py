@@ -4,7 +4,7 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import SAFETY, WORTHWHILE
+from symmb.bounds.adaptive.check_runs import SAFETY
 
 LEAST_SHARE = 0.2
 """Least share of an interval between a vertex and its ends where slopes grow towards it, as at cusps."""
@@ -35,21 +35,6 @@ def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array
             beyond[side, window] = np.maximum(least - np.take_along_axis(values, which, axis=0)[0], 0.0)
             places[side, window, :, 0] = np.take_along_axis(at, which, axis=0)[0]
     return places, beyond
-
-
-def worst_intervals(points: Array, places: Array, weights: Array) -> Array:
-    """Of each interval of points (N, 1) the place (n, 1) with the largest weight; the first interval has the most.
-
-    Places (..., 1) have weights (...), whose squares count. Intervals with less than a share WORTHWHILE of the largest
-    root sum do not.
-    """
-    places, squares = places.ravel(), np.square(weights).ravel()
-    order = np.argsort(-squares, kind="stable")
-    intervals = np.searchsorted(np.sort(points[:, 0]), places[order])
-    _, first, which = np.unique(intervals, return_index=True, return_inverse=True)
-    total = np.bincount(which, squares[order])
-    heaviest = np.argsort(-total)
-    return places[order[first[heaviest[total[heaviest] > WORTHWHILE**2 * total.max()]]], None]
 
 
 def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from symmb.bounds.adaptive.check_runs import (
 )
 from symmb.bounds.adaptive.piece import JUDGED_DEGREE, TENSOR_RANGE, Part, Piece, nodes_of
 from symmb.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
-from symmb.bounds.adaptive.secants import secant_extremes, worst_intervals
+from symmb.bounds.adaptive.secants import secant_extremes
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import DOUBTFUL, ROUNDING, average_over_window, is_doubtful, is_doubtful_in_window
 from symmb.polynomials.ranges import Piecewise
@@ -30,6 +30,8 @@ FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
 """TRUST and SAFETY of fields, whose check runs show errors at many times: less takes fewer runs, and misses more."""
 KINK_GAIN = 0.9
 """Share of the error that half of all rounds of runs near kinks may leave: more takes runs that do not help."""
+NARROW, MOST_AT_KINKS = 0.01, 8
+"""How near kinks are taken together, over the distances of other check runs, and most runs of a round there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +185,7 @@ class TensorGrids:
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
             has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
-            chosen = worst_intervals(np.concatenate([runs.places, runs.points]), places, large)[: runs.left]
+            chosen = select_dispersed(places / NARROW, large, MOST_AT_KINKS)[: runs.left] * NARROW
             if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
                 break
         return None
