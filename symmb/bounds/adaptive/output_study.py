@@ -192,10 +192,11 @@ class OutputStudy:
 
     def _polled(self, found: EstimatedRange) -> Steps:
         """The range with what runs at extremes of separable quadratics gain, until this is little. It is an error."""
-        runs, estimate, gained = self.runs, found.estimate, np.full(self.runs.shape, np.inf)
-        while runs.left and not runs.clock.is_late and relative_rms(gained, runs.rms_widths()) > self.tolerance / 2:
+        runs, estimate, size = self.runs, found.estimate, np.inf
+        while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
             yield Checks(separable_extremes(*runs.attained()))
             gained, (lowest, highest) = runs.beyond(found.lower, found.upper), runs.extremes
+            size = relative_rms(gained, runs.rms_widths())
             lower, upper = np.minimum(found.lower, lowest), np.maximum(found.upper, highest)
             found = found._replace(lower=lower, upper=upper, estimate=np.maximum(estimate, SAFETY * gained))
         error = relative_rms(found.estimate, runs.rms_widths())
