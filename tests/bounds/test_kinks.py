@@ -77,6 +77,22 @@ def test_a_kink_of_one_parameter_is_found(kink):
     assert bounds.estimate[0, 0] <= 0.01 * width and bounds.evaluations <= most and not bounds.doubts
 
 
+@pytest.mark.parametrize(("power", "n_t", "most"), [(1.0, 41, 120), (0.6, 5, 250), (0.52, 5, 250)])
+@pytest.mark.parametrize(("at", "speed"), [(0.317, 0.37), (0.59, -0.26)])
+def test_kinks_that_move_are_found_or_told_at_each_time(power, n_t, most, at, speed):
+    t, x = np.linspace(0, 1, n_t), np.linspace(0, 1, 5001)[:, None]
+
+    def f(x):
+        return 1 + 0.3 * np.sin(5 * t + at) - np.abs(x - at - speed * t) ** power
+
+    simulator = mb.FunctionSimulator(f, parameters={"x": 0.5}, times=t, outputs=["y"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(x=(0.0, 1.0)))
+    low, high = bounds.outer
+    lower, upper = f(x).min(axis=0), f(x).max(axis=0)
+    assert (np.maximum(low[:, 0] - lower, upper - high[:, 0]) <= 5e-3 * (upper - lower)).all()
+    assert bounds.evaluations <= most and not bounds.doubts
+
+
 @pytest.mark.parametrize("level", [0.13, -0.4])
 def test_a_jump_of_three_parameters_takes_few_runs(level):
     simulator = mb.FunctionSimulator(

@@ -1,6 +1,7 @@
 """Rounds of check runs near extremes: what they say of an interpolant's range, and of what runs attain."""
 
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from symmb.polynomials.ranges import Piecewise
 
 ROUNDS = 2
 """Fewest rounds, and the last ones that show what runs attain beyond those before: fewer miss more, more take runs."""
+NEAR_VALUES = 4, 12
+"""Runs with the lowest or highest values to which parabolas are fitted, over their coefficients: few show what is near
+an extreme, many what is not near those that are known."""
 NEAR_TIMES = 4
 """Output times before and after a time between whose extremes others are looked for: more take longer, fewer miss
 peaks that move by more from run to run."""
@@ -232,6 +236,23 @@ def growth_inside(runs: OutputRuns) -> Array:
         halves = [np.maximum(half.max(axis=0), ends) for half in (inside[::2], inside[1::2])]
         growth = np.maximum(growth, np.maximum(*halves) - np.mean(halves, axis=0) - runs.noise)
     return SAFETY * inflated_error(np.square(np.maximum(growth, 0.0)))
+
+
+def separable_extremes(points: Array, Y: Array) -> Array:
+    """Places (k, d) of the extremes, at 2 d times at most, of sums of parabolas in one parameter each.
+
+    They are fitted to the lowest and to the highest of the responses Y (N, n_t, 1) at points (N, d).
+    """
+    d, places = points.shape[1], list[Array]()
+    terms = np.concatenate([np.ones((len(points), 1)), points, np.square(points)], axis=1)
+    for time in np.unique(np.linspace(0, Y.shape[1] - 1, 2 * d).astype(int)):
+        for sign, near in product((1, -1), NEAR_VALUES):
+            y = sign * Y[:, time, 0]
+            rows = np.argsort(y, kind="stable")[: near * terms.shape[1]]
+            _, slope, bend = np.split(np.linalg.lstsq(terms[rows], y[rows])[0], [1, d + 1])
+            vertex = np.divide(-slope, 2 * bend, out=-np.sign(slope), where=bend > 0)
+            places.append(np.clip(vertex, -1.0, 1.0))
+    return np.array(places)
 
 
 def spread_over_times(error: Array, width: Array) -> Array:

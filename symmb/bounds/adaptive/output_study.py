@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from symmb.bounds.adaptive.check_rounds import CheckRounds, spread_over_times
+from symmb.bounds.adaptive.check_rounds import CheckRounds, separable_extremes, spread_over_times
 from symmb.bounds.adaptive.check_runs import (
     PATIENCE,
     SAFETY,
@@ -91,7 +91,7 @@ class OutputStudy:
             if self._is_brief and (is_stalled or not runs.has_lanes):
                 known = self._probes if runs.has_lanes else runs.points
                 known = np.concatenate([self.grid.nodes, known])
-                return (yield from surface_range(runs, known, tolerance, self.is_patient))
+                return (yield from self._polled((yield from surface_range(runs, known, tolerance, self.is_patient))))
             if is_stalled and not has_corners:
                 has_corners = True
                 yield Checks(corner_design(d))
@@ -188,4 +188,16 @@ class OutputStudy:
             error = relative_rms(found.estimate, runs.rms_widths())
             if error <= tolerance or error >= 0.9 * before:
                 break
-        return found._replace(is_enough=error <= tolerance)
+        return (yield from self._polled(found._replace(is_enough=error <= tolerance)))
+
+    def _polled(self, found: EstimatedRange) -> Steps:
+        """The range with what runs at extremes of separable quadratics gain, until this is little. It is an error."""
+        runs, estimate, size = self.runs, found.estimate, np.inf
+        while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
+            yield Checks(separable_extremes(*runs.attained()))
+            gained, (lowest, highest) = runs.beyond(found.lower, found.upper), runs.extremes
+            size = relative_rms(gained, runs.rms_widths())
+            lower, upper = np.minimum(found.lower, lowest), np.maximum(found.upper, highest)
+            found = found._replace(lower=lower, upper=upper, estimate=np.maximum(estimate, SAFETY * gained))
+        error = relative_rms(found.estimate, runs.rms_widths())
+        return found._replace(is_enough=found.is_enough and error <= self.tolerance)

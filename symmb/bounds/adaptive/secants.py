@@ -6,6 +6,9 @@ from symmb._limits import windows
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import SAFETY
 
+LEAST_SHARE = 0.2
+"""Least share of an interval between a vertex and its ends where slopes grow towards it, as at cusps."""
+
 
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
     """Places of possible minima and maxima (2, n_t, n_y, 1), and how far they may go beyond all responses.
@@ -20,7 +23,8 @@ def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array
     Y : (N, n_t, n_y)       responses there
     noise : (n_y,)          of the responses, which is no slope
     """
-    x, order = np.unique(points[:, 0], return_index=True)
+    _, order = np.unique(points[:, 0].round(9), return_index=True)  # slopes of less are rounding
+    x = points[order, 0]
     n_t, n_y = Y.shape[1:]
     places, beyond = np.empty((2, n_t, n_y, 1)), np.empty((2, n_t, n_y))
     for window in windows(n_t, n_y * len(x)):
@@ -40,19 +44,16 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
     sure = np.sign(slope) * np.maximum(np.abs(slope) - 2 * noise / h, 0.0)
     (before, growth_before), (after, growth_after) = _outer(sure), (each[::-1] for each in _outer(sure[::-1]))
     left, right = before * growth_before, after * growth_after
-    on_left, on_right = y[:-1] + np.minimum(left, 0.0) * h, y[1:] - np.maximum(right, 0.0) * h
     bends = (np.minimum(left, right) <= slope) & (slope <= np.maximum(left, right))
     bends[[0, -1]] = False
     is_valley = bends & (left < 0) & (right > 0)
-    u = np.divide(slope - right, left - right, out=np.full_like(slope, 0.5), where=is_valley)
-    value = np.where(is_valley, y[:-1] + left * u * h, np.where(bends, np.inf, np.minimum(on_left, on_right)))
+    crossing = np.divide(slope - right, left - right, out=np.full_like(slope, 0.5), where=is_valley)
+    least = np.minimum(np.maximum(growth_before, growth_after) - 1, LEAST_SHARE)
+    u = np.where(is_valley, np.clip(crossing, least, 1 - least), 0.5)
+    of_left, of_right = h * np.where(is_valley, [u, 1 - u], 1.0)
+    value = np.minimum(y[:-1] + np.minimum(left, 0.0) * of_left, y[1:] - np.maximum(right, 0.0) * of_right)
+    value[bends & ~is_valley] = np.inf
     depth = np.maximum(np.minimum(y[:-1], y[1:]) - value, 0.0)
-    for at, growth, falls in (
-        (0.3, growth_after, (slope > 0) & (before < 0)),
-        (0.7, growth_before, (slope < 0) & (after > 0)),
-    ):
-        cusp = np.where(falls, np.abs(sure) * h * (growth - 1), 0.0)
-        u, depth = np.where(cusp > depth, at, u), np.maximum(cusp, depth)
     return np.minimum(y[:-1], y[1:]) - SAFETY * depth, x[:-1, None, None] + u * h
 
 

@@ -30,6 +30,8 @@ FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
 """TRUST and SAFETY of fields, whose check runs show errors at many times: less takes fewer runs, and misses more."""
 KINK_GAIN = 0.9
 """Share of the error that half of all rounds of runs near kinks may leave: more takes runs that do not help."""
+NARROW, MOST_AT_KINKS = 0.01, 8
+"""How near kinks are taken together, over the distances of other check runs, and most runs of a round there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,8 @@ class TensorGrids:
 
     Where the response is not smooth the box is halved. Each half is refined by itself as long as it may hold an
     extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the
-    extremes. Runs at some of these places then check the estimate.
+    extremes. Runs at some of these places then check the estimate. Of one parameter, secants suspect extremes at kinks.
+    Runs there tell the largest share (n_y,) of a suspicion that was right: so much of the others counts as an error.
     """
 
     def __init__(self, runs: Runs, tolerance: float) -> None:
@@ -106,7 +109,7 @@ class TensorGrids:
         runs.at(nodes_of(part))  # widths are those of runs
         self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
-        self._foreseen, self._gained = np.zeros((2, runs.shape[1]))
+        self._share_of_secants = np.zeros(runs.shape[1])
 
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
@@ -182,7 +185,7 @@ class TensorGrids:
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
             has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
-            chosen = select_dispersed(places, large, 2)
+            chosen = select_dispersed(places / NARROW, large, MOST_AT_KINKS)[: runs.left] * NARROW
             if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
                 break
         return None
@@ -194,24 +197,16 @@ class TensorGrids:
         return places, np.maximum(beyond - foreseen, 0.0)
 
     def _check_secants(self, union: _Union, places: Array, unseen: Array, chosen: Array) -> int:
-        """Run chosen points, and count what they gain where secants suspect extremes; returns how many are new."""
+        """Run chosen points, and note what they gain where secants suspect extremes; returns how many are new."""
         runs = self._runs
         lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
         points, _ = runs.check(chosen)
         gains = np.maximum(np.stack([lower - runs.extremes[0], runs.extremes[1] - upper]), 0.0)
         is_run = (np.abs(places - points[:, 0]) < ROUNDING).any(axis=-1)
-        self._foreseen += np.square(np.where(is_run, unseen, 0.0)).sum(axis=(0, 1))
-        self._gained += np.square(np.where(is_run, gains, 0.0)).sum(axis=(0, 1))
+        is_run &= unseen > self._tolerance / 2 * self._widths
+        share = np.divide(gains, unseen, out=np.zeros_like(gains), where=is_run).max(axis=(0, 1))
+        self._share_of_secants = np.clip(share, self._share_of_secants, 1.0)
         return len(points)
-
-    @property
-    def _share_of_secants(self) -> Array:
-        """Share (n_y,) of what secants suspect to be told as an error, from what runs there have gained of it.
-
-        Where it is small, polynomials are right.
-        """
-        ratio = np.divide(self._gained, self._foreseen, out=np.zeros_like(self._gained), where=self._foreseen > 0)
-        return np.minimum(SAFETY * np.sqrt(ratio), 1.0)
 
     def _secant_extremes(self) -> tuple[Array, Array]:
         """Of all runs: where they suspect extremes at kinks, and how far beyond."""
@@ -220,9 +215,10 @@ class TensorGrids:
         return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
 
     def _probes(self, number: int) -> Array:
-        """Check points: those that the study is asked for, and so many quasi-random ones."""
+        """Check points: those that the study is asked for, and so many others, nearer to corners if there are any."""
         d = len(self._runs.box)
-        points = np.concatenate([evenly_spread_points(self._runs.probes, d), quasi_random_points(number, d)])
+        n_even = self._runs.probes + (number if d == 1 else 0)  # a kink may be anywhere
+        points = np.concatenate([evenly_spread_points(n_even, d), quasi_random_points(number if d > 1 else 0, d)])
         return points[: self._runs.left]
 
     def refined(self) -> "TensorGrids":
