@@ -19,7 +19,7 @@
 enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed for a failure */
 
 #if N_G > 0
-#define MOST_IMPACTS (1000 * N_I * N_I) /* at one instant: those of a row that lose all energy die away in 100 N_I^2 */
+#define MOST_IMPACTS (1 + 1000 * N_I * N_I) /* at one instant: those of a row that lose all energy die away in 100 N_I^2 */
 #define MOST_NOTED 50       /* impacts at one instant that are noted one by one: more are one event of each contact */
 #define SAME_JUMP 1e-6    /* difference of jumps of velocity, over their size, above which the order of impacts matters */
 #define CROWD_SPAN 1e-12  /* share of the run's time: more than CROWD events within it are an endless sequence */
