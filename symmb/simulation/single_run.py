@@ -329,12 +329,10 @@ def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
                     f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
                 )
         elif isinstance(element, Rope):
-            room = np.atleast_2d(trajectory(element.room(scene.system.bind)))
-            if (wound := (room < 0).any(axis=1)).any():
-                yield (
-                    f"{element.title}: it is wound up at t = {trajectory.t[wound.argmax()]:.6g} s. A load is in its "
-                    "pulley, or it is shorter than its fixed part. Stop the winch before."
-                )
+            for margins, what in element.doubtful(scene.system.bind):
+                below = (np.reshape(trajectory(margins), (len(trajectory.t), -1)) < 0).any(axis=1)
+                if below.any():
+                    yield f"{element.title}: " + what.format(f" at t = {trajectory.t[below.argmax()]:.6g} s")
 
 
 def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[str, ...]:
