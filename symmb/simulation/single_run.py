@@ -37,7 +37,7 @@ from symmb.simulation.sweep import Sweep, swept
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
-from symmb.verification import Examination, work_of
+from symmb.verification import Examination, carrier_doubts, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
@@ -196,6 +196,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, trajectory)
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
+    doubts = (*doubts, *carrier_doubts(runs.scene.system.elements, lambda e: np.asarray(trajectory(e))[:1]))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:

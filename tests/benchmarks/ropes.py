@@ -141,6 +141,7 @@ class Reference:
 
 def main(seed, count):
     rng, scenes, bad, worst, doubted, left_out = np.random.default_rng(seed), {}, [], 0.0, 0, 0
+    left, wound = 0, 0
     for case in range(count):
         kind = [*KINDS][case % len(KINDS)]
         numbers, place, velocity = draw(kind, rng)
@@ -157,6 +158,8 @@ def main(seed, count):
         if right.shape != coarse.shape or np.abs(right - coarse)[:2].max() > 1e-8 * size:
             left_out += 1
             continue
+        wraps = right[-len(own.motions) :]
+        left, wound = left + bool((wraps < 0).any()), wound + bool((wraps > 1.5 * np.pi).any())
         scene = scenes.setdefault(kind, make_scene(kind))
         numbers |= dict(zip(LOAD, (*place, *velocity)))
         with warnings.catch_warnings():
@@ -168,7 +171,8 @@ def main(seed, count):
         if error > 1e-7 and not run.doubts:
             bad.append((case, kind, error))
             print(case, kind, f"{error:.1e}", numbers, place, velocity)
-    print(f"{count} ropes: {len(bad)} wrong, {doubted} doubted, {left_out} left out, worst {worst:.1e}")
+    print(f"{count} ropes, {left} leave a pulley, {wound} wind past three quarters of a turn, {left_out} left out:")
+    print(f"{len(bad)} wrong, {doubted} doubted, worst {worst:.1e}")
     return len(bad)
 
 
