@@ -130,7 +130,6 @@ class Rope(ForceElement):
         return {}
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
-        """What is above 0 while its way can be as described, (n,), with a sentence on what happens at 0."""
         course, free, rooms = self.course(bind), bind(self.length, f"{self.title}: length"), []
         bodies = self.bodies()
         has_load = len({id(body) for body, r in zip(bodies, course.radii, strict=True) if r.is_zero()}) > 1

@@ -140,7 +140,7 @@ class ContactEquations:
         if not symbols:
             return expression
         clutches = {event.joint.name for event, _ in c.joint_events if isinstance(event, Sticks)}
-        least, values = least_multipliers(system.G, system.G.T @ multipliers), []
+        least, values = least_multipliers(system.G, system.G.T @ multipliers, c.units), []
         for name, lam in symbols.items():
             at = c.rows.get(name, slice(0, 0))
             own, raw = least[at], multipliers[at]

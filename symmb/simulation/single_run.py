@@ -18,7 +18,7 @@ from symmb._types import Array, Expr
 from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
 from symmb.integrate import Run, Solver, SwitchPasses, follow_doubts, stiffness
-from symmb.mechanics import Constraint, Rope
+from symmb.mechanics import Constraint, Element
 from symmb.model import DAE, Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
@@ -319,7 +319,7 @@ def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
 
 
 def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
-    """Unilateral constraints whose force has the wrong sign at an output time, and ropes that are wound up."""
+    """Unilateral constraints whose force has the wrong sign at an output time, and laws that the motion leaves."""
     for element in scene.system.elements:
         if isinstance(element, Constraint) and element.unilateral:
             force = np.ravel(trajectory(element.pressure(scene.system.lam(element.name))))
@@ -329,11 +329,10 @@ def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
                     f"{element.title}: what it stands for lets go at t = {trajectory.t[k]:.6g} s, where its force has "
                     f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
                 )
-        elif isinstance(element, Rope):
-            for margins, what in element.doubtful(scene.system.bind):
-                below = (np.reshape(trajectory(margins), (len(trajectory.t), -1)) < 0).any(axis=1)
-                if below.any():
-                    yield f"{element.title}: " + what.format(f" at t = {trajectory.t[below.argmax()]:.6g} s")
+        for margins, what in element.doubtful(scene.system.bind) if isinstance(element, Element) else ():
+            below = (np.reshape(trajectory(margins), (len(trajectory.t), -1)) < 0).any(axis=1)
+            if below.any():
+                yield f"{element.title}: " + what.format(f" at t = {trajectory.t[below.argmax()]:.6g} s")
 
 
 def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[str, ...]:

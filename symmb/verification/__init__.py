@@ -3,5 +3,5 @@
 from symmb.verification.examination import Drift, Energy, Examination, drift, energy, work_of
 from symmb.verification.gears import carrier_doubts
 from symmb.verification.linear_theory import LinearTheory, deformation_doubts, linear_theory_doubts
-from symmb.verification.missing_modes import REMEDY, AttachedLoads, attached_loads, with_loads
+from symmb.verification.missing_modes import AttachedLoads, attached_loads, with_loads
 from symmb.verification.two_ways import TwoWays, noise_of_outputs, times_to_compare
