@@ -22,6 +22,7 @@ from symmb.mechanics import Constraint, Element
 from symmb.model import DAE, Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
+from symmb.simulation.small_states import small_state_doubts
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
 from symmb.simulation.subject import (
     figure_simulator,
@@ -198,6 +199,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
     doubts = (*doubts, *carrier_doubts(runs.scene.system.elements, lambda e: np.asarray(trajectory(e))[:1]))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
+    doubts = (*doubts, *small_state_doubts(runs.simulator, solver, trajectory, runs.p, runs.again))
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
         ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
@@ -465,6 +467,10 @@ class _PilotRuns:
             run_seconds=seconds,
             events=run.events,
         )
+
+    def again(self, solver: Solver) -> Trajectory | None:
+        """The trajectory by a solver, None if it breaks down."""
+        return None if self.run(solver).message else self.done[solver][1]
 
     def judge(self, solver: Solver) -> Pilot:
         """Run by a solver, and return what is wrong with the result."""
