@@ -105,28 +105,32 @@ class Rope(ForceElement):
                     break
         triples = [(i, j, k) for i, j in straights for h, k in straights if h == j and not radii[j].is_zero()]
         wraps = {
-            (i, j, k): self._wrap(j, straights[i, j].direction, straights[j, k].direction, radii[j])
+            (i, j, k): self._wrap(j, straights[i, j], straights[j, k], radii[j])
             for i, j, k in sorted(triples, key=lambda triple: triple[2] - triple[0])  # first those between neighbours
         }
         return Course.taut([point.r for point in points], radii, straights, wraps)
 
-    def _wrap(self, pulley: int, before: ca.SX, behind: ca.SX, radius: ca.SX) -> ca.SX:
-        """Angle by which a pulley turns the way between two directions (3,) [rad]: below 0 the rope has left it.
+    def _wrap(self, pulley: int, before: "Straight", behind: "Straight", radius: ca.SX) -> ca.SX:
+        """Angle by which a pulley turns the way between two straight parts [rad]: below 0 the rope has left it.
 
         Directions determine it up to whole turns. A first-order state named `name.wrap1`, by the pulley's place in the
-        rope, follows the angle between its neighbours and only chooses the number of turns, as in `relative_angle`.
+        rope, follows the angle between the lines to the centres of its neighbours. It only chooses the number of turns.
         """
-        sine, cosine = ca.sign(radius) * (before[0] * behind[1] - before[1] * behind[0]), ca.dot(before, behind)
+        side, (u, v) = ca.sign(radius), (before.direction, behind.direction)
+        sine, cosine = side * (u[0] * v[1] - u[1] * v[0]), ca.dot(u, v)
+        lean = side * (behind.lean - before.lean)
         if pulley not in self._turns:
             name, start = f"{self.name}.wrap{pulley}", ca.pi / 2 + ca.atan2(-cosine, sine)  # from -1/4 to 3/4 of a turn
-            self._turns[pulley] = declare([name], Kind.STATE, ca.SX.sym(name), ddt(start), start)[0]
-        state = self._turns[pulley].sx
-        s, c = ca.sin(state), ca.cos(state)
-        return state + ca.atan2(sine * c - cosine * s, cosine * c + sine * s)
+            rate = side * (behind.turning - before.turning)
+            (state,) = declare([name], Kind.STATE, ca.SX.sym(name), rate, start - lean)
+            self._turns[pulley] = state, state.sx + lean
+        _, near = self._turns[pulley]
+        s, c = ca.sin(near), ca.cos(near)
+        return near + ca.atan2(sine * c - cosine * s, cosine * c + sine * s)
 
     @cached_property
-    def _turns(self) -> dict[int, Symbol]:
-        """The states of its pulleys that count turns, which live as long as the rope."""
+    def _turns(self) -> dict[int, tuple[Symbol, ca.SX]]:
+        """The states of its pulleys, which live as long as the rope, and angles next to which wraps are."""
         return {}
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
@@ -173,12 +177,16 @@ class Straight:
     ends : pair of (3,)      where it touches the two circles [m]
     room : scalar            square of its length, below 0 where one circle is within the other [m^2]
     length, direction : scalar, (3,)
+    lean : scalar            angle from the line of the centres to it [rad]
+    turning : scalar         angular velocity of the line of the centres [rad/s]
     """
 
     ends: tuple[ca.SX, ca.SX]
     room: ca.SX
     length: ca.SX
     direction: ca.SX
+    lean: ca.SX
+    turning: ca.SX
 
     @classmethod
     def between(cls, a: ca.SX, b: ca.SX, r: ca.SX, s: ca.SX) -> "Straight":
@@ -190,7 +198,9 @@ class Straight:
         squared = ca.fmax(ca.sumsqr(d), MEETING**2 + across**2)  # in a pulley the straight part has no length
         length = ca.sqrt(squared - across**2)
         u = (length * d - across * ca.cross(Z, d)) / squared
-        return cls((a - r * ca.cross(Z, u), b - s * ca.cross(Z, u)), _room(d, r, s), length, u)
+        ends = a - r * ca.cross(Z, u), b - s * ca.cross(Z, u)
+        turning = ca.dot(ca.cross(Z, d), ddt(d)) / (ca.sumsqr(d) + MEETING**2)
+        return cls(ends, _room(d, r, s), length, u, ca.atan2(-across, length), turning)
 
 
 @dataclass(frozen=True, eq=False)
