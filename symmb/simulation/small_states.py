@@ -19,6 +19,8 @@ the tolerances: hydraulics and contacts decay by 1e6. tests/simulation/test_smal
 _FINER, _MANY = 1e-6, 1e3
 """Absolute tolerances of a run that tells what they do, over those of the run; and errors in the unit of the relative
 tolerance from which on they are doubted."""
+_LEAST = 1e-28
+"""Least absolute tolerance."""
 _SHARE = 1e-2
 """Share of an output that is off at a time."""
 _TIMES = 5
@@ -43,7 +45,8 @@ def small_state_doubts(
     is_small = ((sizes > 0) & (sizes < _INSIDE * absolute[own])).any()
     if not is_small and stiffness(dae, states.x[some], p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
         return
-    finer = again(replace(solver, atol=_FINER * float(absolute.min())))  # pyright: ignore[reportCallIssue]
+    atol = max(_FINER * float(absolute.min()), _LEAST)
+    finer = again(replace(solver, atol=atol)) if atol < absolute.min() else None  # pyright: ignore[reportCallIssue]
     if finer is None:
         return
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)

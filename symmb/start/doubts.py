@@ -53,7 +53,8 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
     if rank == len(G) or not any(ca.which_depends(y, lam, 1, True)):
         return
     sizes = np.maximum(np.linalg.norm(G, axis=1, keepdims=True), ROUNDING)
-    shares = vanishing_combinations(G / sizes, rank) / sizes
+    shares = vanishing_combinations(G / sizes, rank)
+    shares = np.where(np.abs(shares) > NEGLIGIBLE, shares, 0.0) / sizes
     system = scene.system
     symbols = [*dae.arguments(ca.vertcat(system.q, system.v, system.s), system.p, time), lam, system.vdot]
     slopes = ca.Function("slopes", symbols, [ca.jacobian(y, lam)])
