@@ -98,7 +98,9 @@ class Rope(ForceElement):
                 a, b = points[i], points[j]
                 room = a.body is not b.body or float(ca.evalf(bind.nominal(_room(b.s - a.s, radii[i], radii[j]))))
                 if room < 0 and i == j - 1:
-                    raise DeclarationError(f"{self.title}: two of its points are closer than the radius of their pulley.")
+                    raise DeclarationError(
+                        f"{self.title}: two of its points are closer than the radius of their pulley."
+                    )
                 if room > MEETING**2 or i == j - 1:  # coaxial pulleys have no straight part between them
                     straights[i, j] = Straight.between(a.r, b.r, radii[i], radii[j])
                 if radii[i].is_zero():
@@ -239,7 +241,9 @@ class Course:
         ways: dict[tuple[int, int], ca.SX] = {}
 
         def least(arrivals: list[tuple[ca.SX, ca.SX]]) -> tuple[ca.SX, ca.SX]:
-            return reduce(lambda a, b: tuple(ca.if_else(b[0] < a[0], y, x) for x, y in zip(a, b, strict=True)), arrivals)
+            return reduce(
+                lambda a, b: tuple(ca.if_else(b[0] < a[0], y, x) for x, y in zip(a, b, strict=True)), arrivals
+            )
 
         def arrivals(i: int, j: int | None = None) -> list[tuple[ca.SX, ca.SX]]:
             """What it costs to reach point i from its predecessors, and to go on to point j."""

@@ -175,7 +175,9 @@ def _redundancy_equations(system: System, reduced: System, nullities: tuple[int,
     they are independent wherever the system can move.
     """
     every: dict[str, Outputs] = {
-        "distribute_multipliers": {"lam": least_multipliers(system.G, reduced.G.T @ ca.SX(reduced.lam), system.collected.units)}
+        "distribute_multipliers": {
+            "lam": least_multipliers(system.G, reduced.G.T @ ca.SX(reduced.lam), system.collected.units)
+        }
     }
     if not any(nullities):
         return every

@@ -219,7 +219,11 @@ class ContactEquations:
             v_new, impulse, work = slipping(system.v - lost, -L, ca.dot(L, system.Phi_dot / 2 - at_rest))
             rates = self._along(margins) + ca.jtimes(margins, system.v, accelerations)
             rates = [
-                0 if isinstance(e, Struck) else ca.if_else(ca.fabs(rate) <= size, 0, rate) if isinstance(e, Latch) else rate + size
+                0
+                if isinstance(e, Struck)
+                else ca.if_else(ca.fabs(rate) <= size, 0, rate)
+                if isinstance(e, Latch)
+                else rate + size
                 for e, rate, size in zip(events, ca.vertsplit(rates), ca.vertsplit(roundings), strict=True)
             ]
             return JointEvents(

@@ -12,8 +12,8 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, shown
 from symmb._types import Array, Indices
-from symmb.model.c_export import example_c, save_c
 from symmb.model.assembly import is_linear
+from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Impacts
 from symmb.model.lazy import Lazy, known
 from symmb.model.sampling import Sampling

@@ -49,7 +49,9 @@ def is_driven(kind):
 
 def draw(kind, rng):
     n = dict(Ja=rng.uniform(0.02, 0.5), Jb=rng.uniform(0.02, 0.5), drag_a=rng.uniform(0, 0.1), drag=rng.uniform(0, 0.3))
-    n |= dict(load=rng.uniform(-0.3, 0.1), k=0.0, mean=rng.uniform(0, 1), swing=rng.uniform(0.5, 3), w=rng.uniform(2, 9))
+    n |= dict(
+        load=rng.uniform(-0.3, 0.1), k=0.0, mean=rng.uniform(0, 1), swing=rng.uniform(0.5, 3), w=rng.uniform(2, 9)
+    )
     n |= dict(limit=rng.choice([0.0, rng.uniform(0, 0.3)]), claw=rng.uniform(2, 8), phase=rng.uniform(0, 0.2))
     if kind == "stick-slip":  # a disc that a spring holds back: it opens where friction can do no more
         n |= dict(k=rng.uniform(0.5, 5), swing=0.0, load=-rng.uniform(0.5, 2), mean=-rng.uniform(0.2, 1))

@@ -90,7 +90,11 @@ class Reference:
         square = d @ d
         length = np.sqrt(square - across**2)
         turning = (d[0] * w[1] - d[1] * w[0]) / square
-        return length, np.arctan2(d[1], d[0]) + np.arcsin(across / np.sqrt(square)), turning - across * (d @ w) / square / length
+        return (
+            length,
+            np.arctan2(d[1], d[0]) + np.arcsin(across / np.sqrt(square)),
+            turning - across * (d @ w) / square / length,
+        )
 
     def taut(self, P, V, followed):
         """Length and points of the longest way whose wraps are not negative, and rates of wraps between neighbours."""
@@ -136,7 +140,9 @@ class Reference:
         return np.array([*out, *rates])
 
     def run(self, z0, rtol):
-        return solve_ivp(self, TIMES[[0, -1]], z0, method="DOP853", rtol=rtol, atol=rtol * 1e-2, t_eval=TIMES, max_step=0.02).y
+        return solve_ivp(
+            self, TIMES[[0, -1]], z0, method="DOP853", rtol=rtol, atol=rtol * 1e-2, t_eval=TIMES, max_step=0.02
+        ).y
 
 
 def main(seed, count):

@@ -195,16 +195,6 @@ def test_faults_are_told():
             mb.System(wheel, shaft, mb.Clutch("brake", *arguments))
 
 
-def test_a_clutch_whose_capacity_jumps_with_its_own_slip_ends_its_run():
-    """It would open and close again at one instant, 260,000 times each second."""
-    a, b = (mb.Body(name, 1.0, inertia, mb.Planar()) for name, inertia in (("a", 0.01), ("b", 0.1)))
-    shafts = [mb.Revolute(f"shaft_{x.name}", mb.Ground().point(0, 0), x.point(0, 0)) for x in (a, b)]
-    drive = mb.Motion("drive", shafts[0].angle, 0.5 * (1 - ca.cos(6 * mb.t)))
-    clutch = mb.Clutch("clutch", a, b, capacity=ca.if_else(a.omega - b.omega >= 0, 1e4, 0.0))
-    with pytest.raises(mb.SimulationError, match="'clutch' opens and closes again at one instant.*one-way clutch"):
-        mb.simulate(mb.Scene(mb.System(a, b, *shafts, drive, clutch), times=[0.0, 3.0]))
-
-
 @pytest.mark.parametrize(("load", "limit"), [(0.0, 0.0), (-0.2, 0.0), (-0.2, 0.15)])
 def test_a_freewheel_lets_go_where_its_torque_turns_round(load, limit):
     """A Weld with a Latch by speed, in 40 samples: the wheel is never slower than the shaft, and runs down by itself.
@@ -220,7 +210,9 @@ def test_a_freewheel_lets_go_where_its_torque_turns_round(load, limit):
     torque = mb.Torque("torque", b, load - p.drag * b.omega)
     times = np.linspace(0, 0.7, 71)
     system = mb.System(a, b, *shafts, lock, *events, drive, torque, parameters=p)
-    run = mb.simulate(mb.Scene(system, {}, times, {"b": b.omega}), parameters=[{"drag": c} for c in np.linspace(0.04, 0.06, 40)])
+    run = mb.simulate(
+        mb.Scene(system, {}, times, {"b": b.omega}), parameters=[{"drag": c} for c in np.linspace(0.04, 0.06, 40)]
+    )
     for c, wheel in zip(np.linspace(0.04, 0.06, 40), run["b"], strict=True):
         speed, rate = (lambda t: 3 * np.sin(6 * t)), (lambda t: 18 * np.cos(6 * t))
         lets_go = brentq(lambda t: 0.1 * rate(t) + c * speed(t) - load + limit, 0.2, 0.5)  # noqa: B023

@@ -100,7 +100,11 @@ def planetary(pose, r_sun, r_planet, carried=True, held=False):
     sun, arm, planet = (wheel(name, pose, 0.1) for name in ("sun", "arm", "planet"))
     side = np.cross(axis, (1.0, 0.3, 0.0))
     place = (r_sun + r_planet) * side / np.linalg.norm(side)
-    for name, a, b in (("sun", GROUND.point(0, 0), sun), ("arm", GROUND.point(0, 0), arm), ("planet", arm.point(*place), planet)):
+    for name, a, b in (
+        ("sun", GROUND.point(0, 0), sun),
+        ("arm", GROUND.point(0, 0), arm),
+        ("planet", arm.point(*place), planet),
+    ):
         pins[name] = mb.Revolute(f"pin_{name}", a, b.point(0, 0), axis=axis)
     options = {"axis": axis, "carrier": arm if carried else None}
     mesh = mb.Gear("mesh", sun.point(0, 0), planet.point(0, 0), ratio=-r_sun / r_planet, **options)
@@ -130,7 +134,10 @@ def test_a_gear_whose_axis_a_turning_body_holds_is_doubted():
     with pytest.warns(mb.SymmbWarning, match="Body 'arm' holds the axis of 'planet' and may turn.*carrier=arm"):
         mb.simulate(planetary(mb.Planar(), 0.3, 0.2, carried=False, held=True))
     shaft, hollow, cabin, disc = (wheel(name, mb.Planar(), 0.1) for name in ("shaft", "hollow", "cabin", "disc"))
-    pins = [mb.Revolute("pin", GROUND.point(1, 0), shaft.point(0, 0)), mb.Revolute("bush", shaft.point(0, 0), hollow.point(0, 0))]
+    pins = [
+        mb.Revolute("pin", GROUND.point(1, 0), shaft.point(0, 0)),
+        mb.Revolute("bush", shaft.point(0, 0), hollow.point(0, 0)),
+    ]
     lift = mb.Prismatic("lift", GROUND.point(0, 0), cabin.point(0, 0), axis=(0, 1, 0))
     pins += [lift, mb.Revolute("hub", cabin.point(0.2, 0), disc.point(0, 0))]
     gears = [mb.Gear(f"gear_{b.name}", shaft.point(0, 0), b.point(0, 0), ratio=0.5) for b in (hollow, disc)]

@@ -262,7 +262,10 @@ def test_vectors_are_written_in_any_way(write):
     assert_allclose(numbers(dae.Q, np.array([2.0, 0, 0, 1.0, 0, 0, 0]), np.zeros(6), [], 0.0)[3:], [8, 10, -12])
 
 
-@pytest.mark.parametrize(("angle", "stiffness", "doubted"), [(0.45, 2.0, False), (0.55, 2.0, True), (3.5, (0, 0, 1.0), True), (2.0, 0.0, False)])
+@pytest.mark.parametrize(
+    ("angle", "stiffness", "doubted"),
+    [(0.45, 2.0, False), (0.55, 2.0, True), (3.5, (0, 0, 1.0), True), (2.0, 0.0, False)],
+)
 def test_a_bushing_that_turns_far_is_doubted(angle, stiffness, doubted):
     body = mb.Body("body", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
     hinge = mb.Revolute("hinge", mb.Ground().point(0, 0, 0), body.point(0, 0, 0))
