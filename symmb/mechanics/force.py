@@ -21,7 +21,7 @@ MEETING = 1e-12
 """Distance below which two points meet [m]: no direction leads from one to the other."""
 
 _LARGE_TURN = 0.5
-"""Turn [rad] at which the moment of a Bushing, by the sine, is 4 % below that of a spring that is linear in the angle."""
+"""Turn [rad] at which the moment of a Bushing, by the sine, is 4 % below that of a spring linear in the angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,8 +356,8 @@ class Bushing(PairForce):
             cosine = (ca.trace(relative) - 1) / 2
             yield (
                 cosine - ca.cos(_LARGE_TURN),
-                f"it turns by more than {_LARGE_TURN:g} rad{{}}, where the sine by which it acts is less than the angle. "
-                "Use a TorsionSpring.",
+                f"it turns by more than {_LARGE_TURN:g} rad{{}}, where the sine by which it acts is less than the "
+                "angle. Use a TorsionSpring.",
             )
 
 

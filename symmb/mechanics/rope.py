@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, reduce
+from functools import cached_property
 
 import casadi as ca
 
@@ -245,7 +245,7 @@ class Course:
                 lambda a, b: tuple(ca.if_else(b[0] < a[0], y, x) for x, y in zip(a, b, strict=True)), arrivals
             )
 
-        def arrivals(i: int, j: int | None = None) -> list[tuple[ca.SX, ca.SX]]:
+        def arrivals(i: int, j: int = -1) -> list[tuple[ca.SX, ca.SX]]:
             """What it costs to reach point i from its predecessors, and to go on to point j."""
             found = []
             for h in range(i):
@@ -278,7 +278,7 @@ class Course:
         """Squared distances of straight parts from the pulleys that they leave out, less squared radii [m^2]."""
         for (i, j), part in self.straights.items():
             for m in range(i + 1, j):
-                start, end = part.ends
+                start, _ = part.ends
                 along = ca.fmin(ca.fmax(ca.dot(self.places[m] - start, part.direction), 0), part.length)
                 beside = ca.sumsqr(start + along * part.direction - self.places[m])
                 yield self.shares[i, j] * (beside - (1 - _TOUCHING) * self.radii[m] ** 2)

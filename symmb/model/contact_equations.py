@@ -158,7 +158,7 @@ class ContactEquations:
         if isinstance(event, Latch):
             sizes = zip((system.q, system.v), (system.qdot, accelerations), strict=True)
             margin = dict(self._c.joint_events)[event]
-            return _SMALL * sum(ca.fabs(ca.jacobian(margin, x)) @ ca.fabs(rate) for x, rate in sizes)
+            return _SMALL * ca.sum1(ca.vertcat(*[ca.fabs(ca.jacobian(margin, x)) @ ca.fabs(rate) for x, rate in sizes]))
         if not isinstance(event, Sticks):
             return ca.SX(0)
         W = ca.jacobian(event.joint.slip, system.v)

@@ -199,7 +199,10 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
     doubts = (*doubts, *carrier_doubts(runs.scene.system.elements, lambda e: np.asarray(trajectory(e))[:1]))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
-    doubts = (*doubts, *small_state_doubts(runs.simulator, solver, trajectory, runs.p, runs.again))
+    doubts = (
+        *doubts,
+        *small_state_doubts(runs.simulator, solver, trajectory, runs.p, runs.scene.system.elements, runs.again),
+    )
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
         ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
@@ -331,7 +334,9 @@ def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
                     f"{element.title}: what it stands for lets go at t = {trajectory.t[k]:.6g} s, where its force has "
                     f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
                 )
-        for margins, what in element.doubtful(scene.system.bind) if isinstance(element, Element) else ():
+        if not isinstance(element, Element):
+            continue
+        for margins, what in element.doubtful(scene.system.bind):
             below = (np.reshape(trajectory(margins), (len(trajectory.t), -1)) < 0).any(axis=1)
             if below.any():
                 yield f"{element.title}: " + what.format(f" at t = {trajectory.t[below.argmax()]:.6g} s")

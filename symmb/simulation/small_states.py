@@ -1,6 +1,6 @@
 """Whether states that are within their absolute tolerances decide on outputs."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,13 +28,18 @@ _TIMES = 5
 
 
 def small_state_doubts(
-    simulator: DAESimulator, solver: Solver, run: Trajectory, p: Array, again: Callable[[Solver], Trajectory | None]
+    simulator: DAESimulator,
+    solver: Solver,
+    run: Trajectory,
+    p: Array,
+    elements: Sequence[object],
+    again: Callable[[Solver], Trajectory | None],
 ) -> Iterator[str]:
     """The doubt that outputs change with the absolute tolerances; `again` makes a run by another solver.
 
     It looks at first-order states, and at velocities that constraints determine: others that are so small are rounding.
     """
-    dae, states, elements = simulator.dae, run.examination, run.scene.system.elements
+    dae, states = simulator.dae, run.examination
     if not solver.controls_step or not any(isinstance(e, OwnState | VelocityConstraint) for e in elements):
         return
     tolerances = solver.tolerances(dae)
@@ -46,7 +51,7 @@ def small_state_doubts(
     if not is_small and stiffness(dae, states.x[some], p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
         return
     atol = max(_FINER * float(absolute.min()), _LEAST)
-    finer = again(replace(solver, atol=atol)) if atol < absolute.min() else None  # pyright: ignore[reportCallIssue]
+    finer = again(replace(solver, atol=atol)) if atol < absolute.min() else None  # pyright: ignore
     if finer is None:
         return
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)
@@ -54,7 +59,7 @@ def small_state_doubts(
     if wrong.any():
         k, i = np.argwhere(wrong)[0]
         yield (
-            f"Output {run.names[i]!r} depends on states within their absolute tolerances: at t = {run.t[k]:.6g} s it is "
-            f"{run.values[k, i]:.3g}, and {finer.values[k, i]:.3g} at smaller ones. Choose {type(solver).__name__}(atol=...) "
-            "far below these states."
+            f"Output {run.names[i]!r} depends on states within their absolute tolerances: at t = {run.t[k]:.6g} s "
+            f"it is {run.values[k, i]:.3g}, and {finer.values[k, i]:.3g} at smaller ones. Choose "
+            f"{type(solver).__name__}(atol=...) far below these states."
         )

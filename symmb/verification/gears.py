@@ -34,8 +34,8 @@ def carrier_doubts(elements: Sequence[object], value: Callable[[Expr], Array]) -
             pivots = _hinges(_fixed_to(holder, joints), joints)
             if not any(_name(other) in ground and _is_same(point, axis, p, u, value) for p, u, other in pivots):
                 yield (
-                    f"{gear.title}: Body {holder.name!r} holds the axis of {wheel.name!r} and may turn, but the angles are "
-                    f"those against the ground. Write carrier={holder.name}, or carrier=Ground() if this is meant."
+                    f"{gear.title}: Body {holder.name!r} holds the axis of {wheel.name!r} and may turn, but the angles "
+                    f"are those against the ground. Write carrier={holder.name}, or carrier=Ground() if this is meant."
                 )
 
 

@@ -63,8 +63,8 @@ class AttachedLoads:
                 f"count= out, or ask for more than {structure.of_interfaces}."
             )
         return (
-            "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one. With "
-            "them, a larger count= follows inertia."
+            "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one. "
+            "With them, a larger count= follows inertia."
         )
 
     @cached_property

@@ -9,7 +9,7 @@ reference changes by more than a tenth of that with its tolerance are not counte
 
 import argparse
 import warnings
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -102,11 +102,13 @@ class Reference:
         for size in range(m + 1):
             for inner in combinations(range(1, m + 1), size):
                 chain = (0, *inner, m + 1)
-                parts = [self.tangent(P, V, i, j) for i, j in zip(chain, chain[1:])]
-                wraps = [self.wrap(j, a[1], b[1], followed) for j, a, b in zip(inner, parts, parts[1:])]
-                length = sum(part[0] for part in parts) + sum(abs(self.radii[j]) * w for j, w in zip(inner, wraps))
+                parts = [self.tangent(P, V, i, j) for i, j in pairwise(chain)]
+                wraps = [self.wrap(j, a[1], b[1], followed) for j, a, b in zip(inner, parts, parts[1:], strict=False)]
+                length = sum(part[0] for part in parts) + sum(
+                    abs(self.radii[j]) * w for j, w in zip(inner, wraps, strict=True)
+                )
                 if min(wraps, default=0) >= 0 and length > best[0]:
-                    best = length, [(i, j, part[1]) for i, j, part in zip(chain, chain[1:], parts)]
+                    best = length, [(i, j, part[1]) for i, j, part in zip(chain, chain[1:], parts, strict=False)]
         parts = [self.tangent(P, V, i, i + 1) for i in range(m + 1)]
         rates = [np.sign(self.radii[i]) * (parts[i][2] - parts[i - 1][2]) for i in range(1, m + 1)]
         return *best, rates
@@ -167,7 +169,7 @@ def main(seed, count):
         wraps = right[-len(own.motions) :]
         left, wound = left + bool((wraps < 0).any()), wound + bool((wraps > 1.5 * np.pi).any())
         scene = scenes.setdefault(kind, make_scene(kind))
-        numbers |= dict(zip(LOAD, (*place, *velocity)))
+        numbers |= dict(zip(LOAD, (*place, *velocity), strict=True))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", mb.SymmbWarning)
             run = mb.simulate(scene, parameters=numbers)

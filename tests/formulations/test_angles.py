@@ -119,7 +119,7 @@ def planetary(pose, r_sun, r_planet, carried=True, held=False):
 @pytest.mark.parametrize(("r_sun", "r_planet"), [(0.3, 0.2), (0.21, 0.47)])
 @pytest.mark.parametrize("pose", POSES, ids=repr)
 def test_gears_on_a_carrier_turn_as_willis_has_it(pose, r_sun, r_planet):
-    """A held ring: the arm turns at r_s / (r_s + r_r) of the sun. A held sun: the planet at 1 + r_s / r_p of the arm."""
+    """Held ring: the arm turns at r_s / (r_s + r_r) of the sun. Held sun: the planet at 1 + r_s / r_p of the arm."""
     run = mb.simulate(planetary(pose, r_sun, r_planet), TIGHT)
     arm = 9 * r_sun / (2 * r_sun + 2 * r_planet)
     assert_allclose(run["arm"], arm, atol=1e-8)

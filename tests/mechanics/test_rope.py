@@ -180,7 +180,7 @@ def test_a_rope_winds_on_by_several_turns_and_off(turns, r, side):
 
 
 def longest_way(points, radii):
-    """The longest way over some of the pulleys whose wraps are not negative: all others need less of the constraints."""
+    """The longest way over some of the pulleys whose wraps are not negative: others meet fewer constraints."""
     best = 0.0, ()
     for kept in ((), (1,), (2,), (1, 2)):
         chain, ends = (0, *kept, 3), []

@@ -10,7 +10,7 @@ import symmb as mb
 
 
 def reaction(A, B, C, M, end, times=(10.0, 1e3)):
-    """Problem E5 of the test set for initial value problems, in the velocities of a particle: its x, y, z are species."""
+    """Problem E5 of the test set for initial value problems, as velocities of a particle: x, y, z are species."""
     species = mb.Body("s", 1.0, pose=mb.Particle())
     y1, y2, y3 = species.x, species.y, species.z
     rates = -A * y1 - B * y1 * y3, A * y1 - M * C * y2 * y3, A * y1 - B * y1 * y3 - M * C * y2 * y3 + C * (y2 - y3)
