@@ -241,9 +241,11 @@ class Course:
         ways: dict[tuple[int, int], ca.SX] = {}
 
         def least(arrivals: list[tuple[ca.SX, ca.SX]]) -> tuple[ca.SX, ca.SX]:
-            return reduce(
-                lambda a, b: tuple(ca.if_else(b[0] < a[0], y, x) for x, y in zip(a, b, strict=True)), arrivals
-            )
+            best = arrivals[0]
+            for other in arrivals[1:]:
+                is_better = other[0] < best[0]
+                best = ca.if_else(is_better, other[0], best[0]), ca.if_else(is_better, other[1], best[1])
+            return best
 
         def arrivals(i: int, j: int = -1) -> list[tuple[ca.SX, ca.SX]]:
             """What it costs to reach point i from its predecessors, and to go on to point j."""
