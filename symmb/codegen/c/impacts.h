@@ -127,7 +127,7 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
   in_turn(c, b, 0, is_few ? s : NULL, ordered);
   for (int k = 0; k < N_I; ++k) any |= immovable[k] = hits(c, k) && !c->movable[k];
   if (any) return blame(b, s, immovable, IMMOVABLE);
-  if (!number) return blame(b, s, c->touching, UNENDING);
+  if (N_I > 0 && !number) return blame(b, s, c->touching, UNENDING);
   for (int k = 0; N_WORK && k < N_I; ++k) a->x[place[N_X - 1]] += c->work[k];
   for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] += jump_of(b, i, c->impulse);
   return 1;
