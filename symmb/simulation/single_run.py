@@ -18,7 +18,7 @@ from symmb._types import Array, Expr
 from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
 from symmb.integrate import Run, Solver, SwitchPasses, follow_doubts, stiffness
-from symmb.mechanics import Constraint, Element
+from symmb.mechanics import Constraint
 from symmb.model import DAE, Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
@@ -38,7 +38,7 @@ from symmb.simulation.sweep import Sweep, swept
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
-from symmb.verification import Examination, carrier_doubts, work_of
+from symmb.verification import Examination, carrier_doubts, law_doubts, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
@@ -198,6 +198,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     _require_sound(runs, trajectory)
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
     doubts = (*doubts, *carrier_doubts(runs.scene.system.elements, lambda e: np.asarray(trajectory(e))[:1]))
+    doubts = (*doubts, *law_doubts(runs.scene.system, trajectory.t, trajectory))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
     doubts = (
         *doubts,
@@ -324,7 +325,7 @@ def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
 
 
 def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
-    """Unilateral constraints whose force has the wrong sign at an output time, and laws that the motion leaves."""
+    """Unilateral constraints whose force has the wrong sign at an output time."""
     for element in scene.system.elements:
         if isinstance(element, Constraint) and element.unilateral:
             force = np.ravel(trajectory(element.pressure(scene.system.lam(element.name))))
@@ -334,12 +335,6 @@ def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
                     f"{element.title}: what it stands for lets go at t = {trajectory.t[k]:.6g} s, where its force has "
                     f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
                 )
-        if not isinstance(element, Element):
-            continue
-        for margins, what in element.doubtful(scene.system.bind):
-            below = (np.reshape(trajectory(margins), (len(trajectory.t), -1)) < 0).any(axis=1)
-            if below.any():
-                yield f"{element.title}: " + what.format(f" at t = {trajectory.t[below.argmax()]:.6g} s")
 
 
 def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Gears that count angles against the ground although a turning body holds one of their axes."""
+"""What elements say of a run, and gears whose axes a turning body holds although they count against the ground."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb._types import Array, Expr
 from symmb.mechanics import AbstractBody, AxisJoint, Gear, Ground, Point
+from symmb.model import System
 
 _SAME_AXIS = 1e-6
 """Sine of an angle between two axes that are one, and their distance over that of their points from the origin."""
@@ -37,6 +38,15 @@ def carrier_doubts(elements: Sequence[object], value: Callable[[Expr], Array]) -
                     f"{gear.title}: Body {holder.name!r} holds the axis of {wheel.name!r} and may turn, but the angles "
                     f"are those against the ground. Write carrier={holder.name}, or carrier=Ground() if this is meant."
                 )
+
+
+def law_doubts(system: System, t: Array, value: Callable[[Expr], Array]) -> Iterator[str]:
+    """What elements doubt of a run at its times (n_t,), by numbers (n_t, ...) of expressions along it."""
+    for element in system.elements:
+        for margins, what in element.doubtful(system.bind) if isinstance(element, Element) else ():
+            below = (np.reshape(value(margins), (len(t), -1)) < 0).any(axis=1)
+            if below.any() and isinstance(element, Element):
+                yield f"{element.title}: " + what.format(f" at t = {t[below.argmax()]:.6g} s")
 
 
 def _name(body: AbstractBody) -> str | None:
