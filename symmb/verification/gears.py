@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Expr
-from symmb.mechanics import AbstractBody, AxisJoint, Gear, Ground, Point
+from symmb.mechanics import AbstractBody, AxisJoint, Element, Gear, Ground, Point
 from symmb.model import System
 
 _SAME_AXIS = 1e-6
