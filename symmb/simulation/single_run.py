@@ -200,7 +200,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     doubts = (*doubts, *carrier_doubts(elements := runs.scene.system.elements, lambda e: np.asarray(trajectory(e))[:1]))
     doubts = (*doubts, *law_doubts(runs.scene.system, trajectory.t, trajectory))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
-    doubts = (*doubts, *small_state_doubts(runs.simulator, solver, trajectory, runs.p, elements, again))
+    doubts = (*doubts, *small_state_doubts(runs.simulator, solver, trajectory, runs.p, elements, runs.again))
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
         ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
@@ -464,6 +464,10 @@ class _PilotRuns:
             run_seconds=seconds,
             events=run.events,
         )
+
+    def again(self, solver: Solver) -> Trajectory | None:
+        """The trajectory by a solver, None if it breaks down."""
+        return None if self.run(solver).message else self.done[solver][1]
 
     def judge(self, solver: Solver) -> Pilot:
         """Run by a solver, and return what is wrong with the result."""
