@@ -38,7 +38,7 @@ from symmb.simulation.sweep import Sweep, swept
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
-from symmb.verification import Examination, carrier_doubts, law_doubts, work_of
+from symmb.verification import Examination, law_doubts, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
@@ -197,10 +197,12 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, trajectory)
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
-    doubts = (*doubts, *carrier_doubts(elements := runs.scene.system.elements, lambda e: np.asarray(trajectory(e))[:1]))
     doubts = (*doubts, *law_doubts(runs.scene.system, trajectory.t, trajectory))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
-    doubts = (*doubts, *small_state_doubts(runs.simulator, solver, trajectory, runs.p, elements, runs.again))
+    doubts = (
+        *doubts,
+        *small_state_doubts(runs.simulator, solver, trajectory, runs.p, runs.scene.system.elements, runs.again),
+    )
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
         ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)

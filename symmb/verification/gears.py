@@ -47,6 +47,7 @@ def law_doubts(system: System, t: Array, value: Callable[[Expr], Array]) -> Iter
             below = (np.reshape(value(margins), (len(t), -1)) < 0).any(axis=1)
             if below.any() and isinstance(element, Element):
                 yield f"{element.title}: " + what.format(f" at t = {t[below.argmax()]:.6g} s")
+    yield from carrier_doubts(system.elements, lambda e: np.asarray(value(e))[:1])
 
 
 def _name(body: AbstractBody) -> str | None:
