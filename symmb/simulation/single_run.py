@@ -199,10 +199,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
     doubts = (*doubts, *law_doubts(runs.scene.system, trajectory.t, trajectory))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
-    doubts = (
-        *doubts,
-        *small_state_doubts(runs.simulator, solver, trajectory, runs.p, runs.scene.system.elements, runs.again),
-    )
+    doubts = (*doubts, *small_state_doubts(runs, solver, trajectory))
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
         ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
@@ -466,10 +463,6 @@ class _PilotRuns:
             run_seconds=seconds,
             events=run.events,
         )
-
-    def again(self, solver: Solver) -> Trajectory | None:
-        """The trajectory by a solver, None if it breaks down."""
-        return None if self.run(solver).message else self.done[solver][1]
 
     def judge(self, solver: Solver) -> Pilot:
         """Run by a solver, and return what is wrong with the result."""

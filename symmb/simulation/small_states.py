@@ -1,14 +1,17 @@
 """Whether states that are within their absolute tolerances decide on outputs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
 from symmb._types import Array
-from symmb.integrate import Solver, stiffness
+from symmb.integrate import Run, Solver, stiffness
 from symmb.mechanics import OwnState, VelocityConstraint
+from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.solver_choice import Pilot
 from symmb.simulation.trajectory import Trajectory
 
 _INSIDE = 1e3
@@ -27,19 +30,23 @@ _TIMES = 5
 """Times at which stiffness is estimated."""
 
 
-def small_state_doubts(
-    simulator: DAESimulator,
-    solver: Solver,
-    run: Trajectory,
-    p: Array,
-    elements: Sequence[object],
-    again: Callable[[Solver], Trajectory | None],
-) -> Iterator[str]:
-    """The doubt that outputs change with the absolute tolerances; `again` makes a run by another solver.
+class Runs(Protocol):
+    """Runs of a scene with parameters p (n_p,) by several solvers."""
+
+    scene: Scene
+    simulator: DAESimulator
+    p: Array
+    done: dict[Solver, tuple[Run, Trajectory]]
+
+    def run(self, solver: Solver) -> Pilot: ...
+
+
+def small_state_doubts(runs: Runs, solver: Solver, run: Trajectory) -> Iterator[str]:
+    """The doubt that outputs change with the absolute tolerances.
 
     It looks at first-order states, and at velocities that constraints determine: others that are so small are rounding.
     """
-    dae, states = simulator.dae, run.examination
+    dae, states, elements, p = runs.simulator.dae, run.examination, runs.scene.system.elements, runs.p
     if not solver.controls_step or not any(isinstance(e, OwnState | VelocityConstraint) for e in elements):
         return
     tolerances = solver.tolerances(dae)
@@ -51,9 +58,9 @@ def small_state_doubts(
     if not is_small and stiffness(dae, states.x[some], p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
         return
     atol = max(_FINER * float(absolute.min()), _LEAST)
-    finer = again(replace(solver, atol=atol)) if atol < absolute.min() else None  # pyright: ignore
-    if finer is None:
+    if atol >= absolute.min() or runs.run(other := replace(solver, atol=atol)).message:  # pyright: ignore
         return
+    finer = runs.done[other][1]
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)
     wrong = (change > _SHARE * size) & (change > _MANY * tolerances.rtol * size.max(axis=0))
     if wrong.any():
