@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise
 from typing import cast
 
 import casadi as ca
@@ -42,19 +41,24 @@ def _(rope: Rope, survey: Survey) -> Build:
     radii = [0.0 if isinstance(wrap, Point) else wrap[1] for wrap in rope.points]
     places = [survey.place(point) for point in points]
     sizes = [survey.ask(survey.bind(radius, "radius")) for radius in radii]
-    parts, slack = rope.course(survey.bind)
-    ends, is_slack = [(survey.ask(a), survey.ask(b)) for a, b in parts], survey.ask(slack > 0)
-    support = supports(rope, survey, *points)
+    course, length = rope.course(survey.bind), survey.bind(rope.length, "length")
+    is_slack, support = survey.ask(length > course.length), supports(rope, survey, *points)
+    parts = [
+        (pair, [survey.ask(end) for end in part.ends], survey.ask(course.shares[pair]))
+        for pair, part in course.straights.items()
+    ]
 
     def build(u: float) -> Iterator[Shape]:
         yield from support(u)
-        for asked, centers in zip(ends, pairwise(zip(places, radii, strict=True)), strict=True):
-            pair = tuple(
-                place if isinstance(radius, float) and not radius else survey.tracked(end)
-                for end, (place, radius) in zip(asked, centers, strict=True)
+        for pair, asked, share in parts:
+            if not share().any():
+                continue
+            ends = tuple(
+                places[i] if isinstance(radii[i], float) and not radii[i] else survey.tracked(end)
+                for i, end in zip(pair, asked, strict=True)
             )
-            yield replace(shape_of(rope, "bar", GUIDE, pair, (0.35 * u,)), present=1 - is_slack())
-            yield replace(shape_of(rope, "dashes", GUIDE, pair, (0.25 * u,)), present=is_slack())
+            yield replace(shape_of(rope, "bar", GUIDE, ends, (0.35 * u,)), present=share() * (1 - is_slack()))
+            yield replace(shape_of(rope, "dashes", GUIDE, ends, (0.25 * u,)), present=share() * is_slack())
         for place, size in zip(places, sizes, strict=True):
             if radius := abs(float(size.first[0])):
                 yield shape_of(rope, "ring", GUIDE, (place,), (radius, 0.4 * u), direction=_Z)

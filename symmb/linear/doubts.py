@@ -8,7 +8,7 @@ from symmb.linear.eigenvalues import eigenvalues
 from symmb.linear.linear_equations import Blocks
 from symmb.linear.steady import DOUBT, SteadyMotion
 from symmb.model import Scene
-from symmb.verification import REMEDY, AttachedLoads, deformation_doubts
+from symmb.verification import AttachedLoads, deformation_doubts
 
 _TIMES, _GOLDEN = 21, 0.6180339887
 """Later times at which A is compared, and the share of the horizon between them: they do not fall on whole periods."""
@@ -75,5 +75,5 @@ def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, bloc
             yield (
                 f"FlexibleBody {loads.body.name!r}: its modes do not follow the loads at its nodes "
                 f"{', '.join(map(str, loads.loaded))}, so that frequencies are too high: {listed}"
-                f"{', ...' * (len(wrong) > _NAMED)}. {REMEDY}"
+                f"{', ...' * (len(wrong) > _NAMED)}. {loads.remedy}"
             )

@@ -7,7 +7,7 @@ from symmb.mechanics.actuator import Actuator, Stop
 from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body, Flywheel, Ground, Inertial, Point, as_matrix, inertia_matrix
 from symmb.mechanics.clutch import Clutch, Sticks, Struck
-from symmb.mechanics.constraint import Constraint, Motion
+from symmb.mechanics.constraint import Constraint, Motion, VelocityConstraint
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
 from symmb.mechanics.curve import Curve
 from symmb.mechanics.curve_contact import CurveContact, PointOnCurve

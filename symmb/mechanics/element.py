@@ -53,6 +53,10 @@ class Element(ABC):
         """Other elements that it acts on, which must be in the system as well."""
         return ()
 
+    def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
+        """Columns that are below 0 where a run leaves what its law is made for, with sentences; {} is the time."""
+        yield from ()
+
     def faults(self) -> Iterator[str]:
         """Faults of the declaration: a sentence with a remedy for each."""
         astray = [fault for kind, place in _places(self) for fault in _PLACES[kind](self.title, place)]

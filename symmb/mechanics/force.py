@@ -20,6 +20,9 @@ from symmb.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, look
 MEETING = 1e-12
 """Distance below which two points meet [m]: no direction leads from one to the other."""
 
+_LARGE_TURN = 0.5
+"""Turn [rad] at which the moment of a Bushing, by the sine, is 4 % below that of a spring linear in the angle."""
+
 
 @dataclass(frozen=True, eq=False)
 class Load:
@@ -347,6 +350,21 @@ class Bushing(PairForce):
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         yield from mount(self.point_a, self.point_b, *mount_matrices(self, bind))
 
+    def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
+        relative = self.point_a.body.frame.R.T @ self.point_b.body.frame.R
+        if not is_zero(mount_matrices(self, bind)[2] @ _sines(relative)):
+            cosine = (ca.trace(relative) - 1) / 2
+            yield (
+                cosine - ca.cos(_LARGE_TURN),
+                f"it turns by more than {_LARGE_TURN:g} rad{{}}, where the sine by which it acts is less than the "
+                "angle. Use a TorsionSpring.",
+            )
+
+
+def _sines(relative: ca.SX) -> ca.SX:
+    """Sines of the angle of a rotation matrix times its axis, (3,)."""
+    return ca.inv_skew(relative - relative.T) / 2
+
 
 def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
     """Diagonal matrices (3, 3) of the four laws of an elastic mount: each is one number for all axes, or three."""
@@ -372,7 +390,7 @@ def mount(point_a: Point, point_b: Point, K: ca.SX, C: ca.SX, K_turn: ca.SX, C_t
     if is_zero(K_turn) and is_zero(C_turn):
         return
     relative = a.frame.R.T @ b.frame.R
-    sines = ca.inv_skew(relative - relative.T) / 2
+    sines = _sines(relative)
     omega = relative @ b.frame.omega - a.frame.omega
     torque = -a.frame.R @ (K_turn @ sines + C_turn @ omega)
     yield Action((moment_on(b, torque), moment_on(a, -torque)))

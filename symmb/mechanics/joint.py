@@ -28,7 +28,7 @@ from symmb.mechanics.joint_coordinates import (
     angle_of,
     angles_of,
 )
-from symmb.mechanics.pose import Particle, Planar, Pose, Spatial
+from symmb.mechanics.pose import Fixed, Particle, Planar, Pose, Spatial
 from symmb.symbolic import Symbol, is_zero, quaternion_rate, vector
 
 _ANY: tuple[type[Pose], ...] = (Planar, Spatial, Particle)
@@ -322,9 +322,10 @@ class Distance(Joint):
 
 @dataclass(frozen=True, eq=False)
 class Gear(AxisJoint):
-    """Gear pair: the angle of body b is `ratio` times that of body a, each about its axis against the ground.
+    """Gear pair: the angle of body b is `ratio` times that of body a, each about its axis against the carrier.
 
-    The angles are 0 where the frames are parallel to the world's. With a negative ratio the bodies turn in opposite
+    The carrier is the body that holds both axes, such as the arm of a planetary gear; without one it is the ground. The
+    angles are 0 where the frames are parallel to the carrier's. With a negative ratio the bodies turn in opposite
     directions.
 
     Examples
@@ -345,12 +346,20 @@ class Gear(AxisJoint):
     without: ClassVar[str] = "It couples two angles. Use those of the Revolute joints that carry its wheels."
 
     ratio: Expr = field(kw_only=True)
+    carrier: AbstractBody | None = field(default=None, kw_only=True)
+
+    def faults(self) -> Iterator[str]:
+        yield from super().faults()
+        if self.carrier is not None and not isinstance(self.carrier, AbstractBody):
+            yield f"{self.title}: carrier must be the body that holds both axes, got {shown(self.carrier)}."
+        elif self.carrier is not None and not isinstance(self.carrier.pose, (*ORIENTED, Fixed)):
+            yield f"{self.title}: carrier {self.carrier.name!r} does not turn. Use pose=Planar() or pose=Spatial()."
 
     @cached_property
     def _angles(self) -> tuple[tuple[ca.SX, tuple[Symbol, ...]], ...]:
-        ground = Ground()
+        carrier = Ground() if self.carrier is None else self.carrier
         return tuple(
-            relative_angle(f"{self.name}.{side}", ground, axis, body, ca.SX.eye(3))
+            relative_angle(f"{self.name}.{side}", carrier, axis, body, ca.SX.eye(3))
             for side, axis, body in zip("ab", self.axes, self.bodies(), strict=True)
         )
 

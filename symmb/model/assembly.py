@@ -21,6 +21,7 @@ from symmb.mechanics import (
     Impact,
     Inertial,
     Input,
+    Joint,
     JointEvent,
     Latch,
     Load,
@@ -90,6 +91,7 @@ class Collected:
     Psi: ca.SX
     rows: dict[str, slice]
     row_names: tuple[str, ...]
+    units: ca.SX  # in which forces and moments among the multipliers compare: 1, and an arm of the joints [m]
     sampled: tuple[tuple[Sampled, ca.SX], ...]  # with their laws
     impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
     joint_events: tuple[tuple[JointEvent, ca.SX], ...]  # with their margins, below 0 where conditions hold
@@ -111,6 +113,7 @@ class Collected:
             Psi=self.Psi[[i - n_c for i in numbers if i >= n_c], :],
             rows={name: slice(at, at + owners.count(name)) for name, at in first.items()},
             row_names=tuple(self.row_names[i] for i in numbers),
+            units=self.units[list(numbers)],
         )
 
     @property
@@ -314,6 +317,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         Psi=Psi,
         rows=_row_slices(equations.positions, equations.velocities),
         row_names=_row_names(equations.positions) + _row_names(equations.velocities),
+        units=_units(equations.constraints, own, Phi, Psi),
         impacts=tuple((name, *law) for name, law in equations.laws.items()),
         joint_events=tuple(equations.joint_events),
         assembly_cosines=stacked([c.assembly_cosines() for c in equations.constraints if closed.get(c.name, True)]),
@@ -389,6 +393,30 @@ def _row_slices(*kinds: dict[str, list[ca.SX]]) -> dict[str, slice]:
 
 def _row_names(rows: dict[str, list[ca.SX]]) -> tuple[str, ...]:
     return tuple(f"{name}.lam[{i}]" for name, own in rows.items() for i in range(len(own)))
+
+
+def is_linear(name: str) -> bool:
+    """Whether a coordinate or a velocity of this name is one of translation, or of a mode."""
+    part = name.rpartition(".")[2]
+    return part in _LINEAR or part.startswith("eta")
+
+
+_LINEAR = ("x", "y", "z", "vx", "vy", "vz", "displacement", "displacement_rate")
+
+
+def _units(constraints: Sequence[Constraint], own: Sequence[Coordinates], *rows: ca.SX) -> ca.SX:
+    """1 for rows that contain a translation, and for others the mean arm of the points of joints on bodies [m]."""
+    points = [p for c in constraints if isinstance(c, Joint) for p in (c.point_a, c.point_b)]
+    squares = [ca.sumsqr(p.s) for p in points if not isinstance(p.body, Ground)]
+    arm = ca.sqrt(sum(squares) / len(squares)) if any(not is_zero(square) for square in squares) else ca.SX(1)
+    names = [(*part.q_names, *part.v_names) for part in own]
+    symbols = [ca.vertsplit(ca.vertcat(part.q, part.v)) for part in own]
+    pairs = zip(chain.from_iterable(names), chain.from_iterable(symbols), strict=True)
+    moving = {symbol.element_hash() for name, symbol in pairs if is_linear(name)}
+    return ca.vertcat(
+        ca.SX(0, 1),
+        *[1 if moving & {s.element_hash() for s in ca.symvar(row)} else arm for row in ca.vertsplit(ca.vertcat(*rows))],
+    )
 
 
 def _without_untouched(c: Collected) -> Collected:

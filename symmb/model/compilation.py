@@ -26,6 +26,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     Parameters
     ----------
     system : System
+        its inputs become parameters, behind the others
     rows : sequence of int, optional
         numbers of the constraint rows to keep, where the others are redundant
     nullities : (int, int)
@@ -54,6 +55,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
             if row not in range(len(system.collected.row_names)):
                 raise DeclarationError(f"compile_dae: there is no row {row:g} of constraints.")
     require_numbers("compile_dae", "nullities", nullities, 2)
+    system = system.with_inputs
     reduced = system if rows is None else system.keeping(rows, nullities[0])
     a = ca.SX.sym("a", reduced.v.numel())
     require_inertia(ca.jacobian_sparsity(reduced.inertial(a), a), reduced.G, reduced.collected.v_names)
@@ -173,7 +175,9 @@ def _redundancy_equations(system: System, reduced: System, nullities: tuple[int,
     they are independent wherever the system can move.
     """
     every: dict[str, Outputs] = {
-        "distribute_multipliers": {"lam": least_multipliers(system.G, reduced.G.T @ ca.SX(reduced.lam))}
+        "distribute_multipliers": {
+            "lam": least_multipliers(system.G, reduced.G.T @ ca.SX(reduced.lam), system.collected.units)
+        }
     }
     if not any(nullities):
         return every

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Indices
-from symmb.mechanics import JointEvent, Sticks, Struck
+from symmb.mechanics import JointEvent, Latch, Sticks, Struck
 from symmb.model.system import System
 from symmb.symbolic import common, least_multipliers, symmetric_solver, t
 
@@ -140,7 +140,7 @@ class ContactEquations:
         if not symbols:
             return expression
         clutches = {event.joint.name for event, _ in c.joint_events if isinstance(event, Sticks)}
-        least, values = least_multipliers(system.G, system.G.T @ multipliers), []
+        least, values = least_multipliers(system.G, system.G.T @ multipliers, c.units), []
         for name, lam in symbols.items():
             at = c.rows.get(name, slice(0, 0))
             own, raw = least[at], multipliers[at]
@@ -150,10 +150,18 @@ class ContactEquations:
         return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
 
     def _rounding(self, event: JointEvent, accelerations: ca.SX) -> ca.SX:
-        """What of the rate of an event's margin is rounding: a clutch does not stick where it just does not slip."""
+        """What of the rate of an event's margin is rounding: a clutch does not stick where it just does not slip.
+
+        Nor does a Latch close where its joint has just opened without a jump of the accelerations.
+        """
+        system = self._system
+        if isinstance(event, Latch):
+            sizes = zip((system.q, system.v), (system.qdot, accelerations), strict=True)
+            margin = dict(self._c.joint_events)[event]
+            return _SMALL * ca.sum1(ca.vertcat(*[ca.fabs(ca.jacobian(margin, x)) @ ca.fabs(rate) for x, rate in sizes]))
         if not isinstance(event, Sticks):
             return ca.SX(0)
-        system, W = self._system, ca.jacobian(event.joint.slip, self._system.v)
+        W = ca.jacobian(event.joint.slip, system.v)
         friction = ca.densify(ca.jacobian(system.Q, event.joint.direction))
         effect, _ = system.solve(friction, ca.SX(system.lam.numel(), 1))
         return _SMALL * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
@@ -209,8 +217,15 @@ class ContactEquations:
             at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
             lost, L = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
             v_new, impulse, work = slipping(system.v - lost, -L, ca.dot(L, system.Phi_dot / 2 - at_rest))
-            rates = self._along(margins) + ca.jtimes(margins, system.v, accelerations) + roundings
-            rates = [0 if isinstance(e, Struck) else rate for e, rate in zip(events, ca.vertsplit(rates), strict=True)]
+            rates = self._along(margins) + ca.jtimes(margins, system.v, accelerations)
+            rates = [
+                0
+                if isinstance(e, Struck)
+                else ca.if_else(ca.fabs(rate) <= size, 0, rate)
+                if isinstance(e, Latch)
+                else rate + size
+                for e, rate, size in zip(events, ca.vertsplit(rates), ca.vertsplit(roundings), strict=True)
+            ]
             return JointEvents(
                 names=tuple(e.joint.name for e in events),
                 titles=tuple(e.title for e in events),

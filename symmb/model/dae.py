@@ -12,6 +12,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, shown
 from symmb._types import Array, Indices
+from symmb.model.assembly import is_linear
 from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Impacts
 from symmb.model.lazy import Lazy, known
@@ -20,15 +21,6 @@ from symmb.model.scales import Scales
 
 T = TypeVar("T")
 NO_TIMES: Array = np.empty(0)
-
-
-def is_linear(name: str) -> bool:
-    """Whether a coordinate or a velocity of this name is one of translation, or of a mode."""
-    part = name.rpartition(".")[2]
-    return part in _LINEAR or part.startswith("eta")
-
-
-_LINEAR = ("x", "y", "z", "vx", "vy", "vz", "displacement", "displacement_rate")
 
 
 class Equation(Generic[T]):

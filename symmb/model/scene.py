@@ -96,6 +96,7 @@ class Scene:
         faults = self._faults()
         if faults:
             raise DeclarationError("\n".join(faults))
+        object.__setattr__(self, "system", self.system.without_inputs)
         object.__setattr__(self, "times", np.array(self.times, dtype=float))
         known = {s.sx.element_hash() for s in self.system.collected.states}
         along = ca.vertcat(self.y, *(part for figure in self.figures.values() for part in figure.parts))

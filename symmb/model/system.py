@@ -66,9 +66,36 @@ class System:
         self._added: tuple[Symbol, ...] = ()
         self.nullity = 0
         self._joints: JointSpace | None = None
+        self._is_driven = bool(self.inputs)
 
     def __reduce__(self) -> tuple:
-        return reduction(_restored, self.elements, self.parameters, ca.SX(self.lam), self.vdot, self._added)
+        parts = (self.elements, self.parameters, ca.SX(self.lam), self.vdot, self._added, self._is_driven)
+        return reduction(_restored, *parts)
+
+    @property
+    def without_inputs(self) -> "System":
+        """The system whose inputs are 0, as runs have it."""
+        if not self._is_driven:
+            return self
+        copy = self._with(self.collected, self.nullity, self._joints)
+        copy.lam, copy.vdot, copy._is_driven = self.lam, self.vdot, False
+        return copy
+
+    @cached_property
+    def with_inputs(self) -> "System":
+        """The system whose inputs are parameters, behind the others."""
+        if not self._is_driven:
+            return self
+        system = self.with_elements((), self.parameters.with_inputs([*self.inputs.values()]))
+        return system if self._joints is None else system.joint_space()
+
+    def _driven(self, name: str) -> ca.SX:
+        """A part of the equations with the values of inputs in it."""
+        own = self.with_inputs
+        part = getattr(own.collected, name) if name != "s_rate" else own.s_rate
+        if own is self:
+            return part
+        return ca.substitute(part, ca.vertcat(own.q, own.v, own.s), ca.vertcat(self.q, self.v, self.s))
 
     def with_states(self, states: Sequence[Symbol]) -> "System":
         """A copy with additional first-order states, which outputs need."""
@@ -87,7 +114,7 @@ class System:
     def _with(self, collected: Collected, nullity: int, joints: JointSpace | None) -> "System":
         copy = object.__new__(System)
         copy.parameters, copy.elements, copy._added = self.parameters, self.elements, self._added
-        copy.collected, copy.nullity, copy._joints = collected, nullity, joints
+        copy.collected, copy.nullity, copy._joints, copy._is_driven = collected, nullity, joints, self._is_driven
         return copy
 
     def joint_space(self, turns: Mapping[str, int] | None = None) -> "System":
@@ -157,6 +184,8 @@ class System:
     @cached_property
     def s_rate(self) -> ca.SX:
         """Rates of the first-order states, (n_s,)."""
+        if self._is_driven:
+            return self._driven("s_rate")
         states = self.collected.states
         return ca.vertcat(*[s.rate for s in states]) if states else ca.SX(0, 1)
 
@@ -213,18 +242,18 @@ class System:
 
     @property
     def Q(self) -> ca.SX:
-        """Generalised forces with gyroscopic terms, (n_v,) [N, N m]."""
-        return self.collected.Q
+        """Generalised forces with gyroscopic terms, (n_v,) [N, N m], in which inputs are symbols, as in other parts."""
+        return self._driven("Q")
 
     @property
     def Phi(self) -> ca.SX:
         """Position constraints, (n_c,)."""
-        return self.collected.Phi
+        return self._driven("Phi")
 
     @property
     def Psi(self) -> ca.SX:
         """Velocity-only constraints, (n_psi,)."""
-        return self.collected.Psi
+        return self._driven("Psi")
 
     @cached_property
     def qdot(self) -> ca.SX:
@@ -279,7 +308,7 @@ class System:
     @cached_property
     def accelerations(self) -> ca.SX:
         """Accelerations (n_v,) that satisfy all rows [m/s^2, rad/s^2]."""
-        if self._joints is not None and not self.G.shape[0]:
+        if self._joints is not None and not self.G.shape[0] and not self._is_driven:
             return self._joints.accelerations
         return self.solve(self.Q, self.gamma)[0]
 
@@ -295,7 +324,7 @@ class System:
     @property
     def potential_energy(self) -> ca.SX:
         """Potential of gravity and springs [J]."""
-        return self.collected.potential
+        return self._driven("potential")
 
     @cached_property
     def power(self) -> ca.SX:
@@ -348,7 +377,9 @@ class System:
         """All symbols by name: parameters, coordinates, velocities, states, multipliers and time."""
         c = self.collected
         names = (*self.parameters, *c.q_names, *c.v_names, *(s.name for s in c.states), *c.row_names, "t")
-        return dict(zip(names, ca.vertsplit(ca.vertcat(self.p, self.q, self.v, self.s, self.lam, t)), strict=True))
+        inputs = {name: symbol.sx for name, symbol in self.inputs.items()}
+        symbols = ca.vertsplit(ca.vertcat(self.p, self.q, self.v, self.s, self.lam, t))
+        return dict(zip(names, symbols, strict=True)) | inputs
 
     @cached_property
     def parts(self) -> tuple[str, ...]:
@@ -396,10 +427,16 @@ class System:
 
 
 def _restored(
-    elements: tuple[Body | Element, ...], parameters: Parameters, lam: ca.SX, vdot: ca.SX, added: tuple[Symbol, ...]
+    elements: tuple[Body | Element, ...],
+    parameters: Parameters,
+    lam: ca.SX,
+    vdot: ca.SX,
+    added: tuple[Symbol, ...],
+    is_driven: bool = False,
 ) -> System:
     """A system from its pickle, whose outputs may contain multipliers and accelerations."""
     system = System(*elements, parameters=parameters)
+    system._is_driven = is_driven
     rows, system.lam, system.vdot = system.lam.rows, Multipliers(lam), vdot
     system.lam.rows = rows
     return system.with_states(added) if added else system

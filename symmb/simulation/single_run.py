@@ -18,10 +18,11 @@ from symmb._types import Array, Expr
 from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
 from symmb.integrate import Run, Solver, SwitchPasses, follow_doubts, stiffness
-from symmb.mechanics import Constraint, Rope
+from symmb.mechanics import Constraint
 from symmb.model import DAE, Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
+from symmb.simulation.small_states import small_state_doubts
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
 from symmb.simulation.subject import (
     figure_simulator,
@@ -37,7 +38,7 @@ from symmb.simulation.sweep import Sweep, swept
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
-from symmb.verification import Examination, work_of
+from symmb.verification import Examination, law_doubts, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
@@ -196,7 +197,9 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, trajectory)
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
+    doubts = (*doubts, *law_doubts(runs.scene.system, trajectory.t, trajectory))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
+    doubts = (*doubts, *small_state_doubts(runs, solver, trajectory))
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
         ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
@@ -318,7 +321,7 @@ def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
 
 
 def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
-    """Unilateral constraints whose force has the wrong sign at an output time, and ropes that are wound up."""
+    """Unilateral constraints whose force has the wrong sign at an output time."""
     for element in scene.system.elements:
         if isinstance(element, Constraint) and element.unilateral:
             force = np.ravel(trajectory(element.pressure(scene.system.lam(element.name))))
@@ -327,13 +330,6 @@ def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
                 yield (
                     f"{element.title}: what it stands for lets go at t = {trajectory.t[k]:.6g} s, where its force has "
                     f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
-                )
-        elif isinstance(element, Rope):
-            room = np.atleast_2d(trajectory(element.room(scene.system.bind)))
-            if (wound := (room < 0).any(axis=1)).any():
-                yield (
-                    f"{element.title}: it is wound up at t = {trajectory.t[wound.argmax()]:.6g} s. A load is in its "
-                    "pulley, or it is shorter than its fixed part. Stop the winch before."
                 )
 
 

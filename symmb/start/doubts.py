@@ -9,9 +9,11 @@ from symmb._types import Array, Indices
 from symmb.mechanics import Constraint, Weld
 from symmb.model import DAE, Scene
 from symmb.start.equilibrium import is_stable
+from symmb.start.rank import redundant_names, vanishing_combinations
 from symmb.start.sparse_rows import normal_solver
-from symmb.start.tolerances import ROUNDING
+from symmb.start.tolerances import NEGLIGIBLE, ROUNDING
 from symmb.symbolic import evaluated
+from symmb.symbolic import t as time
 
 
 def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
@@ -26,6 +28,7 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
     G = np.zeros((0, dae.n_v))
     if dae.G is not None:
         G = evaluated(dae.G, *map(np.atleast_1d, at)) * dae.displacement_scales
+    yield from _open_outputs(scene, dae, at, G, len(rows))
     driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
     gated = any(scene.system.collected.gated.values())  # a joint that holds the mechanism may open
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven or gated:
@@ -41,6 +44,30 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
         yield (
             "The start is an unstable equilibrium: all forces balance there, and only rounding decides where the "
             "system moves. Start away from it."
+        )
+
+
+def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Array, rank: int) -> Iterator[str]:
+    """The doubt that outputs change as redundant rows of G (n_r, n_v) share their forces in another way."""
+    lam, y = ca.SX(scene.system.lam), scene.y
+    if rank == len(G) or not any(ca.which_depends(y, lam, 1, True)):
+        return
+    sizes = np.maximum(np.linalg.norm(G, axis=1, keepdims=True), ROUNDING)
+    shares = vanishing_combinations(G / sizes, rank)
+    shares = np.where(np.abs(shares) > NEGLIGIBLE, shares, 0.0) / sizes
+    system = scene.system
+    symbols = [*dae.arguments(ca.vertcat(system.q, system.v, system.s), system.p, time), lam, system.vdot]
+    slopes = ca.Function("slopes", symbols, [ca.jacobian(y, lam)])
+    some = np.cos(np.arange(1, len(G) + 1) ** 1.5)  # outputs need not be linear in the multipliers
+    J = slopes(*at, some, np.zeros(dae.n_v)).full()
+    is_open = (np.abs(J @ shares) > NEGLIGIBLE * (np.abs(J) @ np.abs(shares))).any(axis=1)
+    if is_open.any():
+        outputs = ", ".join(repr(name) for name, own in zip(scene.curve_names, is_open, strict=True) if own)
+        names = ", ".join(map(repr, redundant_names(G / sizes, rank, dae.rows)))
+        yield (
+            f"Outputs {outputs} depend on how the redundant constraints {names} share their load, which rigid bodies "
+            "leave open: these reactions are the least ones. Put a Bushing in the place of a joint that is not stiff, "
+            "or a joint with fewer rows."
         )
 
 

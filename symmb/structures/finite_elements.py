@@ -282,7 +282,15 @@ class FiniteElements:
         held = self._dofs(fixed)
         held = held[~np.isin(held % self.per_node, locked)]
         flexibility = Flexibility(
-            self.K, self.M, np.union1d(free, held), motions[:, moves], held, X, stiffness, self.per_node
+            self.K,
+            self.M,
+            np.union1d(free, held),
+            motions[:, moves],
+            held,
+            X,
+            stiffness,
+            self.per_node,
+            max(interface.size - rigid.shape[1], 0),
         )
         modes, shapes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
         if is_law(zeta) or terms.has_laws:

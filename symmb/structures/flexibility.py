@@ -38,6 +38,7 @@ class Flexibility:
     clamped : (c,)       degrees of freedom of the clamped node; c = 0 for a body in a floating frame
     X, stiffness : (d, n), (n,)
     per_node : int       degrees of freedom a node
+    of_interfaces : int  shapes of interfaces, of which a smaller count of modes leaves some out
     """
 
     K: Sparse
@@ -48,6 +49,7 @@ class Flexibility:
     X: Array
     stiffness: Array
     per_node: int
+    of_interfaces: int
 
     @property
     def clamped_node(self) -> int | None:

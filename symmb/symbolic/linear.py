@@ -109,14 +109,18 @@ def vanishing_rows(G: ca.SX, nullity: int) -> ca.SX:
     return ca.diag(1 / size) @ _vanishing(lifted, G.shape[0], nullity)
 
 
-def least_multipliers(G: ca.SX, force: ca.SX) -> ca.SX:
-    """Multipliers lam (n_r,) of least norm with G' lam = force (n_v,), whatever the rank of G, if there are any."""
+def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
+    """Multipliers lam (n_r,) of least norm with G' lam = force (n_v,), whatever the rank of G, if there are any.
+
+    The norm is that of the multipliers in some units (n_r,).
+    """
+    G = ca.sparsify(ca.diag(units) @ G)
     size = ca.sqrt(ca.sum1(G * G).T + _TINY)
     columns = ca.sparsify(G @ ca.diag(1 / size))
     S, right = ca.sparsify(columns.T @ columns), force / size
     lifted = symmetric_solver(S + _LIFT * ca.SX.eye(S.shape[0]))
     z = lifted(right)
-    return ca.densify(columns @ (z + lifted(right - S @ z)))
+    return ca.densify(units * (columns @ (z + lifted(right - S @ z))))
 
 
 def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:

@@ -11,7 +11,7 @@ from symmb.formulations import output_function
 from symmb.mechanics import FlexibleBody
 from symmb.model import DAE, Scene
 from symmb.symbolic import batch
-from symmb.verification.missing_modes import REMEDY, AttachedLoads, along, attached_loads, left_out
+from symmb.verification.missing_modes import AttachedLoads, along, attached_loads, left_out
 from symmb.verification.two_ways import Way
 
 TURN = 0.3
@@ -46,7 +46,7 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
             doubts.append(
                 f"FlexibleBody {lack.loads.body.name!r}: its modes lack {lack.share:.0%} of the deflections by the "
                 f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, told by {lack.output}, so that it is "
-                f"too stiff. {REMEDY}"
+                f"too stiff. {lack.loads.remedy}"
             )
     return tuple(doubts)
 
@@ -135,5 +135,5 @@ def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
     if moved > STRETCH * size:
         yield (
             f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction in which "
-            f"none of its modes moves. {REMEDY}"
+            f"none of its modes moves. {loads.remedy}"
         )

@@ -53,6 +53,20 @@ class AttachedLoads:
         structure = self.body.modes.flexibility
         return None if structure is None or not self.loaded else structure.responses(self.nodes)
 
+    @property
+    def remedy(self) -> str:
+        """What to do against modes that leave something out."""
+        structure, count = self.body.modes.flexibility, len(self.body.modes.stiffness)
+        if structure is not None and count < structure.of_interfaces:
+            return (
+                f"Its interfaces have {structure.of_interfaces} shapes, of which count={count} leaves some out. Leave "
+                f"count= out, or ask for more than {structure.of_interfaces}."
+            )
+        return (
+            "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one. "
+            "With them, a larger count= follows inertia."
+        )
+
     @cached_property
     def shapes(self) -> Array:
         """Displacements and rotations of the nodes by the modes (6 m, n)."""
@@ -285,8 +299,3 @@ _NOTHING = 1e-9
 """Change of an output over its size up to which it is rounding."""
 _EXPLAINED = 0.05
 """Share of the slopes of an output that nodes need not explain: it rests on places of the deformed body."""
-REMEDY = (
-    "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one. With them, "
-    "a larger count= follows inertia."
-)
-"""What to do against modes that leave something out."""

@@ -5,6 +5,7 @@ import drives
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.optimize import brentq
 
 import symmb as mb
 
@@ -192,3 +193,29 @@ def test_faults_are_told():
     ):
         with pytest.raises(mb.DeclarationError, match=f"Clutch 'brake': .*{text}"):
             mb.System(wheel, shaft, mb.Clutch("brake", *arguments))
+
+
+@pytest.mark.parametrize(("load", "limit"), [(0.0, 0.0), (-0.2, 0.0), (-0.2, 0.15)])
+def test_a_freewheel_lets_go_where_its_torque_turns_round(load, limit):
+    """A Weld with a Latch by speed, in 40 samples: the wheel is never slower than the shaft, and runs down by itself.
+
+    At the instant of the Release, slip and its rate are 0 but for rounding, from where the Latch must not close.
+    """
+    p = mb.Parameters(drag=0.05)
+    a, b = (mb.Body(name, 1.0, inertia, mb.Planar()) for name, inertia in (("a", 0.01), ("b", 0.1)))
+    shafts = [mb.Revolute(f"shaft_{x.name}", mb.Ground().point(0, 0), x.point(0, 0)) for x in (a, b)]
+    drive = mb.Motion("drive", shafts[0].angle, 0.5 * (1 - ca.cos(6 * mb.t)))
+    lock = mb.Weld("lock", a.point(0, 0), b.point(0, 0))
+    events = mb.Latch(lock, a.omega - b.omega > 0), mb.Release(lock, lambda on_b: on_b.tz < -limit)
+    torque = mb.Torque("torque", b, load - p.drag * b.omega)
+    times = np.linspace(0, 0.7, 71)
+    system = mb.System(a, b, *shafts, lock, *events, drive, torque, parameters=p)
+    run = mb.simulate(
+        mb.Scene(system, {}, times, {"b": b.omega}), parameters=[{"drag": c} for c in np.linspace(0.04, 0.06, 40)]
+    )
+    for c, wheel in zip(np.linspace(0.04, 0.06, 40), run["b"], strict=True):
+        speed, rate = (lambda t: 3 * np.sin(6 * t)), (lambda t: 18 * np.cos(6 * t))
+        lets_go = brentq(lambda t: 0.1 * rate(t) + c * speed(t) - load + limit, 0.2, 0.5)  # noqa: B023
+        at, end = times - lets_go, load / c
+        free = end + (speed(lets_go) - end) * np.exp(-c / 0.1 * at)
+        assert_allclose(wheel, np.where(at < 0, speed(times), free), atol=1e-9)

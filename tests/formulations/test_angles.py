@@ -1,5 +1,7 @@
 """Angles of joints count their turns: revolutes, gears, screws and torsion springs, in the plane and in space."""
 
+import warnings
+
 import numpy as np
 import pytest
 from conftest import ALL_SOLVERS
@@ -90,6 +92,58 @@ def test_a_gear_keeps_its_ratio_over_several_turns(pose):
     assert_allclose(run["a"], alpha * TIMES**2 / 2, atol=1e-7)
     assert_allclose(run["b"], -2.5 * run["a"], atol=1e-7)
     assert abs(run["b"][-1]) > 4 * np.pi
+
+
+def planetary(pose, r_sun, r_planet, carried=True, held=False):
+    """Sun, arm and planet, the ring being the ground or absent; the arm is driven at 2 rad/s if the sun is held."""
+    axis, pins = axis_of(pose), {}
+    sun, arm, planet = (wheel(name, pose, 0.1) for name in ("sun", "arm", "planet"))
+    side = np.cross(axis, (1.0, 0.3, 0.0))
+    place = (r_sun + r_planet) * side / np.linalg.norm(side)
+    for name, a, b in (
+        ("sun", GROUND.point(0, 0), sun),
+        ("arm", GROUND.point(0, 0), arm),
+        ("planet", arm.point(*place), planet),
+    ):
+        pins[name] = mb.Revolute(f"pin_{name}", a, b.point(0, 0), axis=axis)
+    options = {"axis": axis, "carrier": arm if carried else None}
+    mesh = mb.Gear("mesh", sun.point(0, 0), planet.point(0, 0), ratio=-r_sun / r_planet, **options)
+    ring = mb.Gear("ring", GROUND.point(0, 0), planet.point(0, 0), ratio=2 + r_sun / r_planet, **options)
+    angle = pins["sun"].angle
+    drives = [mb.Motion("hold", angle, 0), mb.Motion("drive", pins["arm"].angle, 2 * mb.t)]
+    drives = drives if held else [ring, mb.Motion("drive", angle, 9 * mb.t)]
+    outputs = {"arm": pins["arm"].angle_rate, "planet": pins["arm"].angle_rate + pins["planet"].angle_rate}
+    return mb.Scene(mb.System(sun, arm, planet, *pins.values(), mesh, *drives), times=TIMES, outputs=outputs)
+
+
+@pytest.mark.parametrize(("r_sun", "r_planet"), [(0.3, 0.2), (0.21, 0.47)])
+@pytest.mark.parametrize("pose", POSES, ids=repr)
+def test_gears_on_a_carrier_turn_as_willis_has_it(pose, r_sun, r_planet):
+    """Held ring: the arm turns at r_s / (r_s + r_r) of the sun. Held sun: the planet at 1 + r_s / r_p of the arm."""
+    run = mb.simulate(planetary(pose, r_sun, r_planet), TIGHT)
+    arm = 9 * r_sun / (2 * r_sun + 2 * r_planet)
+    assert_allclose(run["arm"], arm, atol=1e-8)
+    assert_allclose(run["planet"], arm * (1 - (2 + r_sun / r_planet)), atol=1e-8)
+    run = mb.simulate(planetary(pose, r_sun, r_planet, held=True), TIGHT)
+    assert_allclose(run["planet"], 2 * (1 + r_sun / r_planet), atol=1e-8)
+    assert not run.doubts
+
+
+def test_a_gear_whose_axis_a_turning_body_holds_is_doubted():
+    """Coaxial shafts, ratio 1 and carriers that only slide make no difference between the carrier and the ground."""
+    with pytest.warns(mb.SymmbWarning, match="Body 'arm' holds the axis of 'planet' and may turn.*carrier=arm"):
+        mb.simulate(planetary(mb.Planar(), 0.3, 0.2, carried=False, held=True))
+    shaft, hollow, cabin, disc = (wheel(name, mb.Planar(), 0.1) for name in ("shaft", "hollow", "cabin", "disc"))
+    pins = [
+        mb.Revolute("pin", GROUND.point(1, 0), shaft.point(0, 0)),
+        mb.Revolute("bush", shaft.point(0, 0), hollow.point(0, 0)),
+    ]
+    lift = mb.Prismatic("lift", GROUND.point(0, 0), cabin.point(0, 0), axis=(0, 1, 0))
+    pins += [lift, mb.Revolute("hub", cabin.point(0.2, 0), disc.point(0, 0))]
+    gears = [mb.Gear(f"gear_{b.name}", shaft.point(0, 0), b.point(0, 0), ratio=0.5) for b in (hollow, disc)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mb.simulate(mb.Scene(mb.System(shaft, hollow, cabin, disc, *pins, *gears), {"pin.angle_rate": 2.0}, TIMES[:3]))
 
 
 def test_a_screw_advances_by_its_pitch_with_every_turn():

@@ -1,5 +1,7 @@
 """Forces against virtual work, balance of forces and moments, dissipation, and laws of any kind."""
 
+import warnings
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -258,3 +260,18 @@ def test_vectors_are_written_in_any_way(write):
     moving = mb.Torque("t", body, body.x * ca.DM([4.0, 5.0, -6.0]))
     _, dae = bundle(body, moving)
     assert_allclose(numbers(dae.Q, np.array([2.0, 0, 0, 1.0, 0, 0, 0]), np.zeros(6), [], 0.0)[3:], [8, 10, -12])
+
+
+@pytest.mark.parametrize(
+    ("angle", "stiffness", "doubted"),
+    [(0.45, 2.0, False), (0.55, 2.0, True), (3.5, (0, 0, 1.0), True), (2.0, 0.0, False)],
+)
+def test_a_bushing_that_turns_far_is_doubted(angle, stiffness, doubted):
+    body = mb.Body("body", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0, 0), body.point(0, 0, 0))
+    mount = mb.Bushing("mount", mb.Ground().point(0, 0, 0), body.point(0, 0, 0), 5.0, 0.0, stiffness, 0.0)
+    scene = mb.Scene(mb.System(body, hinge, mount), {"hinge.angle": angle})
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        mb.simulate(scene)
+    assert any("Bushing 'mount': it turns by more than 0.5 rad at t = 0 s" in str(w.message) for w in found) == doubted

@@ -152,3 +152,29 @@ def test_an_unknown_joint_is_told():
     refused(r"No joint 'elbw' between two bodies\. Did you mean 'elbow'\?", system.reaction, "elbw")
     refused("No joint 'drive' between two bodies", system.reaction, "drive")
     refused(r"No constraint 'driv' with multipliers\. Did you mean 'drive'\?", system.lam, "driv")
+
+
+def hung(k, arm, distance=0.5, reaction="fz"):
+    """A frame on two hinges in a row, which carries a weight, in units of 1 / k metres."""
+    ground = mb.Ground()
+    frame = mb.Body("frame", 4.0, tuple(k**2 * i for i in (0.4, 0.1, 0.4)), mb.Spatial())
+    lump = mb.Body("lump", 2.0, (0.01 * k**2,) * 3, mb.Spatial())
+    ends = {"left": -distance * k, "right": distance * k}
+    pins = [
+        mb.Revolute(name, ground.point(0, y, 0), frame.point(0, y, arm * k), axis=(0, 1, 0)) for name, y in ends.items()
+    ]
+    weld = mb.Weld("weld", frame.point(0, 0.3 * k, 0), lump.point(0, 0, 0))
+    system = mb.System(frame, lump, *pins, weld, mb.Gravity(0, 0, -9.81 * k))
+    outputs = {name: getattr(system.reaction(name), reaction) / k for name in ends}
+    outputs |= {"both": outputs["left"] + outputs["right"], "weld": system.reaction("weld").fz / k}
+    return mb.Scene(system, {"left.angle": 0.0}, outputs=outputs)
+
+
+@pytest.mark.parametrize(("arm", "distance"), [(0.4, 0.5), (0.1, 1.3)])
+def test_least_reactions_do_not_depend_on_the_unit_of_length(arm, distance):
+    """Each hinge takes moments too: outputs that depend on how they share the load are doubted, their sum is not."""
+    with pytest.warns(mb.SymmbWarning, match="Outputs 'left', 'right' depend on how the redundant constraints"):
+        run, other = (mb.simulate(hung(k, arm, distance)) for k in (1.0, 1000.0))
+    assert_allclose(run.values, other.values, rtol=1e-8)
+    assert_allclose(run["both"], 6 * 9.81, rtol=1e-9)
+    assert run["left"][0] < run["right"][0] < run["both"][0]

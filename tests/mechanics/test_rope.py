@@ -1,5 +1,7 @@
 """Ropes: slack and taut, over pulleys, wound by a winch; and rods that stand for them."""
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -49,7 +51,8 @@ def test_a_rope_round_a_pulley_is_as_long_as_a_belt():
     load = mb.Body("load", 1.0, pose=mb.Particle())
     way = [GROUND.point(-1, r), (GROUND.point(0, 0), -r), (GROUND.point(2 * r, -1), r), load.point(0, 0)]
     system = mb.System(load, mb.Rope("rope", way, 1.0, 0.0))
-    pull = ca.Function("pull", [system.q], [system.Q])(ca.vertcat(2.0, -1 - r, 0)).full().ravel()
+    wraps = ca.vertcat(*[state.sx for state in system.collected.states])
+    pull = ca.Function("pull", [system.q, wraps], [system.Q])(ca.vertcat(2.0, -1 - r, 0), 0.8).full().ravel()
     assert_allclose(pull, [-(1 + np.pi / 2 * r + 1 + np.pi / 2 * r + 2 - 2 * r), 0, 0], atol=1e-12)
 
 
@@ -109,12 +112,113 @@ def test_a_load_in_its_pulley_is_a_run_that_ends():
     assert run["body.x"][-1] == pytest.approx(0.25, abs=1e-9)
 
 
-@pytest.mark.parametrize("over", [(GROUND.point(0, 0), -0.1), GROUND.point(0, 0)])
-def test_a_winch_that_winds_its_load_into_the_pulley_is_told(over):
-    """Without the arc of 0.16 m, 0.8 m of the 1.8 m are free, and 1 m is wound each second."""
+@pytest.mark.parametrize(("over", "y"), [(GROUND.point(0, 0), -0.79), (GROUND.point(0.1, 0.05), -0.64)])
+def test_a_winch_that_winds_its_load_into_the_pulley_is_told(over, y):
+    """Of 1.8 m, 0.8 m and 0.7 m are free, and 1 m is wound each second. A round pulley would let the load fly on."""
     load = mb.Body("load", 1.0, pose=mb.Particle())
     rope = mb.Rope("rope", [GROUND.point(-1, 0.1), over, load.point(0, 0)], 1e4, 1.8 - mb.t, 50.0)
     system = mb.System(load, rope, mb.Gravity(0, -9.81))
-    scene = mb.Scene(system, {"load.x": 0.1, "load.y": -0.8}, np.linspace(0, 0.9, 19))
-    with pytest.warns(mb.SymmbWarning, match=r"Rope 'rope': it is wound up at t = 0\.[78].*Stop the winch before"):
+    scene = mb.Scene(system, {"load.x": 0.1, "load.y": y, "load.vy": 1.0}, np.linspace(0, 0.9, 19))
+    with pytest.warns(mb.SymmbWarning, match=r"Rope 'rope': it is wound up at t = 0\.[678].*Stop the winch before"):
+        mb.simulate(scene)
+
+
+def retracting(speed, r, k=1000.0):
+    """An idler that is drawn down from under a rope between two points."""
+    p = mb.Parameters(speed=speed, r=r)
+    idler = mb.Body("idler", 1.0, 1.0)
+    slide = mb.Prismatic("slide", GROUND.point(0, 0), idler.point(0, 0), axis=(0, 1, 0))
+    rope = mb.Rope("rope", [GROUND.point(-1, 0), (idler.point(0, 0), -p.r), GROUND.point(1, 0)], k, 1.98)
+    drive = mb.Motion("drive", slide.displacement, 0.1 - p.speed * mb.t)
+    system = mb.System(idler, slide, rope, drive, parameters=p)
+    times = np.linspace(0, 1, 12)
+    return mb.Scene(system, {}, times, {"pull": system.force("rope"), "held": system.lam("drive")}), times
+
+
+def pull_of_retracting(times, speed, r, k=1000.0):
+    h = 0.1 - speed * times
+    d = np.hypot(1, h)
+    way = 2 * np.sqrt(d**2 - r**2) + 2 * r * (np.arctan2(h, 1) + np.arcsin(r / d))
+    return k * (np.where(h + r > 0, way, 2.0) - 1.98)
+
+
+@pytest.mark.parametrize(("speed", "r"), [(0.3, 0.05), (0.41, 0.12)])
+def test_an_idler_that_retracts_leaves_the_rope(speed, r):
+    """In one run, in lanes, and in derivatives with respect to the speed and to the radius."""
+    values = {"speed": speed, "r": r}
+    scene, times = retracting(**values)
+    run = mb.simulate(scene)
+    right = pull_of_retracting(times, **values)
+    assert_allclose(run["pull"], right, atol=1e-8)
+    assert_allclose(run["held"][right == 20.0], 0.0, atol=1e-9)  # the rope does not hold the idler
+    assert not run.doubts
+    assert_allclose(mb.simulate(scene, parameters=[values])["pull"][0], right, atol=1e-7)
+    slopes = mb.sensitivities(scene)
+    for name in values:
+        up, down = ({**values, name: values[name] * s} for s in (1 + 1e-6, 1 - 1e-6))
+        slope = (pull_of_retracting(times, **up) - pull_of_retracting(times, **down)) / (2e-6 * values[name])
+        assert_allclose(slopes["pull", name], slope, atol=1e-3)
+
+
+@pytest.mark.parametrize(("turns", "r", "side"), [(2.3, 0.2, -1), (1.1, 0.1, 1), (3.7, 0.05, -1)])
+def test_a_rope_winds_on_by_several_turns_and_off(turns, r, side):
+    """The end goes round a post on a circle of the radius 1 and back, and further back until the rope is straight."""
+    end = mb.Body("end", 1.0, pose=mb.Particle())
+    angle = 0.4 - (turns * 2 * np.pi + 0.4) * ca.sin(np.pi * mb.t)
+    place = ca.vertcat(ca.cos(angle), -side * ca.sin(angle))
+    rope = mb.Rope("rope", [GROUND.point(-2, -side * r), (GROUND.point(0, 0), side * r), end.point(0, 0)], 10.0, 2.2)
+    drives = [mb.Motion(f"drive_{x}", at, law) for x, at, law in (("x", end.x, place[0]), ("y", end.y, place[1]))]
+    system = mb.System(end, rope, *drives)
+    times = np.linspace(0, 1, 41)
+    run = mb.simulate(mb.Scene(system, {"end.z": 0.0}, times, {"pull": system.force("rope")}))
+    a = 0.4 - (turns * 2 * np.pi + 0.4) * np.sin(np.pi * times)
+    wrap = np.arcsin(r) - a
+    straight = np.hypot(2 + np.cos(a), np.sin(a) - r)
+    right = np.where(wrap > 0, 2 + r * wrap + np.sqrt(1 - r**2), straight) - 2.2
+    assert (wrap < 0).any() and wrap.max() > 2 * np.pi * turns
+    assert_allclose(run["pull"], 10 * np.maximum(right, 0), atol=1e-6)
+
+
+def longest_way(points, radii):
+    """The longest way over some of the pulleys whose wraps are not negative: others meet fewer constraints."""
+    best = 0.0, ()
+    for kept in ((), (1,), (2,), (1, 2)):
+        chain, ends = (0, *kept, 3), []
+        for i, j in pairwise(chain):
+            d, across = points[j] - points[i], radii[i] - radii[j]
+            ends.append((np.sqrt(d @ d - across**2), np.arctan2(d[1], d[0]) + np.arcsin(across / np.hypot(*d))))
+        wraps = [np.sign(radii[j]) * (b[1] - a[1]) for j, (a, b) in zip(kept, pairwise(ends), strict=True)]
+        length = sum(end[0] for end in ends) + sum(abs(radii[j]) * w for j, w in zip(kept, wraps, strict=True))
+        best = max(best, (length, kept)) if min(wraps, default=0) >= 0 else best
+    return best
+
+
+@pytest.mark.parametrize("second", [0.1, -0.1])
+def test_of_two_pulleys_a_rope_touches_those_that_it_needs(second):
+    """On one side, or on opposite ones, in 25 positions of the load."""
+    load = mb.Body("load", 1.0, pose=mb.Particle())
+    points, radii = np.array([(-1, 0), (0, 0), (1, 0.35), (2, 0)]), [0, -0.1, second, 0]
+    way = [(GROUND.point(*x), r) if r else GROUND.point(*x) for x, r in zip(points[:3], radii, strict=False)]
+    system = mb.System(load, mb.Rope("rope", [*way, load.point(0, 0)], 1.0, 0.0))
+    states = system.collected.states
+    start = ca.vertcat(*[state.value for state in states])
+    pull = ca.substitute(system.force("rope"), ca.vertcat(*[state.sx for state in states]), start)
+    pull, kinds = ca.Function("pull", [system.q], [pull]), set()
+    for y in np.linspace(-1.2, 1.2, 25):
+        points[3, 1] = y
+        length, kept = longest_way(points, radii)
+        kinds.add(kept)
+        assert_allclose(float(pull([2.0, y, 0.0])), length, atol=1e-12)
+    assert len(kinds) > 1
+
+
+def test_a_rope_that_meets_its_pulley_from_the_other_side_is_told():
+    """The end goes round the fixed point of the rope, until the rope comes to the pulley from below."""
+    end = mb.Body("end", 1.0, pose=mb.Particle())
+    rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), -0.1), end.point(0, 0)], 10.0, 1.0)
+    angle = 0.2 + 6 * mb.t
+    drives = [mb.Motion("x", end.x, -1 + 2.2 * ca.cos(angle)), mb.Motion("y", end.y, 2.2 * ca.sin(angle))]
+    scene = mb.Scene(mb.System(end, rope, *drives), {"end.z": 0.0}, np.linspace(0, 1.02, 103))
+    first = (2 * np.pi - np.arcsin(0.1) - 0.2) / 6
+    with pytest.warns(mb.SymmbWarning, match=f"meets a pulley at t = {np.ceil(first * 100) / 100:g} s on the side"):
         mb.simulate(scene)

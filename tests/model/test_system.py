@@ -226,3 +226,22 @@ def test_the_nearest_names_are_offered():
     trajectory = mb.simulate(mb.Scene(pendulum()))
     with pytest.raises(mb.DeclarationError, match=r"No output or state 'rod\.teta'\. Did you mean 'rod\.theta'\?"):
         trajectory["rod.teta"]
+
+
+@pytest.mark.parametrize("law", [lambda u: 3 * u, lambda u: u**2 - u])
+def test_inputs_stand_in_the_equations(law):
+    """In Q, also of joints, as symbols; in compiled equations as parameters behind the others; in runs they are 0."""
+    p, u = mb.Parameters(m=2.0), mb.Input("u")
+    arm = mb.Body("arm", p.m, 0.05)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), arm.point(0, 0.5))
+    lag = mb.State("lag", rate=lambda z: u.value - z)
+    system = mb.System(arm, hinge, u, lag, mb.Actuator("motor", hinge, law(u.value) + 0 * lag.value), parameters=p)
+    slopes = [ca.substitute(ca.jacobian(own.Q, u.value), u.value, 0.7)[-1] for own in (system, system.joint_space())]
+    slope = float(ca.substitute(ca.jacobian(law(u.value), u.value), u.value, 0.7))
+    assert [float(s) for s in slopes] == [slope, slope]
+    assert float(ca.jacobian(system.s_rate, u.value)) == 1
+    dae = mb.compile_dae(system.joint_space())
+    assert dae.p_names == ("m", "u")
+    assert_allclose(dae.rhs(0, 0, 0, [2.0, 0.7], 0)[1], float(law(ca.SX(0.7))) / (0.05 + 2.0 * 0.5**2), atol=1e-12)
+    assert mb.simulate(mb.Scene(system, times=[0.0, 1.0]))["arm.omega"][-1] == 0
+    assert "u" in str(system.to_sympy("Q")["Q"])

@@ -70,9 +70,10 @@ def test_multipliers_of_least_norm_are_those_of_the_pseudo_inverse(nullity):
     G[:, :5] *= 1e-6
     force = G.T @ np.random.default_rng(5).normal(size=12)
     unit = np.where(np.arange(26) < 5, 1e6, 1.0)
-    known = np.linalg.lstsq((G * unit).T, force * unit, rcond=1e-9)[0]
-    symbols = ca.SX.sym("G", 12, 26), ca.SX.sym("force", 26)
-    lam = ca.Function("lam", symbols, [least_multipliers(*symbols)])(G, force).full().ravel()
+    units = 10.0 ** np.random.default_rng(6).uniform(-2, 2, 12)  # of the multipliers
+    known = units * np.linalg.lstsq((units[:, None] * G * unit).T, force * unit, rcond=1e-9)[0]
+    symbols = ca.SX.sym("G", 12, 26), ca.SX.sym("force", 26), ca.SX.sym("units", 12)
+    lam = ca.Function("lam", symbols, [least_multipliers(*symbols)])(G, force, units).full().ravel()
     assert_allclose(lam, known, atol=1e-9 * np.abs(known).max())
 
 

@@ -27,6 +27,8 @@ enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed 
 #define MOST_EVENTS 50000   /* of a run: more mean a motion that bounces faster and faster */
 #define CONTACT_STEP 1e-13  /* share of the run's time: shorter steps after an event are lost in rounding */
 #define MOST_IMPULSES 6     /* rows of a joint */
+#define CHATTER_SPAN 1e-3   /* share of the run's time: a joint that closes more than CHATTER times within it would do so */
+#define CHATTER 100         /* more often in a run than MOST_EVENTS */
 #define ROUNDS 3            /* of joints and impacts at one instant */
 #define EVENT (8 + MOST_IMPULSES)
 
@@ -125,7 +127,7 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
   in_turn(c, b, 0, is_few ? s : NULL, ordered);
   for (int k = 0; k < N_I; ++k) any |= immovable[k] = hits(c, k) && !c->movable[k];
   if (any) return blame(b, s, immovable, IMMOVABLE);
-  if (!number) return blame(b, s, c->touching, UNENDING);
+  if (N_I > 0 && !number) return blame(b, s, c->touching, UNENDING);
   for (int k = 0; N_WORK && k < N_I; ++k) a->x[place[N_X - 1]] += c->work[k];
   for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] += jump_of(b, i, c->impulse);
   return 1;
@@ -199,7 +201,8 @@ PRIVATE int is_sooner(const Block *b, const int *fresh, int k, int i) {
 }
 
 /* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. A
-   condition that holds before its event is armed must first cease to. Of several clutches one begins to slip at a time, by
+   condition that holds before its event is armed must first cease to; one of a reaction does not hold while the joint is
+   open and has none. Of several clutches one begins to slip at a time, by
    which others may hold. Clutches that stick before any impulse of this instant have a slip that is an error of the step
    only. It is projected away: otherwise they would stick again when they go on in the other direction. Returns 0 if the
    sample fails. */
@@ -217,7 +220,7 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
       const double off = hysteresis[N_S - N_E + k], margin = b->margin[k][0];
       const int held = flag(a, holding_state, k) > 0.5, armed = is_armed(a, k);
       const int falls = margin < -off || (armed && margin <= off && b->margin[N_E + k][0] < 0.0);
-      const int holds = k == passed ? !held : held ? margin <= off : falls;
+      const int holds = k == passed ? !held : held ? margin <= off && (armed || !opens[k] || !by_force[k]) : falls;
       a->x[place[holding_state[k]]] = each(holds);
       rate[k] = b->margin[N_E + k][0];
       acts[k] = armed && holds && !held;
@@ -233,7 +236,16 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
         fresh[i] |= stuck;
         sticks |= stuck;
       }
-      if (acts[k]) move_joint(b, k);
+      if (!acts[k]) continue;
+      move_joint(b, k);
+      if (opens[k]) continue;
+      const int is_later = b->t - b->first_closing[k] > CHATTER_SPAN * (s->times[s->n_t - 1] - s->times[0]);
+      if (is_later) b->first_closing[k] = b->t;
+      b->closings[k] = is_later ? 1 : b->closings[k] + 1;
+      if (b->closings[k] <= CHATTER) continue;
+      note_event(b, s, BLAMED, N_I + k, 0.0, 0.0, 0.0, 0, NULL, 0);
+      fail_sample(b, s, 0, b->t, CHATTERS);
+      return 0;
     }
     if (sticks && is_first) {
       move_onto_constraints(a, a->x, b->t, a->x_new);
@@ -316,6 +328,7 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
 PRIVATE int begin_contacts(Block *b, Study *s) {
   b->crowd_start = b->t;
   b->n_events = b->n_crowd = 0;
+  for (int k = 0; k < SIZE(N_E); ++k) b->first_closing[k] = b->t, b->closings[k] = 0;
   if (!meet_contacts(b, s, -1)) return 0;
   EACH_PART(b) outputs(a->x, a->c, each(b->t), a->y);
   return 1;

@@ -1,0 +1,44 @@
+"""States that are smaller than their absolute tolerances, and decide on others."""
+
+import warnings
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+
+def reaction(A, B, C, M, end, times=(10.0, 1e3)):
+    """Problem E5 of the test set for initial value problems, as velocities of a particle: x, y, z are species."""
+    species = mb.Body("s", 1.0, pose=mb.Particle())
+    y1, y2, y3 = species.x, species.y, species.z
+    rates = -A * y1 - B * y1 * y3, A * y1 - M * C * y2 * y3, A * y1 - B * y1 * y3 - M * C * y2 * y3 + C * (y2 - y3)
+    velocities = zip("uvw", (species.vx, species.vy, species.vz), rates, strict=True)
+    rows = [mb.VelocityConstraint(name, (v - rate,)) for name, v, rate in velocities]
+    start = {"s.x": 1.76e-3, "s.y": 0.0, "s.z": 0.0}
+    return mb.Scene(mb.System(species, *rows), start, [0.0, *times, end], {"y1": y1})
+
+
+@pytest.mark.parametrize(("A", "B", "right"), [(7.89e-10, 1.1e7, 4.715e-10), (9e-10, 0.9e7, None)])
+def test_a_reaction_with_species_that_are_rounding_beside_others_is_doubted(A, B, right):
+    with pytest.warns(mb.SymmbWarning, match=r"Output 'y1' depends on states within their absolute tolerances: at t ="):
+        mb.simulate(reaction(A, B, 1.13e3, 1e6, 1e7))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = mb.simulate(reaction(A, B, 1.13e3, 1e6, 1e5, (1.0, 10.0)))
+    assert run["y1"][-1] > 0
+    if right is not None:
+        fine = mb.simulate(reaction(A, B, 1.13e3, 1e6, 1e7), mb.CVODES(stiff=True, atol=1e-24))
+        assert_allclose(fine["y1"][-1], right, rtol=0.05)
+
+
+def test_small_states_that_follow_others_are_not_doubted():
+    """A filter of a signal of 1e-13 beside a motion of 1 m, and one that dies away."""
+    block = mb.Body("block", 1.0, pose=mb.Particle())
+    small = mb.State("small", rate=lambda z: (1e-13 * block.x - z) / 0.1)
+    fades = mb.State("fades", rate=lambda z: -z / 0.01)
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), block.point(0, 0), 40.0)
+    start, outputs = {"block.x": 1.0, "small": 0.0, "fades": 1.0}, {"small": small.value, "x": block.x}
+    scene = mb.Scene(mb.System(block, small, fades, spring), start, np.linspace(0, 1, 11), outputs)
+    assert not mb.simulate(scene, mb.CVODES(rtol=1e-6)).doubts
