@@ -1,6 +1,7 @@
 """Names: which ones are allowed, and what a user may have meant by an unknown one."""
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
@@ -64,4 +65,4 @@ def name_faults(names: Sequence[object]) -> list[str]:
     """Why some of the names are not allowed: each with its fault, and those that are given twice."""
     faults = [f"{shown(name)}: {fault}" for name in names if (fault := name_fault(name))]
     texts = [name for name in names if isinstance(name, str)]
-    return faults + [f"{name!r}: the name is used twice." for name in dict.fromkeys(texts) if texts.count(name) > 1]
+    return faults + [f"{name!r}: the name is used twice." for name, count in Counter(texts).items() if count > 1]

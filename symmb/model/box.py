@@ -200,7 +200,7 @@ class Box:
     def from_unit(self, unit: Array) -> Array:
         """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
         unit = require_numbers(repr(self), "points", unit, len(self), leading=True)
-        inside = self.center + unit * self.radius
+        inside = np.clip(self.center + unit * self.radius, self.lower, self.upper)
         return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
 
     def to_unit(self, values: Array) -> Array:
@@ -254,4 +254,6 @@ def _interval(name: str, pair: tuple[float, float]) -> tuple[float, float]:
         raise DeclarationError(f"Box: the ends of '{name}' must be finite, got ({low}, {high}).")
     if low > high:
         raise DeclarationError(f"Box: '{name}' has lower {low} above upper {high}. Exchange them.")
+    if not math.isfinite(high - low):
+        raise DeclarationError(f"Box: the interval of '{name}' from {low} to {high} is wider than the largest number.")
     return low, high

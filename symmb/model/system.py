@@ -328,7 +328,7 @@ class System:
             If there is no such element, or its force is not one number
         """
         forces = {key: force for key, force in self.collected.forces.items() if force is not None}
-        if name in self.lam.rows and name not in forces:
+        if isinstance(name, str) and name in self.lam.rows and name not in forces:
             raise DeclarationError(f"system.force: {name!r} is held by multipliers. Use system.lam({name!r}).")
         require_name("system.force", "element with a force", name, forces)
         return forces[name]

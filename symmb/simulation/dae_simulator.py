@@ -15,7 +15,7 @@ from symmb._errors import SimulationError, SymmbWarning
 from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor, Indices
 from symmb.black_boxes import Progress, Reduction, Samples, checked_samples, digest, stream
-from symmb.codegen import INSTALL, SLOW, Engine, cores, has_compiler
+from symmb.codegen import SLOW, Engine, compiler_advice, cores, has_compiler
 from symmb.events import broken
 from symmb.formulations import Formulation, formulations, jet_outputs, outputs_along
 from symmb.integrate import (
@@ -141,7 +141,7 @@ class DAESimulator:
         if self.coordinates == coordinates:
             self._integrations, self._engines = integrations, engines
         if not (has_compiler() or self._stateless):
-            warnings.warn(f"No C compiler found. {SLOW} {INSTALL}", SymmbWarning, stacklevel=2)
+            warnings.warn(f"No C compiler found. {SLOW} {compiler_advice()}", SymmbWarning, stacklevel=2)
         return "; ".join(filter(None, (reason, str(self.formulation.kinks(self.times) or ""))))
 
     @property

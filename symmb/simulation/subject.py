@@ -145,6 +145,7 @@ def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
 
 def simulator_with(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     """The simulator that `prepare` gives, before it takes its second look."""
+    require_solver(solver)
     return scene.remembered(solver, lambda: DAESimulator(scene, solver))
 
 
