@@ -88,7 +88,9 @@ def require_compiler(user: str) -> None:
 
 def compiler_advice() -> str:
     """Which compilers do not work, and why, and how to install one that does."""
-    return " ".join([*(f"{shlex.join(command)} is not used: {reason}" for command, reason in _UNUSABLE.items()), INSTALL])
+    return " ".join(
+        [*(f"{shlex.join(command)} is not used: {reason}" for command, reason in _UNUSABLE.items()), INSTALL]
+    )
 
 
 def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._options import is_finite_number, numbers_of, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.mechanics.element import Bind, law_value
@@ -51,6 +52,7 @@ class Curve:
     s: ca.SX = field(init=False, repr=False)
     place: ca.SX = field(init=False, repr=False)  # (2,) [m]
 
+    @kept_interrupts()
     def __post_init__(self) -> None:
         object.__setattr__(self, "s", ca.SX.sym("s"))
         require_truth("Curve", "closed", self.closed)

@@ -11,6 +11,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, SymmbError
+from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean, name_fault, name_faults
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._types import Array, Expr
@@ -88,6 +89,7 @@ class Scene:
     coordinates: Literal["joint", "body"] | None = None
     restart: Restart | None = None
 
+    @kept_interrupts()
     def __post_init__(self) -> None:
         require_instance("Scene", self.system, System, "a System")
         require_truth("Scene", "equilibrium", self.equilibrium)

@@ -17,6 +17,7 @@ import casadi as ca
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._options import require_instance, require_name, require_names
 from symmb._types import Expr
 from symmb.mechanics import Body, Element, Ground, Input, Joint, Parameters
@@ -58,6 +59,7 @@ class System:
     SX([(-(k*mass.x)), (-(k*mass.y)), (-(k*mass.z))])
     """
 
+    @kept_interrupts()
     def __init__(self, *elements: Body | Ground | Element, parameters: Parameters | None = None) -> None:
         self.parameters = Parameters() if parameters is None else parameters
         require_instance("System: parameters", self.parameters, Parameters, "Parameters(l1=1.0, ...)")
@@ -90,6 +92,7 @@ class System:
         copy.collected, copy.nullity, copy._joints = collected, nullity, joints
         return copy
 
+    @kept_interrupts()
     def joint_space(self, turns: Mapping[str, int] | None = None) -> "System":
         """The same system in coordinates of its joints: q, v, M, Q, and what rows of Phi and Psi are left.
 

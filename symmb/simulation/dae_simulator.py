@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import SimulationError, SymmbWarning
+from symmb._interrupts import kept_interrupts
 from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor, Indices
 from symmb.black_boxes import Progress, Reduction, Samples, checked_samples, digest, stream
@@ -98,6 +99,7 @@ class DAESimulator:
            [-0.6152]])
     """
 
+    @kept_interrupts()
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
         require_instance("DAESimulator", scene, Scene, "a Scene")
         if solver is not None:

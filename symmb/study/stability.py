@@ -281,9 +281,9 @@ class _StabilityStudy:
     def doubts(self) -> tuple[str, ...]:
         """What was not tried, and what no solver can cure: flexible bodies that leave the theory of their modes."""
         dae, states = self._simulator.dae, self._states()
-        untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {compiler_advice()}" if self.untried else ""
+        untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {compiler_advice()}"
         theory = linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
-        return (*filter(None, [untried]), *theory)
+        return (*([untried] if self.untried else []), *theory)
 
     def _states(self) -> Array:
         """States (m, n_x) of a run that finished, or the start if there is none."""
