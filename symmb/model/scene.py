@@ -12,7 +12,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError, SymmbError
 from symmb._interrupts import kept_interrupts
-from symmb._names import did_you_mean, name_fault, name_faults
+from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.mechanics import Figure
@@ -95,6 +95,8 @@ class Scene:
         require_truth("Scene", "equilibrium", self.equilibrium)
         if self.restart is not None:
             require_instance("Scene: restart", self.restart, Restart, "what starting_at gives")
+        for named in ("start", "outputs", "guess"):
+            object.__setattr__(self, named, normal_keys(f"Scene: {named}", getattr(self, named)))
         faults = self._faults()
         if faults:
             raise DeclarationError("\n".join(faults))

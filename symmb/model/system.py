@@ -18,6 +18,7 @@ import casadi as ca
 from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
+from symmb._names import normal
 from symmb._options import require_instance, require_name, require_names
 from symmb._types import Expr
 from symmb.mechanics import Body, Element, Ground, Input, Joint, Parameters
@@ -64,6 +65,9 @@ class System:
         self.parameters = Parameters() if parameters is None else parameters
         require_instance("System: parameters", self.parameters, Parameters, "Parameters(l1=1.0, ...)")
         self.elements = tuple(e for e in elements if not isinstance(e, Ground))
+        for element in self.elements:
+            if (name := getattr(element, "name", "")) != normal(name):
+                object.__setattr__(element, "name", normal(name))
         self.collected: Collected = collect(self.elements, self.parameters)
         self._added: tuple[Symbol, ...] = ()
         self.nullity = 0
@@ -330,6 +334,7 @@ class System:
         DeclarationError
             If there is no such element, or its force is not one number
         """
+        name = normal(name)
         forces = {key: force for key, force in self.collected.forces.items() if force is not None}
         if isinstance(name, str) and name in self.lam.rows and name not in forces:
             raise DeclarationError(f"system.force: {name!r} is held by multipliers. Use system.lam({name!r}).")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, SupportsFloat
 
 from symmb._errors import DeclarationError, FileError, text_of
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal
 from symmb._options import is_finite_number, numbers_of, shown
 from symmb.files import told
 from symmb.model.iso_grades import sizes_of_grade
@@ -131,7 +131,7 @@ def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None
         raise DeclarationError(f"{owner} is no table: {text_of(error)}.") from None
     intervals: dict[str, Interval] = {}
     for row in rows:
-        name = row.get("name")
+        name = normal(row.get("name"))
         if not isinstance(name, str) or not name:
             raise DeclarationError(f"{owner}: each row needs the name of a parameter.")
         if name in intervals:

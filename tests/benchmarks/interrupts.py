@@ -256,16 +256,13 @@ def programs(count: int, seed: int) -> int:
 def follower(number: float) -> None:
     """A ball on a curve, prepared and compiled: no two numbers give the same one."""
     curve = mb.Curve(lambda s: (s, s**2 + 1e-3 * number), -1.0, 1.0, corners=[0.5])
-    through = mb.Curve([(k, (k * number) % 1) for k in range(6)])
+    mb.Curve([(k, (k * number) % 1) for k in range(6)])
     ball, law = mb.Body("ball", 1.0, 0.1, mb.Planar()), mb.KelvinVoigt(1e5, 10.0)
-    rows = [mb.Body(f"link{k}", 1.0, 0.1, mb.Planar()) for k in range(4)]
+    rows = [mb.Body(f"link{k}", 1.0, 0.1, mb.Planar()) for k in range(2)]
     points = [mb.Ground().point(0, 0), *(link.point(0.5, 0) for link in rows)]
-    joints = [mb.Revolute(f"pin{k}", points[k], rows[k].point(-0.5, 0)) for k in range(4)]
-    contacts = [
-        mb.CurveContact("on", mb.Ground().point(0, 0), curve, ball.point(0, 0), 0.1, law),
-        mb.CurveContact("beside", mb.Ground().point(0, 5), through, ball.point(0, 0), 0.05, law),
-    ]
-    system = mb.System(ball, *rows, *joints, *contacts, mb.Gravity(0, -9.81))
+    joints = [mb.Revolute(f"pin{k}", points[k], rows[k].point(-0.5, 0)) for k in range(2)]
+    contact = mb.CurveContact("on", mb.Ground().point(0, 0), curve, ball.point(0, 0), 0.1, law)
+    system = mb.System(ball, *rows, *joints, contact, mb.Gravity(0, -9.81))
     scene = mb.Scene(system, {"ball.y": 0.5}, np.linspace(0, 0.1, 3))
     mb.compile_dae(system)
     mb.prepare(scene, mb.CVODES())
