@@ -178,6 +178,8 @@ class BlackBox(ABC):
             raise SimulationError(f"the function returned {_short(result)}, {expected}")
         if values.shape == shape[:1] and shape[1] == 1:
             values = values[:, None]
+        if shape[0] == 1 and values.shape in ((), shape[1:]):  # at one time a number, or one for each output
+            values = values.reshape(1, -1)
         if values.shape != shape:
             raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
         return values

@@ -299,6 +299,7 @@ def declared(moment: float, number: float) -> tuple[float | None, str]:
 def declarations(count: int, seed: int) -> int:
     """Print how declarations end by signals."""
     warnings.simplefilter("ignore")
+    os.environ["SYMMB_CFLAGS"] = "-O0"
     choice, times, faults = random.Random(seed), [], []
     begin = time.monotonic()
     follower(choice.random())
