@@ -1,5 +1,7 @@
 """Calls of an exported FMU in random orders, by a program of C under sanitizers, against the phases of FMI's standard."""
 
+# ruff: noqa: E501  (a program of C)
+
 import re
 import subprocess
 import zipfile
@@ -182,7 +184,9 @@ def compile_orders(scene, version, folder, compiler="gcc"):
     driver.write_text(DRIVER.replace("Boolean_", "int" if version == 2 else "bool"))
     program = Path(folder) / f"program{version}"
     scene_c = sources / "sources" / "scene.c"
-    scene_c.write_text(re.sub("(#define STEPS_AT_MOST) .*", r"\1 3000", scene_c.read_text()))  # steps of 1e300 s end soon
+    scene_c.write_text(
+        re.sub("(#define STEPS_AT_MOST) .*", r"\1 3000", scene_c.read_text())
+    )  # steps of 1e300 s end soon
     command = [compiler, *SANITIZED, f"-DVERSION={version}", f"-I{sources / 'sources'}"]
     subprocess.run([*command, driver, scene_c, "-o", program, "-lm"], check=True)
     return program

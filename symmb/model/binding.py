@@ -101,8 +101,8 @@ class Binding:
             )
         if re.search(r"\.lam\[\d+\]$", symbol.name()):
             return (
-                f"{symbol.name()!r} is a reaction, which follows from the equations. No law can depend on it; "
-                "outputs, and conditions of Release, can."
+                f"{symbol.name()!r} is a reaction, which follows from the equations: no law can depend on it. Outputs "
+                "and conditions of Release can, if it is one of their own System."
             )
         return (
             f"symbol {symbol.name()!r} belongs to no parameter and no body of the System."

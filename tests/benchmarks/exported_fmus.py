@@ -6,9 +6,9 @@ For each model and each version of FMI it prints what FMPy's validator finds, an
 between FMPy's run of the FMU and `simulate`, over the largest value of the output, for SETS random sets of
 parameters, and that of bounds by `propagate` of the FMU and of the scene. For three of these sets it compares with
 CVODES as well. A program of C, built from the sources in the FMU, makes 200 runs of one instance under the sanitizers
-of gcc and clang, and tells runs per second, beside those of one lane of the compiled ensemble. Another calls each FMU in
-1,000 random orders, right and wrong ones, and tells the first call that the standard answers otherwise. At last FMPy makes
-200 runs of one instance, and the memory of the process is told.
+of gcc and clang, and tells runs per second, beside those of one lane of the compiled ensemble. Another calls each FMU
+in 1,000 random orders, right and wrong ones, and tells the first call that the standard answers otherwise. At last FMPy
+makes 200 runs of one instance, and the memory of the process is told.
 """
 
 import argparse
@@ -16,7 +16,6 @@ import importlib
 import resource
 import shutil
 import subprocess
-import sys
 import tempfile
 import warnings
 from pathlib import Path

@@ -7,10 +7,10 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
+from fmi_orders import compile_orders
 from scipy.integrate import solve_ivp
 
 import symmb as mb
-from fmi_orders import compile_orders
 from models import bouncing_ball, double_pendulum, four_bar
 from symmb.codegen import has_compiler
 
