@@ -92,12 +92,17 @@ def load_mjcf(
     require_stop("load_mjcf", stop)
     require_truth("load_mjcf", "strict", strict)
     try:
-        return _machine(Path(path), replace, stop, strict)
+        robot, doubts = _machine(Path(path), replace, stop, strict)
     except UnicodeDecodeError:
         raise DeclarationError(f"{path}: its names are not in UTF-8. Save the file in this encoding.") from None
+    warn_of(doubts, f"load_mjcf {path}")
+    return robot
 
 
-def _machine(path: Path, replace: Mapping[str, Expr] | None, stop: ContactLaw | float | None, strict: bool) -> Robot:
+def _machine(
+    path: Path, replace: Mapping[str, Expr] | None, stop: ContactLaw | float | None, strict: bool
+) -> tuple[Robot, list[str]]:
+    """The machine of a file, and what is doubtful about it."""
     source, name, said = _compiled(path, strict)
     description = _description(source, name)
     values = replaced(description, replace, stop, "Give it a joint in the file.")
@@ -106,8 +111,7 @@ def _machine(path: Path, replace: Mapping[str, Expr] | None, stop: ContactLaw | 
     more = MjcfElements(source, building, robot.joints)
     elements = (*robot.elements, *more.all())
     start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
-    warn_of([*left_out(source, stop is not None), *said, *repairs], f"load_mjcf {path}")
-    return with_changes(robot, elements=elements, start=start)
+    return with_changes(robot, elements=elements, start=start), [*left_out(source, stop is not None), *said, *repairs]
 
 
 def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
