@@ -153,7 +153,7 @@ int main(int n, char **words) {
       const Status status = make(i, exchange, call, &legal, &next);
       ++calls, right += status == FMI_OK;
       if (status == FMI_OK ? !(legal & phase) : (legal & phase) && !nonsense && !failed) {
-        fprintf(stderr, "order %lu, call %d (%s) in phase %d: status %d\n", order, call, name, phase, status);
+        fprintf(stderr, "%s; order %lu, call %d (%s) in phase %d: status %d\n", scene_fault(i->scene), order, call, name, phase, status);
         return 1;
       }
       if (status != FMI_OK && legal & phase) failed = 1;

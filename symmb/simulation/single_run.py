@@ -365,8 +365,7 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
     nominal = scene.system.parameters
     if not isinstance(changes, Mapping):
         raise DeclarationError(f'parameters: expected values by name, such as {{"l1": 1.02}}, got {shown(changes)}.')
-    changes = normal_keys("parameters", changes)
-    for name, value in changes.items():
+    for name, value in (changes := normal_keys("parameters", changes)).items():
         if not isinstance(name, str) or name not in nominal:
             raise DeclarationError(f"No parameter {name!r}.{did_you_mean(name, nominal)}")
         if not is_finite_number(value):
