@@ -56,6 +56,7 @@ class Curve:
     def __post_init__(self) -> None:
         object.__setattr__(self, "s", ca.SX.sym("s"))
         require_truth("Curve", "closed", self.closed)
+        object.__setattr__(self, "closed", bool(self.closed))
         corners = numbers_of(self.corners if isinstance(self.corners, list | tuple | range | np.ndarray) else "")
         if corners is None or corners.ndim != 1:
             raise DeclarationError(f"Curve: corners {shown(self.corners)} are no numbers.")
@@ -65,6 +66,8 @@ class Curve:
                 raise DeclarationError(
                     f"Curve: start {self.start!r} and end {self.end!r} must be numbers that increase."
                 )
+            object.__setattr__(self, "start", float(self.start))
+            object.__setattr__(self, "end", float(cast(float, self.end)))
         else:
             place, end, corners = _spline(self.shape, self.closed, corners, self.s)
             object.__setattr__(self, "start", 0.0)

@@ -66,7 +66,7 @@ class System:
         require_instance("System: parameters", self.parameters, Parameters, "Parameters(l1=1.0, ...)")
         self.elements = tuple(e for e in elements if not isinstance(e, Ground))
         for element in self.elements:
-            if (name := getattr(element, "name", "")) != normal(name):
+            if isinstance(name := getattr(element, "name", ""), str) and name != normal(name):
                 object.__setattr__(element, "name", normal(name))
         self.collected: Collected = collect(self.elements, self.parameters)
         self._added: tuple[Symbol, ...] = ()
