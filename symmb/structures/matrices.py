@@ -89,7 +89,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
             raise
         except (ValueError, OverflowError, MemoryError) as error:
             raise DeclarationError(f"{OWNER}: {name}: {source} is no Matrix Market file: {error}") from error
-    if np.iscomplexobj(source):
+    if hasattr(source, "dtype") and np.iscomplexobj(source):  # lists are told as other arrays
         raise DeclarationError(f"{OWNER}: {name} is complex; give a real matrix, and damping by `zeta` of modes.")
     if issparse(source):
         matrix = csc_array(source, dtype=float)
