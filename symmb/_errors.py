@@ -43,6 +43,10 @@ class NoParameterError(DeclarationError, KeyError):
     __str__ = Exception.__str__
 
 
+class NoHandleError(DeclarationError, AttributeError):
+    """A coordinate or a rate that there is not. `hasattr` asks for an AttributeError."""
+
+
 class FileError(SymmbError, OSError):
     """A file or a folder cannot be read, made or written; the text names it."""
 

@@ -69,7 +69,13 @@ class _Repeated:
 
 @contextmanager
 def kept_interrupts() -> Iterator[None]:
-    """A context, or a decorator, for work with CasADi's expressions, which would lose every tenth interrupt."""
+    """A context, or a decorator, for work with CasADi's expressions, which would lose every tenth interrupt.
+
+    It stands at all entrances to such work. Between them the handlers of the program act, which others ask for.
+    """
+    if isinstance(signal.getsignal(signal.SIGINT), _Repeated):
+        yield
+        return
     with _handlers(_Repeated):
         yield
 

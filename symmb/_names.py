@@ -1,8 +1,15 @@
 """Names: which ones are allowed, and what a user may have meant by an unknown one."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from typing import TypeVar
+from unicodedata import normalize
+
+from symmb._errors import DeclarationError
+
+T = TypeVar("T")
 
 LONGEST = 100
 """Most characters of a name: longer ones do not fit into tables and pictures."""
@@ -45,6 +52,24 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
     return f" Known are: {shown}." if known else ""
 
 
+def normal(name: T) -> T:
+    """A name in one form: letters as Python takes them in names, NFKC, so that µ and μ are one; v² stays what it is."""
+    if not isinstance(name, str) or name.isascii():
+        return name
+    return normalize("NFC", "".join(normalize("NFKC", c) if f"_{c}".isidentifier() else c for c in name))  # pyright: ignore
+
+
+def normal_keys(owner: str, named: T) -> T:
+    """A mapping whose names are in this form; anything else as it is. DeclarationError if two names are one."""
+    if not isinstance(named, Mapping) or all(not isinstance(name, str) or name.isascii() for name in named):
+        return named
+    result = {normal(name): value for name, value in named.items()}
+    if len(result) < len(named):
+        twice = [name for name, count in Counter(map(normal, named)).items() if count > 1]
+        raise DeclarationError(f"{owner}: {shown(twice[0])} stands there twice, in two forms.")
+    return result  # pyright: ignore[reportReturnType]
+
+
 def name_fault(name: object, without: str = "") -> str:
     """Why a name is not allowed, as a sentence; empty if it is.
 
@@ -63,5 +88,5 @@ def name_fault(name: object, without: str = "") -> str:
 def name_faults(names: Sequence[object]) -> list[str]:
     """Why some of the names are not allowed: each with its fault, and those that are given twice."""
     faults = [f"{shown(name)}: {fault}" for name in names if (fault := name_fault(name))]
-    texts = [name for name in names if isinstance(name, str)]
-    return faults + [f"{name!r}: the name is used twice." for name in dict.fromkeys(texts) if texts.count(name) > 1]
+    texts = [normal(name) for name in names if isinstance(name, str)]
+    return faults + [f"{name!r}: the name is used twice." for name, count in Counter(texts).items() if count > 1]

@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._limits import fits
-from symmb._names import did_you_mean, shown
+from symmb._names import did_you_mean, normal, shown
 from symmb._types import Array
 
 
@@ -98,10 +98,11 @@ def require_numbers(owner: str, name: str, value: object, *shape: int | None, le
     return array
 
 
-def require_name(owner: str, what: str, name: object, known: Collection[str]) -> None:
-    """DeclarationError unless a name is known."""
-    if not isinstance(name, str) or name not in known:
+def require_name(owner: str, what: str, name: object, known: Collection[str]) -> str:
+    """A name in its normal form; DeclarationError unless it is known."""
+    if not isinstance(name, str) or (form := normal(name)) not in known:
         raise DeclarationError(f"{owner}: no {what} {shown(name)}.{did_you_mean(name, known)}")
+    return form
 
 
 def require_names(owner: str, what: str, names: object, known: Iterable[str]) -> list[str]:
@@ -115,10 +116,8 @@ def require_names(owner: str, what: str, names: object, known: Iterable[str]) ->
         names = None
     if not isinstance(names, Sequence | np.ndarray) or not all(isinstance(name, str) for name in names):
         raise DeclarationError(f"{owner}: expected a list of names, got {shown(names)}.")
-    known = [*known]
-    for name in names:
-        require_name(owner, what, name, known)
-    return [*map(str, names)]
+    known = dict.fromkeys(known)
+    return [require_name(owner, what, str(name), known) for name in names]
 
 
 def is_finite_number(value: object) -> TypeGuard[float]:

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._names import name_faults
+from symmb._names import name_faults, normal, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Executor
@@ -82,6 +82,7 @@ class BlackBox(ABC):
         if not isinstance(parameters, Mapping):
             raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
         faults = name_faults(names) + name_faults([*parameters])
+        names, parameters = tuple(map(normal, names)), normal_keys(owner, parameters)
         if not names or faults:
             raise DeclarationError(f"{owner}: outputs must be one or more different names. {' '.join(faults)}".strip())
         for name, value in parameters.items():
@@ -177,6 +178,8 @@ class BlackBox(ABC):
             raise SimulationError(f"the function returned {_short(result)}, {expected}")
         if values.shape == shape[:1] and shape[1] == 1:
             values = values[:, None]
+        if shape[0] == 1 and values.shape in ((), shape[1:]):  # at one time a number, or one for each output
+            values = values.reshape(1, -1)
         if values.shape != shape:
             raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
         return values

@@ -9,7 +9,7 @@ import threading
 import time
 import warnings
 import zlib
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -159,6 +159,17 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
         _end_calls(running)  # or else a pool of threads waits for programs
 
 
+def _require_same_versions(versions: Mapping[str, Any]) -> None:
+    """SimulationError if a worker of Dask has another symmb or another Python than its client."""
+    for address, worker in versions["workers"].items():
+        for name, length in (("symmb", None), ("python", 2)):  # 3.11 of 3.11.7
+            here, there = (
+                ".".join(str(each["packages"].get(name)).split(".")[:length]) for each in (versions["client"], worker)
+            )
+            if here != there:
+                raise SimulationError(f"executor: the worker {address} has {name} {there}, and here is {here}.")
+
+
 def _end_calls(tasks: Iterable[int]) -> None:
     """End the calls that threads make for some tasks, also those that are about to begin."""
     deadline = time.monotonic() + _GRACE
@@ -273,8 +284,10 @@ class _Pool:
             self._options = {"pure": False, **self._options}
             try:
                 self.workers_at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
+                versions = self.executor.get_versions(packages=["symmb"])
             except Exception as error:  # it is closed
                 raise SimulationError(f"executor: {self.executor!r} does not answer ({text_of(error)}).") from None
+            _require_same_versions(versions)
         self.submits = callable(getattr(self.executor, "submit", None))
         maps = callable(getattr(self.executor, "map", None))
         is_pool = hasattr(self.executor, "apply_async")  # of multiprocessing: no futures

@@ -1,7 +1,9 @@
 """The file of a run store: an SQLite database with each finished run of some studies."""
 
 import json
+import os
 import sqlite3
+import time
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -24,8 +26,8 @@ _APPLICATION, _VERSION = 0x73796D62, 3
 _DAMAGE = sqlite3.Error, ValueError, TypeError, IndexError, OverflowError, RecursionError
 """What damaged files raise."""
 _HEADER = b"SQLite format 3\0"
-_WAIT = 60.0
-"""Time to wait for another study that writes into the file [s]."""
+_WAIT, _WAIT_AT_FIRST = 60.0, 10.0
+"""Times to wait for another study that writes into the file [s]: for the sake of runs that were made, and before."""
 _NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
 """File systems on which several machines do not share the memory that a write-ahead log needs."""
 _AT_A_TIME = 500
@@ -75,6 +77,10 @@ class RunDatabase:
 
     def begin(self, study: StoredStudy) -> int:
         """The number of a study, which is entered if it is new."""
+        find = "SELECT id FROM studies WHERE digest = ?"
+        with self._reading():
+            if found := self._connection.execute(find, (study.digest,)).fetchone():  # nothing need be written
+                return found[0]
         names = json.dumps(study.parameters), json.dumps(study.outputs)
         begun = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
         row = study.digest, study.simulator, *names, study.times.tobytes(), begun
@@ -82,7 +88,6 @@ class RunDatabase:
             new = f"INSERT OR IGNORE INTO studies ({_STUDY}, checksum) VALUES (?, ?, ?, ?, ?, ?, ?)"
             self._connection.execute(new, (*row, _checksum(*row)))
         with self._reading():
-            find = "SELECT id FROM studies WHERE digest = ?"
             return self._connection.execute(find, (study.digest,)).fetchone()[0]
 
     def known(self, study: int, P: Array, timeout: float | None = None) -> set[bytes]:
@@ -112,6 +117,7 @@ class RunDatabase:
         t_failed = None if np.isnan(run.t_failed[0]) else float(run.t_failed[0])
         key = sample_keys(p[None])[0]
         row = study, key, state, t_failed, reason, run.Y[0].tobytes(), events, float(seconds)
+        self._connection.execute(f"PRAGMA busy_timeout = {1000 * _WAIT:.0f}")
         former = f"DELETE FROM runs WHERE study = ? AND sample = ? AND state IN ({TIMED_OUT}, {LOST})"
         with self._writing():
             self._connection.execute(former, row[:2])
@@ -184,6 +190,7 @@ class RunDatabase:
         try:
             yield
         except _DAMAGE as error:
+            _require_unlocked(self._path, error)
             raise DeclarationError(f"{self._path} is damaged ({error}). Give another name.") from None
 
     @contextmanager
@@ -210,6 +217,7 @@ def open_run_database(path: Path, create: bool = True) -> Iterator[RunDatabase]:
         except DeclarationError:
             raise
         except (*_DAMAGE, OSError) as error:
+            _require_unlocked(path, error)
             raise DeclarationError(f"{path} cannot be used as a run store: {text_of(error)}.") from None
         yield RunDatabase(connection, path)
 
@@ -225,7 +233,11 @@ def _connected(path: Path, create: bool) -> sqlite3.Connection:
             is_store = file.read(len(_HEADER)) == _HEADER
     if not is_store:
         raise DeclarationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
-    return sqlite3.connect(path, timeout=_WAIT)
+    if size and not _is_writable(path):
+        log = Path(f"{path}-wal")  # of a study that was killed
+        options = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
+        return sqlite3.connect(f"{path.resolve().as_uri()}?{options}", timeout=_WAIT_AT_FIRST, uri=True)
+    return sqlite3.connect(path, timeout=_WAIT_AT_FIRST)
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
@@ -238,14 +250,39 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     if not is_new and version not in (2, _VERSION):
         raise DeclarationError(f"{path} was written by another version of symmb. Give another name.")
     connection.create_function("checksum", -1, _checksum, deterministic=True)
-    connection.execute(f"PRAGMA journal_mode = {'DELETE' if _is_on_network(path) else 'WAL'}")
-    connection.execute("PRAGMA synchronous = NORMAL")
+    if _is_writable(path):
+        _choose_journal(connection, "DELETE" if _is_on_network(path) else "WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
     if is_new or version == 2:
         connection.executescript(f"BEGIN IMMEDIATE; {_TABLES if is_new else _TABLES_OF_2} COMMIT;")
     with closing(sqlite3.connect(":memory:")) as plain:
         plain.executescript(_TABLES)
         if _schema(connection) != _schema(plain):  # a view in the place of a table may have no end
             raise DeclarationError(f"{path} is damaged (it has other tables than a run store). Give another name.")
+
+
+def _is_writable(path: Path) -> bool:
+    """Whether the medium of a file, its folder and itself can be written, as SQLite needs for its log."""
+    return os.access(path.parent, os.W_OK) and (os.access(path, os.W_OK) or not path.exists())
+
+
+def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
+    """Set the journal of a database. SQLite itself does not wait here for others that do the same."""
+    deadline = time.monotonic() + _WAIT_AT_FIRST
+    while True:
+        try:
+            connection.execute(f"PRAGMA journal_mode = {mode}")
+            return
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > deadline:
+                raise
+        time.sleep(0.01)
+
+
+def _require_unlocked(path: Path, error: Exception) -> None:
+    """SimulationError if an error tells that another program has locked a database."""
+    if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_BUSY:
+        raise SimulationError(f"{path} is locked by another program. Try again when it has ended.") from None
 
 
 def _schema(connection: sqlite3.Connection) -> list[Any]:

@@ -147,5 +147,4 @@ class Envelope:
 
     def _column(self, name: str) -> int:
         """Number of an output."""
-        require_name("Bounds", "output", name, self.names)
-        return self.names.index(name)
+        return self.names.index(require_name("Bounds", "output", name, self.names))

@@ -12,7 +12,7 @@ from symmb import plot
 from symmb._doubt import concerned
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
 from symmb._types import Array, Indices
@@ -212,6 +212,7 @@ def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, t
         raise DeclarationError(
             f'{owner}: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
         )
+    limits = normal_keys(owner, limits)
     for name in limits:
         require_name(owner, "output", name, names)
     return {name: _ends(owner, name, pair) for name, pair in limits.items()}

@@ -73,8 +73,7 @@ class Responses:
 
     def column(self, owner: str, output: object) -> int:
         """Number of an output."""
-        require_name(owner, "output", output, self.names)
-        return self.names.index(str(output))
+        return self.names.index(require_name(owner, "output", output, self.names))
 
     def own(self, k: int) -> Piecewise | None:
         """Good polynomials of output number k alone."""

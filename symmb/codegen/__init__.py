@@ -5,9 +5,9 @@ The fixed parts of the C are in the folder c.
 
 from symmb.codegen import cache
 from symmb.codegen.build import (
-    INSTALL,
     SLOW,
     NoCompilerError,
+    compiler_advice,
     has_compiler,
     load,
     portable_library,

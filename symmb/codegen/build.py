@@ -83,7 +83,14 @@ def has_compiler() -> bool:
 def require_compiler(user: str) -> None:
     """NoCompilerError, which names what needs a C compiler, if there is none."""
     if not has_compiler():
-        raise NoCompilerError(f"{user} needs a C compiler, and none was found. {INSTALL}")
+        raise NoCompilerError(f"{user} needs a C compiler, and none was found. {compiler_advice()}")
+
+
+def compiler_advice() -> str:
+    """Which compilers do not work, and why, and how to install one that does."""
+    return " ".join(
+        [*(f"{shlex.join(command)} is not used: {reason}" for command, reason in _UNUSABLE.items()), INSTALL]
+    )
 
 
 def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
@@ -283,7 +290,7 @@ def _compiler() -> _Compiler:
                 return _probed(command)
             except _BuildError as error:
                 _give_up(command, str(error))
-    raise NoCompilerError(f"No C compiler found. {INSTALL}")
+    raise NoCompilerError(f"No C compiler found. {compiler_advice()}")
 
 
 def _flags() -> tuple[str, ...]:
@@ -296,6 +303,8 @@ def _flags() -> tuple[str, ...]:
 def _candidates() -> Iterator[tuple[str, ...]]:
     """Commands of compilers that are there: that of CC first, which may have arguments, and ziglang's last."""
     given = os.environ.get("CC") or ""
+    if given.strip() and not (shutil.which(given) or shutil.which(given.split()[0])):
+        warnings.warn(f"CC is {given!r}, and there is no such program. It is not used.", SymmbWarning, stacklevel=2)
     for command in ([given], given.split(), ["cc"], ["gcc"], ["clang"]):
         if command and (path := shutil.which(command[0])):
             yield path, *command[1:]

@@ -2,7 +2,8 @@
 
 A library is one file, `<key>-<SHA-256 of its bytes>.so`, which is moved into place when it is complete. Its bytes are
 compared with its name before it is loaded, because an incomplete library may crash the process. Sources of large
-models, `.c`, are kept in the same way, because their generation takes seconds.
+models, `.c`, are kept in the same way, because their generation takes seconds. Where all files take more than
+`LARGEST`, those that were not used for the longest time are removed.
 """
 
 import hashlib
@@ -17,6 +18,10 @@ from symmb._errors import SymmbError
 
 _OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|c)|-\w+\.part|\.note)")
 """Names of files of the cache: others may lie in its folder."""
+LARGEST = 2**30
+"""Size of the cache from which on files are removed [bytes]: some 10,000 models of 100 kB."""
+_KEPT = 0.9
+"""Share of this size that stays, so that not each new model finds the cache too large."""
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -76,6 +81,7 @@ def find(key: str, suffix: str = ".so") -> Path | None:
     with suppress(OSError, SymmbError):
         for path in folder().glob(f"{key}-*{suffix}"):
             if _is_whole(path):
+                os.utime(path)  # it is used: others are older
                 return path
             path.unlink()
     return None
@@ -93,6 +99,18 @@ def keep(key: str, content: bytes, suffix: str = ".so") -> None:
         except BaseException:
             os.unlink(part)
             raise
+        _trim()
+
+
+def _trim() -> None:
+    """Remove the files that were used last, the oldest first, if all are too large."""
+    found = sorted(((path, path.lstat()) for path in contents()), key=lambda each: each[1].st_mtime, reverse=True)
+    size = 0
+    if sum(status.st_size for _, status in found) > LARGEST:
+        for path, status in found:
+            size += status.st_size
+            if size > _KEPT * LARGEST:
+                path.unlink(missing_ok=True)
 
 
 def is_noted(key: str) -> bool:

@@ -1,6 +1,7 @@
 """The model description of an FMU, of FMI 2 or 3."""
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from dataclasses import dataclass
 from importlib.metadata import version as symmb_version
 
@@ -51,8 +52,8 @@ def description(scene: Exported, version: int, identifier: str) -> bytes:
     indicators = range(scene.source.n_switches if scene.source.has_rates else 0)
     if three:
         variables += [_Variable(f"switch[{k}]", "local", "continuous", "calculated") for k in indicators]
-    names = [variable.name for variable in variables]
-    if twice := [name for name in names if names.count(name) > 1]:
+    names = Counter(variable.name for variable in variables)
+    if twice := [name for name, count in names.items() if count > 1]:
         raise DeclarationError(f"{twice[0]!r} names two variables of the FMU. Rename the parameter or the output.")
     token = {"instantiationToken" if three else "guid": scene.source.token}
     root = ET.Element(

@@ -22,6 +22,9 @@ def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
     FileError
     """
     try:
+        if what == "read" and stat.S_IFMT(mode := os.stat(path).st_mode) not in (stat.S_IFREG, stat.S_IFDIR):
+            kind = "pipe" if stat.S_ISFIFO(mode) else "device"
+            raise FileError(f"{str(path)!r} cannot be read: it is a {kind}, which may never end.")
         yield
     except (FileError, BrokenPipeError):  # the reader of a pipe, such as `head`, has closed it
         raise

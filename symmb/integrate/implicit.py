@@ -12,7 +12,7 @@ from symmb.codegen import FixedStep, Lanes, Scheme, StepEnds, Tolerances, scheme
 from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.integrate.initial_value_problem import build_problem
-from symmb.integrate.integration import Integration
+from symmb.integrate.integration import Integration, stateless_integration
 from symmb.integrate.projection import sampled_jets
 from symmb.integrate.rosenbrock_step import rosenbrock
 from symmb.integrate.stabilization import AugmentedLagrangian, Stabilization
@@ -102,7 +102,9 @@ class _SchemeSolver(CompiledSolver):
                 project = common("project", [step.x, step.p, step.t], [step.projected])
             return fixed_step_integration(implicit(step), times, control.longest, project)
 
-        if self.runs_in_lanes(dae) and dae.n_v + dae.n_s:
+        if not dae.n_v + dae.n_s:
+            return stateless_integration(dae, times, order)
+        if self.runs_in_lanes(dae):
             return CompiledIntegration(self, dae, times, order, work, fixed_steps)
         return fixed_steps()
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.codegen import INSTALL, Engine, FailureCode, Tolerances, has_compiler
+from symmb.codegen import Engine, FailureCode, Tolerances, compiler_advice, has_compiler
 from symmb.events import time_switches
 from symmb.integrate.explicit import DormandPrince
 from symmb.integrate.initial_value_problem import build_problem
@@ -102,7 +102,7 @@ def follow_doubts(dae: DAE) -> tuple[str, ...]:
     if not follows_switches(dae):
         return ()
     text = "The equations have switches of the state, at which no step ends without a C compiler"
-    return (f"{text}: short pulses may be missed. {INSTALL}",)
+    return (f"{text}: short pulses may be missed. {compiler_advice()}",)
 
 
 def _passes(engine: Engine, x0: Array, p: Array) -> tuple[Array, Array, Array]:

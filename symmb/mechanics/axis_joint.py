@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, NoHandleError
 from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
@@ -85,7 +85,7 @@ class Joint(Constraint):
         raise self._lacks("displacement_rate")
 
     def _lacks(self, handle: str) -> DeclarationError:
-        return DeclarationError(f"{self.title} has no {handle}. {self.without}")
+        return NoHandleError(f"{self.title} has no {handle}. {self.without}")
 
     @abstractmethod
     def position_rows(self, bind: Bind) -> ca.SX: ...

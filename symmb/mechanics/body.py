@@ -7,7 +7,7 @@ from typing import Any, TypeGuard
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, NoHandleError
 from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.geometry import Geometry, shapes_of
@@ -72,7 +72,7 @@ class AbstractBody:
     def theta(self) -> ca.SX:
         """Angle about +z of a planar body [rad]."""
         if not isinstance(self.pose, Planar):
-            raise DeclarationError(
+            raise NoHandleError(
                 f"Body {self.name!r} is {self.pose!r} and has no single angle theta. Use joint.angle or body.rotation."
             )
         return self.frame.angle

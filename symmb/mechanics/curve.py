@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import is_finite_number, numbers_of, shown
+from symmb._interrupts import kept_interrupts
+from symmb._options import is_finite_number, numbers_of, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.mechanics.element import Bind, law_value
 from symmb.symbolic import SOFT, Smooth, batch, symbols_in, vector
@@ -51,8 +52,11 @@ class Curve:
     s: ca.SX = field(init=False, repr=False)
     place: ca.SX = field(init=False, repr=False)  # (2,) [m]
 
+    @kept_interrupts()
     def __post_init__(self) -> None:
         object.__setattr__(self, "s", ca.SX.sym("s"))
+        require_truth("Curve", "closed", self.closed)
+        object.__setattr__(self, "closed", bool(self.closed))
         corners = numbers_of(self.corners if isinstance(self.corners, list | tuple | range | np.ndarray) else "")
         if corners is None or corners.ndim != 1:
             raise DeclarationError(f"Curve: corners {shown(self.corners)} are no numbers.")
@@ -62,6 +66,8 @@ class Curve:
                 raise DeclarationError(
                     f"Curve: start {self.start!r} and end {self.end!r} must be numbers that increase."
                 )
+            object.__setattr__(self, "start", float(self.start))
+            object.__setattr__(self, "end", float(cast(float, self.end)))
         else:
             place, end, corners = _spline(self.shape, self.closed, corners, self.s)
             object.__setattr__(self, "start", 0.0)
@@ -263,7 +269,10 @@ def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.
         shift = np.zeros(9)
         shift[0] = along[-1]
         table = np.vstack([table - shift, table, table + shift])
-    pieces = Smooth(np.zeros(len(table)), table[:, 0], table)
+    begins = table[:, 0]
+    for k in range(3 - len(table)):  # pieces have two knots at least: beyond the end the last one goes on
+        begins, table = np.append(begins, (k + 1) * along[-1]), np.vstack([table, table[-1:]])
+    pieces = Smooth(np.zeros(len(table)), begins, table)
     begin, *c, _ = pieces(ca.SX(0), s)
     u = s - begin
     place = [c[k] + u * (c[k + 1] + u * (c[k + 2] + u * c[k + 3])) for k in (0, 4)]

@@ -57,10 +57,13 @@ class Element(ABC):
         """Columns that are below 0 where a run leaves what its law is made for, with sentences; {} is the time."""
         yield from ()
 
+    def place_faults(self) -> list[str]:
+        """Faults of the points and bodies that it is attached to. The others are looked for where there are none."""
+        return [fault for kind, place in _places(self) for fault in _PLACES[kind](self.title, place)]
+
     def faults(self) -> Iterator[str]:
         """Faults of the declaration: a sentence with a remedy for each."""
-        astray = [fault for kind, place in _places(self) for fault in _PLACES[kind](self.title, place)]
-        yield from astray or pose_faults(self.title, _attached(self), self.poses)
+        yield from pose_faults(self.title, _attached(self), self.poses)
         yield from _field_faults(self.title, self)
 
 
@@ -199,13 +202,14 @@ T = TypeVar("T")
 def bound(law: T, bind: Callable[[Any, str], ca.SX], title: str) -> T:
     """A law, a dataclass, whose numbers and expressions are bound.
 
-    Tables, functions where these are legal, and options that are None stay.
+    Tables and functions where these are legal, and options that are None, stay.
     """
-    laws = {
-        f.name: value
-        for f, value in _given(law)
-        if not isinstance(value, Table)
-        and not (callable(value) and any(get_origin(kind) is Callable for kind in get_args(f.type)))
-    }
-    values = {name: bind(value, f"{title}: {name}") for name, value in laws.items()}
+    values = {f.name: bind(value, f"{title}: {f.name}") for f, value in _given(law) if not _stays(f.type, value)}
     return replace(law, **values)  # pyright: ignore[reportArgumentType]
+
+
+def _stays(kind: Any, value: object) -> bool:
+    """Whether a field of a law takes a table or a function as it is."""
+    kinds = get_args(kind) or (kind,)
+    functions = callable(value) and any(get_origin(each) is Callable for each in kinds)
+    return functions or (isinstance(value, Table) and Table in kinds)

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, NoParameterError
-from symmb._names import did_you_mean, name_fault
+from symmb._names import did_you_mean, name_fault, normal, normal_keys
 from symmb._options import is_finite_number, shown
 from symmb._types import Array
 from symmb.symbolic import Kind, Symbol, declare
@@ -34,6 +34,7 @@ class Parameters(Mapping[str, float]):
     """
 
     def __init__(self, **nominal: float) -> None:
+        nominal = normal_keys("Parameters", nominal)
         taken = [n for n in nominal if n == "t" or hasattr(type(self), n)]
         faults = [f"parameter {n!r}: the name is taken; choose another." for n in taken]
         faults += [
@@ -77,7 +78,7 @@ class Parameters(Mapping[str, float]):
         return other
 
     def __getattr__(self, name: str) -> ca.SX:
-        names = list(self.__dict__.get("_nominal", ()))
+        names, name = list(self.__dict__.get("_nominal", ())), normal(name)
         if name not in names:
             raise AttributeError(f"no parameter {name!r}; declared are: {', '.join(names) or 'none'}.")
         return self._symbols[names.index(name)]
@@ -93,6 +94,7 @@ class Parameters(Mapping[str, float]):
         return np.array(list(self._nominal.values()))
 
     def __getitem__(self, name: str) -> float:
+        name = normal(name)
         if not isinstance(name, str) or name not in self._nominal:
             raise NoParameterError(f"no parameter {shown(name)}.{did_you_mean(name, self._nominal)}")
         return self._nominal[name]

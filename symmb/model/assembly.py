@@ -169,7 +169,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     known = {id(element) for element in elements}
     for element in elements:
         if isinstance(element, Element):
-            own = [*membership_faults(element, known), *element.faults()]
+            own = [*membership_faults(element, known), *(element.place_faults() or element.faults())]
             sound += [] if own or not isinstance(element.name, str) else [element]
         else:
             own = getattr(element, "faults", ())

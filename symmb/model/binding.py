@@ -1,5 +1,6 @@
 """Conversion of declared expressions (numbers, SX, SymPy) into SX with known symbols."""
 
+import re
 from collections.abc import Collection, Sequence
 
 import casadi as ca
@@ -97,6 +98,11 @@ class Binding:
             return (
                 f"symbol {symbol.name()!r} belongs to another body or Parameters object than the System's one of that "
                 "name. Use one object for both."
+            )
+        if re.search(r"\.lam\[\d+\]$", symbol.name()):
+            return (
+                f"{symbol.name()!r} is a reaction, which follows from the equations: no law can depend on it. Outputs "
+                "and conditions of Release can, if it is one of their own System."
             )
         return (
             f"symbol {symbol.name()!r} belongs to no parameter and no body of the System."

@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
 from symmb._types import Array
 from symmb.model.tolerance_list import interval_of, intervals_in_file
@@ -51,6 +51,7 @@ class Box:
     def __init__(self, **intervals: tuple[float, float]):
         if not intervals:
             raise DeclarationError("A Box needs at least one interval, e.g. Box(l1=(0.95, 1.05)).")
+        intervals = normal_keys("Box", intervals)
         object.__setattr__(self, "names", tuple(intervals))
         object.__setattr__(self, "bounds", tuple(_interval(name, pair) for name, pair in intervals.items()))
 
@@ -88,10 +89,11 @@ class Box:
             raise DeclarationError(f"Box.around: the nominal values must be numbers, got {shown(parameters)}.")
         nominal = {name: float(value) for name, value in parameters.items()}
         intervals = {}
+        nominal = normal_keys("Box.around", nominal)
         names = nominal if names is None else names
         if not isinstance(names, list | tuple | set | frozenset | Mapping) or not names:
             raise DeclarationError(f"Box.around: names must be a list of parameters, got {shown(names)}.")
-        for name in names:
+        for name in map(normal, names):
             if not isinstance(name, str) or name not in nominal:
                 raise DeclarationError(f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
             if nominal[name] == 0.0:
@@ -128,6 +130,7 @@ class Box:
         owner = "Box.plus_minus"
         if not isinstance(parameters, Mapping) or not all(map(is_finite_number, parameters.values())):
             raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
+        parameters, tolerances = normal_keys(owner, parameters), normal_keys(owner, tolerances)
         for name in tolerances:
             if name not in parameters:
                 raise DeclarationError(f"{owner}: unknown parameter '{name}'.{did_you_mean(name, parameters)}")
@@ -165,7 +168,7 @@ class Box:
             isinstance(parameters, Mapping) and all(map(is_finite_number, parameters.values()))
         ):
             raise DeclarationError(f"Box.read: parameters must be nominal values by name, got {shown(parameters)}.")
-        return cls(**intervals_in_file(Path(path), parameters))
+        return cls(**intervals_in_file(Path(path), normal_keys("Box.read", parameters)))
 
     def __or__(self, other: "Box") -> "Box":
         """The intervals of both boxes. A parameter of both must have the same interval in them."""
@@ -200,7 +203,7 @@ class Box:
     def from_unit(self, unit: Array) -> Array:
         """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
         unit = require_numbers(repr(self), "points", unit, len(self), leading=True)
-        inside = self.center + unit * self.radius
+        inside = np.clip(self.center + unit * self.radius, self.lower, self.upper)
         return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
 
     def to_unit(self, values: Array) -> Array:
@@ -212,7 +215,7 @@ class Box:
     def without(self, name: str) -> "Box | None":
         """The box of the other parameters; None if there are none."""
         require_instance(repr(self), name, str, "the name of a parameter")
-        left = {other: ends for other, ends in zip(self.names, self.bounds, strict=True) if other != name}
+        left = {other: ends for other, ends in zip(self.names, self.bounds, strict=True) if other != normal(name)}
         return Box(**left) if left else None
 
     def __len__(self) -> int:
@@ -227,6 +230,7 @@ class Box:
 
     def __getitem__(self, name: str) -> tuple[float, float]:
         """The interval (lower, upper) of a parameter."""
+        name = normal(name)
         if not isinstance(name, str) or name not in self.names:
             raise DeclarationError(f"Box: no interval of {shown(name)}.{did_you_mean(name, self.names)}")
         return self.bounds[self.names.index(name)]
@@ -254,4 +258,6 @@ def _interval(name: str, pair: tuple[float, float]) -> tuple[float, float]:
         raise DeclarationError(f"Box: the ends of '{name}' must be finite, got ({low}, {high}).")
     if low > high:
         raise DeclarationError(f"Box: '{name}' has lower {low} above upper {high}. Exchange them.")
+    if not math.isfinite(high - low):
+        raise DeclarationError(f"Box: the interval of '{name}' from {low} to {high} is wider than the largest number.")
     return low, high

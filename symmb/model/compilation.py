@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._options import require_instance, require_numbers
 from symmb.model.contact_equations import ContactEquations
 from symmb.model.dae import DAE
@@ -20,6 +21,7 @@ Outputs = Mapping[str, ca.SX]
 """Expressions of a Function by the names of its outputs."""
 
 
+@kept_interrupts()
 def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tuple[int, int] = (0, 0)) -> DAE:
     """Compile the equations of a system into CasADi Functions.
 

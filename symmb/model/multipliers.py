@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal
 from symmb._options import shown
 from symmb.mechanics import Ground, Joint
 
@@ -16,6 +16,7 @@ class Multipliers(ca.SX):
     rows: dict[str, slice]
 
     def __call__(self, name: str) -> ca.SX:
+        name = normal(name)
         if not isinstance(name, str) or name not in self.rows:
             raise DeclarationError(f"No constraint {name!r} with multipliers.{did_you_mean(name, self.rows)}")
         return ca.SX(self)[self.rows[name]]
@@ -32,7 +33,7 @@ class Reaction:
 
 def reaction(joints: Sequence[Joint], name: str, Phi: ca.SX, lam: Multipliers) -> Reaction:
     """Reaction of the joint of that name, from the position rows (n_c,) and the multipliers of a system."""
-    known = {joint.name: joint for joint in joints}
+    known, name = {joint.name: joint for joint in joints}, normal(name)
     if not isinstance(name, str):
         raise DeclarationError(f"The name of a joint is a text, got {shown(name)}.{did_you_mean(name, known)}")
     if name not in known:

@@ -11,7 +11,8 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, SymmbError
-from symmb._names import did_you_mean, name_fault, name_faults
+from symmb._interrupts import kept_interrupts
+from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.mechanics import Figure
@@ -88,11 +89,14 @@ class Scene:
     coordinates: Literal["joint", "body"] | None = None
     restart: Restart | None = None
 
+    @kept_interrupts()
     def __post_init__(self) -> None:
         require_instance("Scene", self.system, System, "a System")
         require_truth("Scene", "equilibrium", self.equilibrium)
         if self.restart is not None:
             require_instance("Scene: restart", self.restart, Restart, "what starting_at gives")
+        for named in ("start", "outputs", "guess"):
+            object.__setattr__(self, named, normal_keys(f"Scene: {named}", getattr(self, named)))
         faults = self._faults()
         if faults:
             raise DeclarationError("\n".join(faults))

@@ -17,6 +17,8 @@ import casadi as ca
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
+from symmb._names import normal
 from symmb._options import require_instance, require_name, require_names
 from symmb._types import Expr
 from symmb.mechanics import Body, Element, Ground, Input, Joint, Parameters
@@ -58,10 +60,14 @@ class System:
     SX([(-(k*mass.x)), (-(k*mass.y)), (-(k*mass.z))])
     """
 
+    @kept_interrupts()
     def __init__(self, *elements: Body | Ground | Element, parameters: Parameters | None = None) -> None:
         self.parameters = Parameters() if parameters is None else parameters
         require_instance("System: parameters", self.parameters, Parameters, "Parameters(l1=1.0, ...)")
         self.elements = tuple(e for e in elements if not isinstance(e, Ground))
+        for element in self.elements:
+            if isinstance(name := getattr(element, "name", ""), str) and name != normal(name):
+                object.__setattr__(element, "name", normal(name))
         self.collected: Collected = collect(self.elements, self.parameters)
         self._added: tuple[Symbol, ...] = ()
         self.nullity = 0
@@ -117,6 +123,7 @@ class System:
         copy.collected, copy.nullity, copy._joints, copy._is_driven = collected, nullity, joints, self._is_driven
         return copy
 
+    @kept_interrupts()
     def joint_space(self, turns: Mapping[str, int] | None = None) -> "System":
         """The same system in coordinates of its joints: q, v, M, Q, and what rows of Phi and Psi are left.
 
@@ -356,8 +363,9 @@ class System:
         DeclarationError
             If there is no such element, or its force is not one number
         """
+        name = normal(name)
         forces = {key: force for key, force in self.collected.forces.items() if force is not None}
-        if name in self.lam.rows and name not in forces:
+        if isinstance(name, str) and name in self.lam.rows and name not in forces:
             raise DeclarationError(f"system.force: {name!r} is held by multipliers. Use system.lam({name!r}).")
         require_name("system.force", "element with a force", name, forces)
         return forces[name]

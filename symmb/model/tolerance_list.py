@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, SupportsFloat
 
 from symmb._errors import DeclarationError, FileError, text_of
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal
 from symmb._options import is_finite_number, numbers_of, shown
+from symmb.files import told
 from symmb.model.iso_grades import sizes_of_grade
 
 Interval = tuple[float, float]
@@ -121,15 +122,16 @@ def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None
     if read is None:
         raise DeclarationError(f"{owner} must be a .csv or .toml file.")
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with told(path, "read"):
+            text = path.read_text(encoding="utf-8-sig")
         rows = list(read(owner, text))
-    except OSError as error:
-        raise FileError(f"{path} cannot be read: {error.strerror or text_of(error)}.") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, csv.Error) as error:
+    except (FileError, DeclarationError):
+        raise
+    except (ValueError, RecursionError, csv.Error) as error:  # text that is no UTF-8, long numbers, deep brackets
         raise DeclarationError(f"{owner} is no table: {text_of(error)}.") from None
     intervals: dict[str, Interval] = {}
     for row in rows:
-        name = row.get("name")
+        name = normal(row.get("name"))
         if not isinstance(name, str) or not name:
             raise DeclarationError(f"{owner}: each row needs the name of a parameter.")
         if name in intervals:

@@ -12,10 +12,11 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import SimulationError, SymmbWarning
+from symmb._interrupts import kept_interrupts
 from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor, Indices
 from symmb.black_boxes import Progress, Reduction, Samples, checked_samples, digest, stream
-from symmb.codegen import INSTALL, SLOW, Engine, cores, has_compiler
+from symmb.codegen import SLOW, Engine, compiler_advice, cores, has_compiler
 from symmb.events import broken
 from symmb.formulations import Formulation, formulations, jet_outputs, outputs_along
 from symmb.integrate import (
@@ -98,6 +99,7 @@ class DAESimulator:
            [-0.6152]])
     """
 
+    @kept_interrupts()
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
         require_instance("DAESimulator", scene, Scene, "a Scene")
         if solver is not None:
@@ -141,7 +143,7 @@ class DAESimulator:
         if self.coordinates == coordinates:
             self._integrations, self._engines = integrations, engines
         if not (has_compiler() or self._stateless):
-            warnings.warn(f"No C compiler found. {SLOW} {INSTALL}", SymmbWarning, stacklevel=2)
+            warnings.warn(f"No C compiler found. {SLOW} {compiler_advice()}", SymmbWarning, stacklevel=2)
         return "; ".join(filter(None, (reason, str(self.formulation.kinks(self.times) or ""))))
 
     @property

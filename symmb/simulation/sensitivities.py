@@ -9,7 +9,7 @@ import numpy as np
 from symmb import plot
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
-from symmb._names import counted
+from symmb._names import counted, normal
 from symmb._options import require_name, shown
 from symmb._table import over_times
 from symmb._types import Array, Expr
@@ -73,7 +73,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
             raise DeclarationError(
                 f'Sensitivities: expected an output and a parameter, as ["x", "k"], got {shown(key)}.'
             )
-        name, parameter = key
+        name, parameter = map(normal, key)
         for what, one, known in (("output", name, self.names), ("parameter", parameter, self.parameters)):
             require_name("Sensitivities", what, one, known)
         return self.values[:, self.names.index(name), [*self.parameters].index(parameter)]

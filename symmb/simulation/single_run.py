@@ -12,7 +12,7 @@ import numpy as np
 from symmb._doubt import Doubt
 from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
 from symmb._interrupts import carry, kept_interrupts, runs_of
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.codegen import MOST_PASSES
@@ -361,7 +361,7 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
     nominal = scene.system.parameters
     if not isinstance(changes, Mapping):
         raise DeclarationError(f'parameters: expected values by name, such as {{"l1": 1.02}}, got {shown(changes)}.')
-    for name, value in changes.items():
+    for name, value in (changes := normal_keys("parameters", changes)).items():
         if not isinstance(name, str) or name not in nominal:
             raise DeclarationError(f"No parameter {name!r}.{did_you_mean(name, nominal)}")
         if not is_finite_number(value):

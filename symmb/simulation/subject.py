@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._options import require_names, shown
 from symmb._types import Array, Expr
 from symmb.black_boxes import Simulator
@@ -138,13 +139,15 @@ def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     """
     scene = scene_of(scene)
     require_solver(solver)
-    simulator = simulator_with(scene, solver)
-    simulator.second_look()
+    with kept_interrupts():
+        simulator = simulator_with(scene, solver)
+        simulator.second_look()
     return simulator
 
 
 def simulator_with(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     """The simulator that `prepare` gives, before it takes its second look."""
+    require_solver(solver)
     return scene.remembered(solver, lambda: DAESimulator(scene, solver))
 
 

@@ -12,7 +12,7 @@ from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
 from symmb._limits import require_memory, require_runs
-from symmb._names import counted
+from symmb._names import counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import over_times
@@ -90,7 +90,7 @@ class Sweep(plot.OverTime, Result, Saved):
 
     def __getitem__(self, name: str) -> Array:
         """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid. A figure of the motion has no times."""
-        require_name("Sweep", "output", name, self.names)
+        name = require_name("Sweep", "output", name, self.names)
         values = self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
         return values[..., 0] if name in self.figures else values
 
@@ -225,7 +225,7 @@ def sweep(
     if not isinstance(values, Mapping) or not values:
         raise DeclarationError(f'sweep: expected values by name, such as {{"l1": [1.0, 1.1]}}, got {shown(values)}.')
     grid = {}
-    for name, some in values.items():
+    for name, some in normal_keys("sweep", values).items():
         column = numbers_of(some)
         if column is None or column.ndim != 1 or not len(column) or not np.isfinite(column).all():
             raise DeclarationError(
@@ -252,6 +252,7 @@ def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str)
     nominal = simulator.parameters
     if not runs:
         raise DeclarationError(f"{owner}: there is no run to make.")
+    runs = [normal_keys(owner, run) for run in runs]
     for run in runs:
         if not isinstance(run, Mapping):
             raise DeclarationError(f'{owner}: expected values by name, such as {{"l1": 1.02}}, got {shown(run)}.')

@@ -15,7 +15,7 @@ import numpy as np
 from symmb import files, plot
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal
 from symmb._options import require_instance
 from symmb._types import Array, Expr
 from symmb.events import Event, event_doubts
@@ -199,6 +199,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
 
     def __getitem__(self, name: str) -> Any:
         require_instance("Trajectory", name, str, "the name of an output, a state or a multiplier")
+        name = normal(name)
         if name in self.figures:
             return self.figures[name]
         if name in self.names:

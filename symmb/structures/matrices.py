@@ -80,13 +80,16 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
         try:
             with told(source, "read"):
                 open(source, "rb").close()
-                _require_size(mminfo(source)[:2], name, k)  # before much is read
+                *shape, entries = mminfo(source)[:3]  # before much is read
+                _require_size(tuple(shape), name, k)
+                if not entries <= shape[0] * shape[1]:
+                    raise ValueError(f"its head tells of {entries} entries in {shape[0]} rows")
                 source = mmread(source)
         except FileError:
             raise
-        except (ValueError, OverflowError) as error:
+        except (ValueError, OverflowError, MemoryError) as error:
             raise DeclarationError(f"{OWNER}: {name}: {source} is no Matrix Market file: {error}") from error
-    if np.iscomplexobj(source):
+    if hasattr(source, "dtype") and np.iscomplexobj(source):  # lists are told as other arrays
         raise DeclarationError(f"{OWNER}: {name} is complex; give a real matrix, and damping by `zeta` of modes.")
     if issparse(source):
         matrix = csc_array(source, dtype=float)

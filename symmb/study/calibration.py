@@ -11,7 +11,7 @@ from symmb import plot
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Result, texts
-from symmb._names import counted
+from symmb._names import counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array, Figure
 from symmb.files import Record, Saved, entry
@@ -284,7 +284,7 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
     if not isinstance(data, Mapping) or not data:
         raise DeclarationError(f'{OWNER}: data must be values by output, such as {{"x": [...]}}, got {shown(data)}.')
     measured = {}
-    for name, values in data.items():
+    for name, values in normal_keys(OWNER, data).items():
         require_name(OWNER, "output", name, scene.output_names)
         if name in scene.figures:
             raise DeclarationError(f"{OWNER}: {name!r} is one number a run. Data are values of an output over time.")

@@ -17,7 +17,7 @@ from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array, Figure
-from symmb.codegen import INSTALL, has_compiler
+from symmb.codegen import compiler_advice, has_compiler
 from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.integrate import Stiffness, stiffness
 from symmb.model import Box, Scene
@@ -281,9 +281,9 @@ class _StabilityStudy:
     def doubts(self) -> tuple[str, ...]:
         """What was not tried, and what no solver can cure: flexible bodies that leave the theory of their modes."""
         dae, states = self._simulator.dae, self._states()
-        untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {INSTALL}" if self.untried else ""
+        untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {compiler_advice()}"
         theory = linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
-        return (*filter(None, [untried]), *theory)
+        return (*([untried] if self.untried else []), *theory)
 
     def _states(self) -> Array:
         """States (m, n_x) of a run that finished, or the start if there is none."""

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._names import normal
 from symmb._options import shown
 from symmb.symbolic.given import given
 
@@ -95,7 +96,7 @@ def declare(
     """Enter symbols into the table; whoever declares them keeps the records alive."""
     records = tuple(
         Symbol(
-            name,
+            normal(name),
             kind,
             symbols[i],
             ca.SX() if rates is None else rates[i],

@@ -1,20 +1,21 @@
 """FMUs of six scenes against the scenes: validity, runs, bounds, leaks and speed.
 
-    python tests/benchmarks/exported_fmus.py [SETS [MODEL ...]]
+    PYTHONPATH=tests python tests/benchmarks/exported_fmus.py [SETS [MODEL ...]] [--seed SEED]
 
 For each model and each version of FMI it prints what FMPy's validator finds, and the largest difference of an output
 between FMPy's run of the FMU and `simulate`, over the largest value of the output, for SETS random sets of
 parameters, and that of bounds by `propagate` of the FMU and of the scene. For three of these sets it compares with
 CVODES as well. A program of C, built from the sources in the FMU, makes 200 runs of one instance under the sanitizers
-of gcc and clang, and tells runs per second, beside those of one lane of the compiled ensemble. At last FMPy makes 200
-runs of one instance, and the memory of the process is told.
+of gcc and clang, and tells runs per second, beside those of one lane of the compiled ensemble. Another calls each FMU
+in 1,000 random orders, right and wrong ones, and tells the first call that the standard answers otherwise. At last FMPy
+makes 200 runs of one instance, and the memory of the process is told.
 """
 
+import argparse
 import importlib
 import resource
 import shutil
 import subprocess
-import sys
 import tempfile
 import warnings
 from pathlib import Path
@@ -22,6 +23,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 from _timing import median, pin
+from fmi_orders import compile_orders
 from fmpy.validation import validate_fmu
 
 import symmb as mb
@@ -36,6 +38,7 @@ MODELS = {
 }
 SPREAD = 0.01
 RUNS = 200
+ORDERS = 1000
 SANITIZED = "-std=gnu11 -O0 -g -Wall -Wextra -Werror -fsanitize=address,undefined -fno-sanitize-recover=all".split()
 FAST = "-std=gnu11 -O2 -fno-math-errno -fno-trapping-math -ffp-contract=fast".split()
 DRIVER = """
@@ -139,7 +142,14 @@ def bounds_difference(path: Path, simulator: mb.DAESimulator, scene: mb.Scene) -
     return max(difference(one.lower, other.lower), difference(one.upper, other.upper))
 
 
-def main(sets: int = 50, *models: str) -> None:
+def orders(scene: mb.Scene, version: int, seed: int, work: Path) -> str:
+    """What sanitizers and the standard say about calls in random orders."""
+    program = compile_orders(scene, version, work)
+    run = subprocess.run([str(program), str(seed * ORDERS), str(ORDERS)], capture_output=True, text=True)
+    return run.stdout.strip() + (f" FAULT {run.returncode} {run.stderr[:300]}" if run.returncode else "")
+
+
+def main(sets: int = 50, *models: str, seed: int = 0) -> None:
     warnings.simplefilter("ignore", mb.SymmbWarning)
     pin()
     for name in models or MODELS:
@@ -164,6 +174,7 @@ def main(sets: int = 50, *models: str) -> None:
                 worst = max(difference(Y, own) for Y, own in zip(runs, expected, strict=True))
                 bounds = bounds_difference(path, simulator, scene)
                 print(f"  FMI {version}: {validate_fmu(str(path)) or 'valid'}; runs {worst:.1e}, bounds {bounds:.1e}")
+                print(f"  {ORDERS:,} orders: {orders(scene, version, seed, Path(place))}")
                 if version == 3 and simulator.dae.impacts is None:
                     solver = mb.CVODES(1e-12)
                     other = [mb.simulate(scene, solver, parameters=each).values for each in named[:3]]
@@ -196,4 +207,9 @@ def memory(folder: str, description: object, simulator: mb.DAESimulator, count: 
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]), *sys.argv[2:])
+    parser = argparse.ArgumentParser()
+    parser.add_argument("sets", nargs="?", type=int, default=50)
+    parser.add_argument("models", nargs="*")
+    parser.add_argument("--seed", type=int, default=0)
+    words = parser.parse_args()
+    main(words.sets, *words.models, seed=words.seed)

@@ -6,6 +6,9 @@ nor folders. It prints the longest time to end of each command and what did not 
 python tests/benchmarks/interrupts.py programs [SIGNALS [SEED]] sends INT, TERM, HUP, QUIT and KILL to studies of
 programs that start others and of FMUs some of whose runs hang, on the command line and in Python with and without
 pools. 2 s later there must be no process and no folder; after KILL no folder once another study has begun.
+
+python tests/benchmarks/interrupts.py declarations [SIGNALS [SEED]] sends INT while new curves, systems and scenes are
+declared, prepared and compiled to functions. None may be lost, and each must end the work within 2 s.
 """
 
 import os
@@ -14,13 +17,18 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import fmus
+import numpy as np
+
+import symmb as mb
 
 LONG = """
 import numpy as np
@@ -245,11 +253,78 @@ def programs(count: int, seed: int) -> int:
     return int(faults > 0)
 
 
+def follower(number: float) -> None:
+    """A ball on a curve, prepared and compiled: no two numbers give the same one."""
+    curve = mb.Curve(lambda s: (s, s**2 + 1e-3 * number), -1.0, 1.0, corners=[0.5])
+    mb.Curve([(k, (k * number) % 1) for k in range(6)])
+    ball, law = mb.Body("ball", 1.0, 0.1, mb.Planar()), mb.KelvinVoigt(1e5, 10.0)
+    rows = [mb.Body(f"link{k}", 1.0, 0.1, mb.Planar()) for k in range(2)]
+    points = [mb.Ground().point(0, 0), *(link.point(0.5, 0) for link in rows)]
+    joints = [mb.Revolute(f"pin{k}", points[k], rows[k].point(-0.5, 0)) for k in range(2)]
+    contact = mb.CurveContact("on", mb.Ground().point(0, 0), curve, ball.point(0, 0), 0.1, law)
+    system = mb.System(ball, *rows, *joints, contact, mb.Gravity(0, -9.81))
+    mb.Scene(system, {"ball.y": 0.5}, np.linspace(0, 0.1, 3))
+    mb.compile_dae(system)
+    chain = mb.System(*rows, *joints, mb.Gravity(0, -9.81 - number))
+    mb.prepare(mb.Scene(chain, {"pin0.angle": 0.5}, np.linspace(0, 0.1, 3)), mb.CVODES())
+
+
+def declared(moment: float, number: float) -> tuple[float | None, str]:
+    """Time from a signal to the end of `follower`; None if it had ended before; and what did not hold."""
+    sent: list[float] = []
+
+    def press() -> None:
+        sent.append(time.monotonic())
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    timer = threading.Timer(moment, press)
+    fault = ""
+    try:
+        timer.start()
+        follower(number)
+        ended = not sent
+        timer.cancel()
+        timer.join()
+        time.sleep(0.01)  # what is repeated arrives
+        if ended and not sent:
+            return None, ""
+        fault = "" if ended else "the signal was lost"
+    except KeyboardInterrupt:
+        pass
+    except mb.SymmbError as error:
+        fault = f"it became {error!r}"
+    seconds = time.monotonic() - sent[0]
+    return seconds, fault or (f"took {seconds:.1f} s" if seconds > MOST else "")
+
+
+def declarations(count: int, seed: int) -> int:
+    """Print how declarations end by signals."""
+    warnings.simplefilter("ignore")
+    os.environ["SYMMB_CFLAGS"] = "-O0"
+    choice, times, faults = random.Random(seed), [], 0
+    begin = time.monotonic()
+    follower(choice.random())
+    longest = time.monotonic() - begin
+    while len(times) < count:
+        moment = choice.uniform(0.0, longest)
+        try:
+            seconds, fault = declared(moment, choice.random())
+        except KeyboardInterrupt:  # one behind the end
+            continue
+        times += [] if seconds is None else [seconds]
+        faults += bool(fault)
+        if fault:
+            print(f"after {moment:.3f} s: {fault}", flush=True)
+    print(f"{count} signals, longest {max(times):.2f} s, {faults} faults")
+    return int(faults > 0)
+
+
 if __name__ == "__main__":
     for ignored in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # by shells, in the background
         signal.signal(ignored, signal.default_int_handler if ignored == signal.SIGINT else signal.SIG_DFL)
-    if sys.argv[1:2] == ["programs"]:
-        sys.exit(programs(*(int(text) for text in (*sys.argv[2:], *("50", "0")[len(sys.argv) - 2 :]))))
+    if sys.argv[1:2] in (["programs"], ["declarations"]):
+        chosen = {"programs": programs, "declarations": declarations}[sys.argv[1]]
+        sys.exit(chosen(*(int(text) for text in (*sys.argv[2:], *("50", "0")[len(sys.argv) - 2 :]))))
     MOMENTS = int(sys.argv[1]) if len(sys.argv) > 1 else 50
     for command in COMMANDS:
         result = study(command, MOMENTS)

@@ -14,10 +14,11 @@ from functools import partial
 import numpy as np
 import pytest
 from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
-from faults import told_in_a_line
+from faults import refused, told_in_a_line
 
 import symmb as mb
 from symmb.black_boxes import executors, open_run_database, run_blocks
+from symmb.black_boxes.executors import _require_same_versions
 
 TIMES = np.linspace(0.0, 1.0, 11)
 SAMPLES = np.linspace(0.5, 1.5, 40)[:, None]
@@ -403,3 +404,18 @@ def test_an_interrupt_ends_the_processes_of_a_pool_that_symmb_made(tmp_path):
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=20)
     assert "KeyboardInterrupt" in error and process.returncode != 0
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "is_same"),
+    [("symmb", "0.1", False), ("symmb", None, False), ("python", "3.9.1.final.0", False), ("symmb", "1.2", True)],
+)
+def test_a_worker_of_dask_with_another_version_is_told(name, there, is_same):
+    own = {"symmb": "1.2", "python": "3.12.1.final.0"}
+    versions = {"client": {"packages": own}, "workers": {"tcp://a": {"packages": own | {name: there}}}}
+    if is_same:
+        _require_same_versions(versions)
+        return
+    refused(
+        f"the worker tcp://a has {name} .*, and here is", _require_same_versions, versions, error=mb.SimulationError
+    )

@@ -5,8 +5,10 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import closing
 
 import kill_studies
 import numpy as np
@@ -15,7 +17,8 @@ from faults import told_in_a_line
 
 import symmb as mb
 from models import double_pendulum
-from symmb.black_boxes import run_blocks
+from symmb.black_boxes import run_blocks, run_database
+from symmb.black_boxes.run_database import open_run_database
 from symmb.cli.main import main
 
 TIMES = np.linspace(0.0, 1.0, 11)
@@ -297,7 +300,7 @@ def test_symmb_runs(tmp_path, capsys):
 
 
 TAKEN = [("time", "output"), ("response", "ok"), ("=", "sample"), ("a/b", "a_b"), ("a_b", "a/b")]
-FOREIGN = [("1 k", "ä µ"), ("_", "-"), ("Κ", "ω"), ("日本", "𝒳")]
+FOREIGN = [("1 k", "ä μ"), ("_", "-"), ("Κ", "ω"), ("日本", "x²")]
 
 
 @pytest.mark.parametrize("names", TAKEN + FOREIGN, ids=repr)
@@ -359,3 +362,42 @@ def test_runs_that_timed_out_are_made_again_with_more_time(timeout, calls, tmp_p
     assert stored(timeout).run(P).ok.sum() == calls
     assert main(["runs", str(tmp_path / "runs.db"), "--prune", "timed-out"]) == 0
     assert f"{1 - calls} runs removed" in capsys.readouterr().out
+
+
+def test_a_store_that_cannot_be_written_is_read_and_listed(tmp_path, monkeypatch, capsys):
+    path, P = tmp_path / "runs.db", np.array([[0.6, 0.9], [1.0, 1.1]])
+    known = run_blocks(mb.StoredSimulator(simulator(response), path), P)
+    monkeypatch.setattr(run_database, "_is_writable", lambda path: False)
+    stored = mb.StoredSimulator(simulator(response), path)
+    assert run_blocks(stored, P).Y.tobytes() == known.Y.tobytes()
+    assert main(["runs", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines()[1].split()[-6:] == ["2", "0", "0", "0", "a,", "b"]
+    with pytest.raises(mb.SimulationError, match=r"runs\.db cannot be written: .*readonly"):
+        run_blocks(stored, P + 0.01)
+    assert os.listdir(tmp_path) == ["runs.db"]
+
+
+@pytest.mark.parametrize("is_new", [True, False])
+def test_the_lock_of_another_program_is_told_soon(is_new, tmp_path, monkeypatch):
+    monkeypatch.setattr(run_database, "_WAIT_AT_FIRST", 0.05)
+    path, stored = tmp_path / "runs.db", mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
+    if not is_new:
+        run_blocks(stored, np.array([[0.6, 0.9]]))
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("PRAGMA locking_mode = EXCLUSIVE")
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(mb.SymmbError, match=r"runs\.db is locked by another program"):
+            run_blocks(stored, np.array([[0.7, 0.9]]))
+
+
+def test_studies_that_make_a_store_at_once_wait_for_each_other(tmp_path):
+    """SQLite does not wait where the journal of a file is chosen."""
+    barrier = threading.Barrier(4)
+
+    def study(k):
+        barrier.wait()
+        with open_run_database(tmp_path / f"{k // 4}.db"):
+            pass
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(study, range(40)))

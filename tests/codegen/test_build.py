@@ -323,6 +323,41 @@ def let_hang_briefly(monkeypatch, *words):
     monkeypatch.setattr(build, "run_program", hurried)
 
 
+@pytest.mark.parametrize("given", ["gcc-99", "gcc-99 -O1", "/no/such/cc"])
+def test_a_cc_that_is_not_there_is_told(folder, compilers, monkeypatch, given):
+    monkeypatch.setenv("CC", given)
+    with pytest.warns(mb.SymmbWarning, match=f"CC is '{given}', and there is no such program"):
+        assert build.has_compiler()
+
+
+def test_a_compiler_that_does_not_answer_in_time_is_named(folder, compilers, monkeypatch):
+    let_hang_briefly(monkeypatch)
+    monkeypatch.setattr(build, "_candidates", lambda: iter([(shutil.which("sh"), "-c", "sleep 5", "sh")]))
+    with pytest.warns(mb.SymmbWarning, match="longer than 20 s to tell its version"):
+        refused(
+            "^A study needs a C compiler, .*sleep 5.*longer than 20 s",
+            build.require_compiler,
+            "A study",
+            error=build.NoCompilerError,
+        )
+
+
+def test_the_oldest_files_leave_a_cache_that_is_too_large(folder, monkeypatch):
+    monkeypatch.setattr(cache, "LARGEST", 1000)
+    keys = [f"{k:032x}" for k in range(12)]
+    for k, key in enumerate(keys):
+        cache.keep(key, bytes([k]) * 90)
+        for path in folder.glob(f"{key}-*"):
+            os.utime(path, (k, k))
+        assert cache.find(keys[0]), "it was used last"
+        os.utime(cache.find(keys[0]), (1e9, 1e9))
+    kept = [key for key in keys if cache.find(key)]
+    assert kept == [keys[0], *keys[-len(kept) + 1 :]] and 8 <= len(kept) <= 11
+    (folder / "notes.txt").write_text("of the user" * 100)
+    cache.keep(f"{99:032x}", b"x" * 90)
+    assert (folder / "notes.txt").exists()
+
+
 @pytest.mark.parametrize("name, arguments", [("my cc", ""), ("mycc", " cc -DOTHER")], ids=["blank", "arguments"])
 def test_cc_is_a_path_or_a_path_with_arguments(folder, compilers, tmp_path, monkeypatch, name, arguments):
     compiler = program(tmp_path / name, f'[ "$1" = cc ] && shift\nexec {shutil.which("cc")} "$@"')

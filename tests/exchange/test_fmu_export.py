@@ -1,11 +1,13 @@
 """FMUs of scenes are valid, run in FMPy as closed forms and SciPy tell, and as the scenes do."""
 
 import shutil
+import subprocess
 import zipfile
 
 import casadi as ca
 import numpy as np
 import pytest
+from fmi_orders import compile_orders
 from scipy.integrate import solve_ivp
 
 import symmb as mb
@@ -198,6 +200,15 @@ def test_inputs_hold_between_communication_points(tmp_path):
     for kind, error in (("CoSimulation", 1e-8), ("ModelExchange", 1e-6)):
         Y = run_fmu(tmp_path / "cart.fmu", scene.times, ["v", "wind outside"], {}, kind, input=signals)
         np.testing.assert_allclose(Y[-1], [expected, -2], atol=error)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("make", [pendulum, bouncing_ball.scene], ids=["pendulum", "bouncing_ball"])
+def test_calls_in_any_order_are_answered(make, version, tmp_path):
+    """The longer study is `tests/benchmarks/exported_fmus.py`."""
+    program = compile_orders(make(), version, tmp_path)
+    run = subprocess.run([program, "0", "300"], capture_output=True, text=True, timeout=60)
+    assert run.returncode == 0, run.stdout + run.stderr
 
 
 def test_an_input_is_one_of_a_linearisation():

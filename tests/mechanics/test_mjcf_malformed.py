@@ -1,8 +1,10 @@
 """MJCF files with faults: each is told in one sentence that names the file."""
 
 import sys
+from pathlib import Path
 
 import pytest
+from faults import refused
 
 import symmb as mb
 
@@ -77,3 +79,21 @@ def test_without_the_package(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ImportError, match=r"load_mjcf needs mujoco, which is not installed.*symmb\[mjcf\]"):
         mb.load_mjcf(tmp_path / "machine.xml")
+
+
+@pytest.mark.parametrize("name", ["\xe9", "arm\xfc", "\xb5"])
+def test_names_that_are_not_in_utf_8_are_told(name, tmp_path):
+    text = f'<mujoco><worldbody><body name="{name}"><joint/><geom size=".1"/></body></worldbody></mujoco>'
+    (tmp_path / "a.xml").write_bytes(f'<?xml version="1.0" encoding="latin-1"?>{text}'.encode("latin-1"))
+    refused("its names are not in UTF-8", mb.load_mjcf, tmp_path / "a.xml")
+    (tmp_path / "b.xml").write_text(text, encoding="utf-8")
+    assert name in mb.load_mjcf(tmp_path / "b.xml").bodies
+
+
+def test_a_file_that_may_not_be_read_is_told(tmp_path, monkeypatch):
+    def refuse(path):
+        raise PermissionError(13, "Permission denied")
+
+    (tmp_path / "a.xml").write_text("<mujoco/>")
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    refused(r"this file cannot be read \(Permission denied\)", mb.load_mjcf, tmp_path / "a.xml")

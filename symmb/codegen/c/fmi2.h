@@ -29,8 +29,7 @@ EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 F fmi2SetDebugLogging(Instance *i, Boolean logs, size_t n, const char *const categories[]) {
-  i->logs = logs;
-  return FMI_OK;
+  return set_logging(i, __func__, logs);
 }
 
 EXPORT Instance *fmi2Instantiate(
@@ -52,12 +51,12 @@ EXPORT Instance *fmi2Instantiate(
 }
 
 EXPORT void fmi2FreeInstance(Instance *i) { release(i); }
-F fmi2Reset(Instance *i) { return reset(i); }
-F fmi2Terminate(Instance *i) { return FMI_OK; }
+F fmi2Reset(Instance *i) { return reset(i, __func__); }
+F fmi2Terminate(Instance *i) { return go(i, __func__, RUNNING, ENDED); }
 F fmi2SetupExperiment(Instance *i, Boolean has_tolerance, double tolerance, double begin, Boolean has_end, double end) {
   return set_up(i, __func__, has_tolerance, tolerance, begin, has_end, end);
 }
-F fmi2EnterInitializationMode(Instance *i) { return enter(i); }
+F fmi2EnterInitializationMode(Instance *i) { return enter(i, __func__); }
 F fmi2ExitInitializationMode(Instance *i) { return leave(i, __func__); }
 
 F fmi2GetReal(Instance *i, const Reference r[], size_t n, double values[]) { return get(i, __func__, r, n, values); }
@@ -88,16 +87,16 @@ NOT_HAD(fmi2GetStatus, int kind, Status *value)
 NOT_HAD(fmi2GetIntegerStatus, int kind, int *value)
 NOT_HAD(fmi2GetStringStatus, int kind, String *value)
 F fmi2GetRealStatus(Instance *i, int kind, double *value) {
-  *value = i->t;
-  return FMI_OK;
+  *value = i ? i->t : 0.0;
+  return allow(i, __func__, ANY);
 }
 F fmi2GetBooleanStatus(Instance *i, int kind, Boolean *value) {
   *value = 0;
-  return FMI_OK;
+  return allow(i, __func__, ANY);
 }
 
-F fmi2EnterEventMode(Instance *i) { return FMI_OK; }
-F fmi2EnterContinuousTimeMode(Instance *i) { return update(i, __func__); }
+F fmi2EnterEventMode(Instance *i) { return go(i, __func__, EVENT | CONTINUOUS, EVENT); }
+F fmi2EnterContinuousTimeMode(Instance *i) { return to_continuous(i, __func__); }
 F fmi2NewDiscreteStates(Instance *i, EventInfo *info) {
   *info = (EventInfo){0};
   const Status status = settle_switches(i, __func__, &info->next);
@@ -106,16 +105,19 @@ F fmi2NewDiscreteStates(Instance *i, EventInfo *info) {
 }
 F fmi2CompletedIntegratorStep(Instance *i, Boolean no_set_before, Boolean *event, Boolean *terminates) {
   *event = *terminates = 0;
-  return FMI_OK;
+  return allow(i, __func__, CONTINUOUS);
 }
-F fmi2SetTime(Instance *i, double t) { return move(i, __func__, t, NULL); }
-F fmi2SetContinuousStates(Instance *i, const double x[], size_t n) { return move(i, __func__, i->t, x); }
-F fmi2GetContinuousStates(Instance *i, double x[], size_t n) { return get_part(i, __func__, STATES, n, x); }
-F fmi2GetDerivatives(Instance *i, double rates[], size_t n) { return get_part(i, __func__, RATES, n, rates); }
-F fmi2GetEventIndicators(Instance *i, double values[], size_t n) { return get_part(i, __func__, SWITCHES, n, values); }
+F fmi2SetTime(Instance *i, double t) { return set_time(i, __func__, t); }
+F fmi2SetContinuousStates(Instance *i, const double x[], size_t n) { return set_states(i, __func__, x, n); }
+F fmi2GetContinuousStates(Instance *i, double x[], size_t n) { return get_part(i, __func__, STATES, RATES, n, x); }
+F fmi2GetDerivatives(Instance *i, double rates[], size_t n) {
+  return get_part(i, __func__, RATES, SWITCHES, n, rates);
+}
+F fmi2GetEventIndicators(Instance *i, double values[], size_t n) {
+  return get_part(i, __func__, SWITCHES, N_VALUES, n, values);
+}
 F fmi2GetNominalsOfContinuousStates(Instance *i, double nominals[], size_t n) {
-  for (size_t k = 0; k < n; ++k) nominals[k] = 1.0;
-  return FMI_OK;
+  return get_nominals(i, __func__, nominals, n);
 }
 
 #endif

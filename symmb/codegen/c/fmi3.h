@@ -10,6 +10,7 @@
 typedef unsigned Reference;
 typedef void (*Log3)(void *environment, Status, const char *category, const char *text);
 #define F EXPORT Status
+#define ONE_VALUE "each variable has one value"
 #define NOT_HAD(name, ...) F name(Instance *i, __VA_ARGS__) { return refuse(i, #name); }
 
 static void log_3(Instance *i, Status status, const char *text) {
@@ -31,8 +32,7 @@ static Instance *new3(const char *token, bool logs, void *environment, Log3 log,
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 F fmi3SetDebugLogging(Instance *i, bool logs, size_t n, const char *const categories[]) {
-  i->logs = logs;
-  return FMI_OK;
+  return set_logging(i, __func__, logs);
 }
 
 EXPORT Instance *fmi3InstantiateCoSimulation(
@@ -53,30 +53,30 @@ EXPORT Instance *fmi3InstantiateScheduledExecution(
 }
 
 EXPORT void fmi3FreeInstance(Instance *i) { release(i); }
-F fmi3Reset(Instance *i) { return reset(i); }
-F fmi3Terminate(Instance *i) { return FMI_OK; }
+F fmi3Reset(Instance *i) { return reset(i, __func__); }
+F fmi3Terminate(Instance *i) { return go(i, __func__, RUNNING, ENDED); }
 F fmi3EnterInitializationMode(Instance *i, bool has_tolerance, double tolerance, double begin, bool has_end, double end) {
   const Status status = set_up(i, __func__, has_tolerance, tolerance, begin, has_end, end);
-  return status == FMI_OK ? enter(i) : status;
+  return status == FMI_OK ? enter(i, __func__) : status;
 }
 F fmi3ExitInitializationMode(Instance *i) { return leave(i, __func__); }
 F fmi3EnterConfigurationMode(Instance *i) { return refuse(i, __func__); }
 F fmi3ExitConfigurationMode(Instance *i) { return refuse(i, __func__); }
-F fmi3EnterStepMode(Instance *i) { return update(i, __func__); }
+F fmi3EnterStepMode(Instance *i) { return refuse(i, __func__); }
 
 F fmi3DoStep(
     Instance *i, double t, double length, bool no_set_before, bool *event, bool *terminates, bool *early, double *reached) {
   const Status status = step(i, __func__, t, length);
   *event = *terminates = *early = false;
-  *reached = i->t;
+  *reached = i ? i->t : 0.0;
   return status;
 }
 
 F fmi3GetFloat64(Instance *i, const Reference r[], size_t n, double values[], size_t n_values) {
-  return get(i, __func__, r, n, values);
+  return n_values == n ? get(i, __func__, r, n, values) : fault(i, __func__, ONE_VALUE);
 }
 F fmi3SetFloat64(Instance *i, const Reference r[], size_t n, const double values[], size_t n_values) {
-  return set(i, __func__, r, n, values);
+  return n_values == n ? set(i, __func__, r, n, values) : fault(i, __func__, ONE_VALUE);
 }
 
 /* There are no variables of other types. */
@@ -126,9 +126,9 @@ NOT_HAD(fmi3SetShiftFraction, const Reference r[], size_t n, const uint64_t coun
 NOT_HAD(fmi3GetOutputDerivatives, const Reference r[], size_t n, const int32_t orders[], double values[], size_t m)
 NOT_HAD(fmi3ActivateModelPartition, Reference r, double time)
 
-F fmi3EvaluateDiscreteStates(Instance *i) { return FMI_OK; }
-F fmi3EnterEventMode(Instance *i) { return i->exchange ? FMI_OK : refuse(i, __func__); }
-F fmi3EnterContinuousTimeMode(Instance *i) { return i->exchange ? update(i, __func__) : refuse(i, __func__); }
+F fmi3EvaluateDiscreteStates(Instance *i) { return allow(i, __func__, STARTING | EVENT); }
+F fmi3EnterEventMode(Instance *i) { return go(i, __func__, EVENT | CONTINUOUS, EVENT); }
+F fmi3EnterContinuousTimeMode(Instance *i) { return to_continuous(i, __func__); }
 F fmi3UpdateDiscreteStates(
     Instance *i, bool *again, bool *terminates, bool *nominals, bool *states, bool *has_next, double *next) {
   *again = *terminates = *nominals = *states = *has_next = false;
@@ -136,24 +136,27 @@ F fmi3UpdateDiscreteStates(
 }
 F fmi3CompletedIntegratorStep(Instance *i, bool no_set_before, bool *event, bool *terminates) {
   *event = *terminates = false;
-  return FMI_OK;
+  return allow(i, __func__, CONTINUOUS);
 }
-F fmi3SetTime(Instance *i, double t) { return move(i, __func__, t, NULL); }
-F fmi3SetContinuousStates(Instance *i, const double x[], size_t n) { return move(i, __func__, i->t, x); }
-F fmi3GetContinuousStates(Instance *i, double x[], size_t n) { return get_part(i, __func__, STATES, n, x); }
-F fmi3GetContinuousStateDerivatives(Instance *i, double rates[], size_t n) { return get_part(i, __func__, RATES, n, rates); }
-F fmi3GetEventIndicators(Instance *i, double values[], size_t n) { return get_part(i, __func__, SWITCHES, n, values); }
+F fmi3SetTime(Instance *i, double t) { return set_time(i, __func__, t); }
+F fmi3SetContinuousStates(Instance *i, const double x[], size_t n) { return set_states(i, __func__, x, n); }
+F fmi3GetContinuousStates(Instance *i, double x[], size_t n) { return get_part(i, __func__, STATES, RATES, n, x); }
+F fmi3GetContinuousStateDerivatives(Instance *i, double rates[], size_t n) {
+  return get_part(i, __func__, RATES, SWITCHES, n, rates);
+}
+F fmi3GetEventIndicators(Instance *i, double values[], size_t n) {
+  return get_part(i, __func__, SWITCHES, N_VALUES, n, values);
+}
 F fmi3GetNominalsOfContinuousStates(Instance *i, double nominals[], size_t n) {
-  for (size_t k = 0; k < n; ++k) nominals[k] = 1.0;
-  return FMI_OK;
+  return get_nominals(i, __func__, nominals, n);
 }
 F fmi3GetNumberOfEventIndicators(Instance *i, size_t *n) {
   *n = SCENE_N_SWITCHES;
-  return FMI_OK;
+  return allow(i, __func__, ANY);
 }
 F fmi3GetNumberOfContinuousStates(Instance *i, size_t *n) {
   *n = SCENE_N_X;
-  return FMI_OK;
+  return allow(i, __func__, ANY);
 }
 
 #endif

@@ -19,7 +19,9 @@
 #define NO_INSTANCE "the token is another one, the FMU has no model exchange, or the memory does not suffice"
 
 typedef enum { FMI_OK, FMI_WARNING, FMI_DISCARD, FMI_ERROR, FMI_FATAL } Status;
-typedef enum { IDLE, STARTING, RUNNING, FAILED } Phase;
+/* Sets of phases are sums. A run of co-simulation is STEPPING; one of model exchange is at an EVENT or CONTINUOUS. */
+typedef enum { IDLE = 1, STARTING = 2, EVENT = 4, CONTINUOUS = 8, STEPPING = 16, ENDED = 32, FAILED = 64 } Phase;
+enum { RUNNING = EVENT | CONTINUOUS | STEPPING, ANY = 127 };
 enum { OUTPUTS = 1 + SCENE_N_P, STATES = OUTPUTS + SCENE_N_Y, RATES = STATES + SCENE_N_X, SWITCHES = RATES + SCENE_N_X };
 enum { N_VALUES = SWITCHES + SCENE_N_SWITCHES };
 
@@ -37,12 +39,24 @@ typedef struct Instance {
 PRIVATE void say(Instance *i, Status status, const char *call, const char *text) {
   char line[400];
   snprintf(line, sizeof line, "%s: %s", call, text);
-  if (i->logs && i->log) i->log(i, status, line);
+  if (i && i->logs && i->log) i->log(i, status, line);
 }
 
 PRIVATE Status fault(Instance *i, const char *call, const char *text) {
   say(i, FMI_ERROR, call, text);
   return FMI_ERROR;
+}
+
+/* Whether a call may come now. */
+PRIVATE Status allow(Instance *i, const char *call, int phases) {
+  return i && i->phase & phases ? FMI_OK : fault(i, call, "it may not be called now");
+}
+
+/* From one phase to another. */
+PRIVATE Status go(Instance *i, const char *call, int from, Phase to) {
+  if (allow(i, call, from) != FMI_OK) return FMI_ERROR;
+  i->phase = to;
+  return FMI_OK;
 }
 
 /* A call for something that the FMU does not have. */
@@ -62,9 +76,9 @@ PRIVATE void release(Instance *i) {
   free(i);
 }
 
-PRIVATE Status reset(Instance *i) {
+PRIVATE Status reset(Instance *i, const char *call) {
+  if (go(i, call, ANY, IDLE) != FMI_OK) return FMI_ERROR;
   memcpy(scene_parameters(i->scene), scene_nominal, SCENE_N_P * sizeof(double));
-  i->phase = IDLE;
   i->end = scene_times[SCENE_N_T - 1];
   i->tolerance = 0.0;
   return FMI_OK;
@@ -78,22 +92,24 @@ PRIVATE Instance *instance_of(const char *token, int exchange) {
   }
   if (i) {
     i->exchange = exchange;
-    reset(i);
+    i->phase = IDLE;
+    reset(i, __func__);
   }
   return i;
 }
 
 /* The times of a run, which begins at the first time of the scene: starts hold there. */
 PRIVATE Status set_up(Instance *i, const char *call, int has_tolerance, double tolerance, double begin, int has_end, double end) {
+  if (allow(i, call, IDLE) != FMI_OK) return FMI_ERROR;
   if (begin != scene_times[0]) return fault(i, call, "a run starts at the start time of the default experiment only");
   i->end = has_end ? end : scene_times[SCENE_N_T - 1];
   i->tolerance = has_tolerance ? tolerance : 0.0;
   return FMI_OK;
 }
 
-PRIVATE Status enter(Instance *i) {
+PRIVATE Status enter(Instance *i, const char *call) {
+  if (go(i, call, IDLE, STARTING) != FMI_OK) return FMI_ERROR;
   i->t = scene_times[0];
-  i->phase = STARTING;
   i->changed = 1;
   return FMI_OK;
 }
@@ -104,7 +120,7 @@ PRIVATE Status update(Instance *i, const char *call) {
   if (!i->changed || i->phase == IDLE) return FMI_OK;
   i->changed = 0;
 #if SCENE_HAS_RATES
-  if (i->exchange && i->phase == RUNNING) {
+  if (i->exchange && i->phase & RUNNING) {
     scene_renew(i->scene);
     return FMI_OK;
   }
@@ -114,14 +130,14 @@ PRIVATE Status update(Instance *i, const char *call) {
 }
 
 PRIVATE Status leave(Instance *i, const char *call) {
-  const Status status = update(i, call);
-  if (status == FMI_OK) i->phase = RUNNING;
-  return status;
+  if (allow(i, call, STARTING) != FMI_OK || update(i, call) != FMI_OK) return FMI_ERROR;
+  i->phase = i->exchange ? EVENT : STEPPING;
+  return FMI_OK;
 }
 
 PRIVATE Status step(Instance *i, const char *call, double t, double length) {
-  if (i->phase != RUNNING || i->exchange) return fault(i, call, "no run is under way");
-  if (fabs(t - i->t) > 1e-9 * (fabs(t) + length)) return fault(i, call, "a step begins where the one before ended");
+  if (allow(i, call, STEPPING) != FMI_OK) return FMI_ERROR;
+  if (!(isfinite(t) && fabs(t - i->t) <= 1e-9 * (fabs(t) + length))) return fault(i, call, "a step begins where the one before ended");
   if (!(length >= 0.0 && length < INFINITY)) return fault(i, call, "the length of a step is no number from 0 on");
   if (update(i, call) != FMI_OK) return FMI_ERROR;
   i->t = t + length;
@@ -131,6 +147,7 @@ PRIVATE Status step(Instance *i, const char *call, double t, double length) {
 PRIVATE Status get(Instance *i, const char *call, const unsigned *reference, size_t n, double *values) {
   double x[SCENE_N_X + 1], rates[SCENE_N_X + 1], switches[SCENE_N_SWITCHES + 1];
   int has_x = 0, has_rates = 0, has_switches = 0;
+  if (allow(i, call, ANY) != FMI_OK) return FMI_ERROR;
   for (size_t k = 0; k < n; ++k) {
     const unsigned r = reference[k];
     if (r >= N_VALUES) return fault(i, call, "there is no such value reference");
@@ -160,6 +177,7 @@ PRIVATE Status get(Instance *i, const char *call, const unsigned *reference, siz
 }
 
 PRIVATE Status set(Instance *i, const char *call, const unsigned *reference, size_t n, const double *values) {
+  if (allow(i, call, IDLE | STARTING | RUNNING) != FMI_OK) return FMI_ERROR;
   for (size_t k = 0; k < n; ++k) {
     if (reference[k] < 1 || reference[k] >= OUTPUTS) return fault(i, call, "only parameters and inputs can be set");
     double *p = scene_parameters(i->scene) + reference[k] - 1;
@@ -170,33 +188,62 @@ PRIVATE Status set(Instance *i, const char *call, const unsigned *reference, siz
 }
 
 #if SCENE_HAS_RATES
-/* The states and the time of model exchange: NULL leaves the states as they are. */
-PRIVATE Status move(Instance *i, const char *call, double t, const double *x) {
-  double own[SCENE_N_X + 1];
-  if (i->phase != RUNNING || !i->exchange) return fault(i, call, "no run of model exchange is under way");
-  if (update(i, call) != FMI_OK) return FMI_ERROR;
-  scene_states(i->scene, own);
-  scene_move(i->scene, i->t = t, x ? x : own);
+/* The time of model exchange. */
+PRIVATE Status set_time(Instance *i, const char *call, double t) {
+  double x[SCENE_N_X + 1];
+  if (allow(i, call, EVENT | CONTINUOUS) != FMI_OK || update(i, call) != FMI_OK) return FMI_ERROR;
+  if (!isfinite(t)) return fault(i, call, "the time is no finite number");
+  scene_states(i->scene, x);
+  scene_move(i->scene, i->t = t, x);
   return FMI_OK;
 }
 
-/* A part of the values, from a reference on. */
-PRIVATE Status get_part(Instance *i, const char *call, unsigned first, size_t n, double *values) {
+PRIVATE Status set_states(Instance *i, const char *call, const double *x, size_t n) {
+  if (allow(i, call, EVENT | CONTINUOUS) != FMI_OK || update(i, call) != FMI_OK) return FMI_ERROR;
+  if (n != SCENE_N_X) return fault(i, call, "the FMU has another number of states");
+  scene_move(i->scene, i->t, x);
+  return FMI_OK;
+}
+
+/* Values from one reference to the one before another. */
+PRIVATE Status get_part(Instance *i, const char *call, unsigned first, unsigned end, size_t n, double *values) {
   unsigned references[N_VALUES];
-  for (unsigned k = 0; k < n && first + k < N_VALUES; ++k) references[k] = first + k;
-  return first + n > N_VALUES ? fault(i, call, "there are fewer") : get(i, call, references, n, values);
+  if (allow(i, call, ANY) != FMI_OK) return FMI_ERROR;
+  if (!i->exchange) return refuse(i, call);
+  if (n != end - first) return fault(i, call, "the FMU has another number of these values");
+  for (unsigned k = 0; k < n; ++k) references[k] = first + k;
+  return get(i, call, references, n, values);
 }
 
 PRIVATE Status settle_switches(Instance *i, const char *call, double *next) {
-  if (update(i, call) != FMI_OK) return FMI_ERROR;
+  if (allow(i, call, EVENT) != FMI_OK || update(i, call) != FMI_OK) return FMI_ERROR;
   scene_settle(i->scene);
   *next = scene_next_event(i->scene);
   return FMI_OK;
 }
 #else
-PRIVATE Status move(Instance *i, const char *call, double t, const double *x) { return refuse(i, call); }
-PRIVATE Status get_part(Instance *i, const char *call, unsigned first, size_t n, double *values) { return refuse(i, call); }
-PRIVATE Status settle_switches(Instance *i, const char *call, double *next) { return *next = INFINITY, update(i, call); }
+PRIVATE Status set_time(Instance *i, const char *call, double t) { return refuse(i, call); }
+PRIVATE Status set_states(Instance *i, const char *call, const double *x, size_t n) { return refuse(i, call); }
+PRIVATE Status get_part(Instance *i, const char *call, unsigned first, unsigned end, size_t n, double *values) {
+  return refuse(i, call);
+}
+PRIVATE Status settle_switches(Instance *i, const char *call, double *next) { return *next = INFINITY, refuse(i, call); }
 #endif
+
+PRIVATE Status get_nominals(Instance *i, const char *call, double *nominals, size_t n) {
+  if (n != SCENE_N_X) return fault(i, call, "the FMU has another number of states");
+  for (size_t k = 0; k < n; ++k) nominals[k] = 1.0;
+  return allow(i, call, ANY);
+}
+
+PRIVATE Status to_continuous(Instance *i, const char *call) {
+  return allow(i, call, EVENT) == FMI_OK && update(i, call) == FMI_OK ? go(i, call, EVENT, CONTINUOUS) : FMI_ERROR;
+}
+
+PRIVATE Status set_logging(Instance *i, const char *call, int logs) {
+  if (allow(i, call, ANY) != FMI_OK) return FMI_ERROR;
+  i->logs = logs;
+  return FMI_OK;
+}
 
 #endif

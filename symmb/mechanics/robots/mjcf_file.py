@@ -91,7 +91,19 @@ def load_mjcf(
         raise DeclarationError(f"load_mjcf: expected the path of a file, got {shown(path)}.")
     require_stop("load_mjcf", stop)
     require_truth("load_mjcf", "strict", strict)
-    source, name, said = _compiled(Path(path), strict)
+    try:
+        robot, doubts = _machine(Path(path), replace, stop, strict)
+    except UnicodeDecodeError:
+        raise DeclarationError(f"{path}: its names are not in UTF-8. Save the file in this encoding.") from None
+    warn_of(doubts, f"load_mjcf {path}")
+    return robot
+
+
+def _machine(
+    path: Path, replace: Mapping[str, Expr] | None, stop: ContactLaw | float | None, strict: bool
+) -> tuple[Robot, list[str]]:
+    """The machine of a file, and what is doubtful about it."""
+    source, name, said = _compiled(path, strict)
     description = _description(source, name)
     values = replaced(description, replace, stop, "Give it a joint in the file.")
     building, repairs = repaired(Building(description, values, True, stop))
@@ -99,8 +111,7 @@ def load_mjcf(
     more = MjcfElements(source, building, robot.joints)
     elements = (*robot.elements, *more.all())
     start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
-    warn_of([*left_out(source, stop is not None), *said, *repairs], f"load_mjcf {path}")
-    return with_changes(robot, elements=elements, start=start)
+    return with_changes(robot, elements=elements, start=start), [*left_out(source, stop is not None), *said, *repairs]
 
 
 def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
@@ -110,7 +121,11 @@ def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
     if not path.is_file() and not is_urdf:
         why = "it is a folder" if path.is_dir() else "there is no such file"
         raise DeclarationError(f"{path}: this file cannot be read ({why}).")
-    if is_urdf or re.match(rb"(\s|<[?!][^>]*>)*<robot\b", path.read_bytes()):
+    try:
+        content = b"" if is_urdf else path.read_bytes()
+    except OSError as error:
+        raise DeclarationError(f"{path}: this file cannot be read ({error.strerror}).") from None
+    if is_urdf or re.match(rb"(\s|<[?!][^>]*>)*<robot\b", content):
         raise DeclarationError(f"{path}: this is a URDF file. Use load_urdf.")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
