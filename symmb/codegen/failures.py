@@ -18,7 +18,6 @@ class FailureCode(IntEnum):
     DEPENDENT = 7
     ENDLESS = 8
     OPEN = 9
-    CHATTERS = 10
 
 
 REASONS = (
@@ -32,7 +31,5 @@ REASONS = (
     "the contacts {} that have closed depend on each other",
     "events of {} follow each other without end",
     "the constraints cannot be met with the new parameters",
-    "{} chatters, it opens and closes at once, time after time: its conditions contradict each other, as those of "
-    "a Clutch whose capacity jumps with its own slip do. A Weld with a Latch and a Release is a one-way clutch",
 )
 """The text of each FailureCode; names of contacts are put in."""

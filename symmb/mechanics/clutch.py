@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from symmb._options import is_real
 from symmb._types import Expr
@@ -14,7 +15,11 @@ from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import NOT_NEGATIVE, Bind, within
 from symmb.mechanics.force import Action, PairTorque
 from symmb.mechanics.joint_event import JointEvent, event_state
-from symmb.symbolic import Symbol, unit, vector
+from symmb.symbolic import Symbol, symbols_in, unit, vector
+
+_STATES, _SLIGHT, _JUMP = 4, 1e-7, 1e-3
+"""Random states at which a capacity is compared at slips of both signs, the slip [rad/s], and the share of the capacity
+that is a jump: one that is steep changes by less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +69,30 @@ class Clutch(PairTorque, Constraint):
         a, b = self.body_a, self.body_b
         along = turning_direction(a, unit(vector(self.axis)), b, ca.SX.eye(3))
         return ca.dot(along, b.frame.R @ b.frame.omega - a.frame.R @ a.frame.omega)
+
+    def faults(self) -> Iterator[str]:
+        """Faults of the declaration: a sentence with a remedy for each."""
+        yield from super().faults()
+        if not self.place_faults() and self._jumps_with_slip():
+            yield (
+                f"{self.title}: capacity jumps where the slip passes 0, so that it would stick and slip without end. A "
+                "Weld with a Latch and a Release is a one-way clutch."
+            )
+
+    def _jumps_with_slip(self) -> bool:
+        """Whether the capacity has another value at a slip just above 0 than just below, at random states."""
+        if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
+            return False
+        symbols = ca.vertcat(*symbols_in(ca.vertcat(self.capacity, self.slip)))
+        slope = ca.jacobian(self.slip, symbols)
+        f = ca.Function("f", [symbols], [self.slip, ca.densify(slope), self.capacity])
+        for state in np.random.default_rng(0).uniform(0.5, 1.5, (_STATES, symbols.numel())):
+            slip, along, _ = (np.array(part).ravel() for part in f(state))
+            step = along / max(along @ along, np.finfo(float).tiny)
+            below, above = (float(f(state - (slip - side) * step)[2]) for side in (-_SLIGHT, _SLIGHT))
+            if not abs(above - below) > _JUMP * max(abs(above), abs(below)):
+                return False
+        return True
 
     @property
     def closed(self) -> ca.SX:

@@ -190,9 +190,26 @@ def test_faults_are_told():
         ((ground, wheel, 1.0, 0.9), "static_ratio is 0.9; it must be at least 1"),
         ((ground, ground, 1.0), "nothing is left to act on"),
         ((shaft, wheel, 1.0), "expected a body, got Revolute"),
+        ((ground, wheel, ca.if_else(wheel.omega >= 0, 1e4, 0.0)), "capacity jumps where the slip passes 0"),
+        ((ground, wheel, 2 + mb.t + ca.sign(wheel.omega)), "capacity jumps where the slip passes 0"),
     ):
         with pytest.raises(mb.DeclarationError, match=f"Clutch 'brake': .*{text}"):
             mb.System(wheel, shaft, mb.Clutch("brake", *arguments))
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda wheel: 1 + ca.exp(-ca.fabs(wheel.omega) / 1e-3),
+        lambda wheel: ca.if_else(wheel.theta > 1, 2.0, 1.0),
+        lambda wheel: ca.if_else(wheel.omega > 2, 2.0, 1.0),
+        lambda wheel: 1 + ca.tanh(wheel.omega / 1e-2),
+    ],
+)
+def test_capacities_may_bend_at_the_slip_and_jump_elsewhere(law):
+    ground, wheel = mb.Ground(), mb.Body("wheel", 1.0, 2.0)
+    shaft = mb.Revolute("shaft", ground.point(0, 0), wheel.point(0, 0))
+    mb.System(wheel, shaft, mb.Clutch("brake", ground, wheel, law(wheel)))
 
 
 @pytest.mark.parametrize(("load", "limit"), [(0.0, 0.0), (-0.2, 0.0), (-0.2, 0.15)])

@@ -73,8 +73,6 @@ typedef struct {
   V margin[SIZE(2 * N_E)], closing[SIZE(N_PLACE)], jumped[N_V + N_ROWS + 1];  /* and of joints */
   double crowd_start;     /* events follow each other at once from there */
   long n_events, n_crowd; /* in all, and since then */
-  double first_closing[SIZE(N_E)]; /* joints close again and again from there */
-  long closings[SIZE(N_E)];
 #endif
 } Block;
 

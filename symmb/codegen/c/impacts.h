@@ -27,8 +27,6 @@ enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed 
 #define MOST_EVENTS 50000   /* of a run: more mean a motion that bounces faster and faster */
 #define CONTACT_STEP 1e-13  /* share of the run's time: shorter steps after an event are lost in rounding */
 #define MOST_IMPULSES 6     /* rows of a joint */
-#define CHATTER_SPAN 1e-3   /* share of the run's time: a joint that closes more than CHATTER times within it would do so */
-#define CHATTER 100         /* more often in a run than MOST_EVENTS */
 #define ROUNDS 3            /* of joints and impacts at one instant */
 #define EVENT (8 + MOST_IMPULSES)
 
@@ -127,7 +125,7 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
   in_turn(c, b, 0, is_few ? s : NULL, ordered);
   for (int k = 0; k < N_I; ++k) any |= immovable[k] = hits(c, k) && !c->movable[k];
   if (any) return blame(b, s, immovable, IMMOVABLE);
-  if (N_I > 0 && !number) return blame(b, s, c->touching, UNENDING);
+  if (!number) return blame(b, s, c->touching, UNENDING);
   for (int k = 0; N_WORK && k < N_I; ++k) a->x[place[N_X - 1]] += c->work[k];
   for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] += jump_of(b, i, c->impulse);
   return 1;
@@ -236,16 +234,7 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
         fresh[i] |= stuck;
         sticks |= stuck;
       }
-      if (!acts[k]) continue;
-      move_joint(b, k);
-      if (opens[k]) continue;
-      const int is_later = b->t - b->first_closing[k] > CHATTER_SPAN * (s->times[s->n_t - 1] - s->times[0]);
-      if (is_later) b->first_closing[k] = b->t;
-      b->closings[k] = is_later ? 1 : b->closings[k] + 1;
-      if (b->closings[k] <= CHATTER) continue;
-      note_event(b, s, BLAMED, N_I + k, 0.0, 0.0, 0.0, 0, NULL, 0);
-      fail_sample(b, s, 0, b->t, CHATTERS);
-      return 0;
+      if (acts[k]) move_joint(b, k);
     }
     if (sticks && is_first) {
       move_onto_constraints(a, a->x, b->t, a->x_new);
@@ -328,7 +317,6 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
 PRIVATE int begin_contacts(Block *b, Study *s) {
   b->crowd_start = b->t;
   b->n_events = b->n_crowd = 0;
-  for (int k = 0; k < SIZE(N_E); ++k) b->first_closing[k] = b->t, b->closings[k] = 0;
   if (!meet_contacts(b, s, -1)) return 0;
   EACH_PART(b) outputs(a->x, a->c, each(b->t), a->y);
   return 1;

@@ -20,7 +20,7 @@
 #define N_E 0       /* events of joints among them */
 #define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns */
 #define N_U 0
-enum { STEPS, OUTPUT, NEWTON, MANY, STICKS, IMMOVABLE, UNENDING, DEPENDENT, ENDLESS, OPEN, CHATTERS }; /* why a sample failed, see FailureCode */
+enum { STEPS, OUTPUT, NEWTON, MANY, STICKS, IMMOVABLE, UNENDING, DEPENDENT, ENDLESS, OPEN }; /* why a sample failed, see FailureCode */
 
 PRIVATE void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
 
