@@ -71,6 +71,13 @@ class TimeSwitches:
         """
         return None if self._curved.numel_out(0) or self._tables else (self._linear, self._places)
 
+    def of_all_samples(self) -> Array:
+        """Instants, and switches by curved laws that no parameter moves (k,) [s]."""
+        none = np.zeros(self._linear.numel_in(0))
+        curved = self._curved_roots(none) if self._curved.numel_out(0) and not self._depends else np.empty(0)
+        tables = [table(none[None])[0] for table in self._tables if not table.depends]
+        return np.unique(np.concatenate([self._instants, curved, *tables]))
+
     def __call__(self, p: Array) -> Array:
         """Switches (N, k) of N samples p (N, n_p) in order, infinite behind the last one [s]."""
         p = p[:, : self._linear.numel_in(0)]
@@ -142,14 +149,14 @@ class _Knots:
     """Times at which the argument of a table, a curved function of time, is at one of its knots (k,)."""
 
     def __init__(self, at: ca.SX, knots: Array, p: ca.SX, t: ca.SX, times: Array) -> None:
-        self._at, self._knots, self._depends = ca.Function("at", [p, t], [at]), knots, ca.depends_on(at, p)
+        self._at, self._knots, self.depends = ca.Function("at", [p, t], [at]), knots, ca.depends_on(at, p)
         branch, slope = branches(common("at", [p, t], [at]), [(p, On.PARAMETERS), (t, On.TIME)]), ca.jacobian(at, t)
         turns = ca.vertcat(branch.times, slope if ca.depends_on(slope, t) else ca.SX(0, 1))
         self._turns, self._ends = TimeSwitches(turns, p, t, times, knots=branch.knots), (times[0], times[-1])
 
     def __call__(self, p: Array) -> Array:
         """The times (N, k) of N samples, infinite behind the last one [s]."""
-        some = p if self._depends else p[:1]
+        some = p if self.depends else p[:1]
         return _padded([self._of(row, turns) for row, turns in zip(some, self._turns(some), strict=True)], len(p))
 
     def _of(self, p: Array, turns: Array) -> Array:

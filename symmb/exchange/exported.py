@@ -6,6 +6,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb.codegen import FixedStep, SceneSource
+from symmb.events import time_switches
 from symmb.integrate import CompiledSolver
 from symmb.model import Scene
 from symmb.simulation import DAESimulator, scene_of, simulator_with
@@ -60,6 +61,7 @@ def exported(subject: Scene | DAESimulator) -> Exported:
         solvers = "DormandPrince(), EventDriven() or Rosenbrock()"
         raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {solvers}.")
     parameters, outputs = tuple(scene.system.parameters), tuple(simulator.outputs)
+    switches = dae.remembered(time_switches, simulator.times)
     source = SceneSource(
         lanes=lanes,
         n_x=form.y.numel_in(0),
@@ -68,7 +70,7 @@ def exported(subject: Scene | DAESimulator) -> Exported:
         names=(*parameters, *inputs, *outputs),
         times=simulator.times,
         has_rates=lanes.scheme is None and not dae.n_r and dae.impacts is None and dae.sampling is None,
-        stops=np.empty(0) if dae.sampling is None else dae.sampling.instants(simulator.times),
+        stops=np.empty(0) if switches is None else switches.of_all_samples(),
         token=simulator.identity(),
     )
     states = (*dae.q_names, *dae.v_names, *dae.s_names)

@@ -273,3 +273,18 @@ def test_faults_are_told_in_one_sentence(save, text, tmp_path):
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     with pytest.raises(mb.SymmbError, match="cannot be written: No such file or directory"):
         mb.save_fmu(pendulum(), tmp_path / "none" / "model.fmu")
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("chirp", [20.0, 33.0])
+def test_narrow_windows_of_a_chirp_are_time_events_of_model_exchange(chirp, version, tmp_path):
+    """A push of 1 N while sin(c t^2) > 0.97: speeds are its durations, which arcsin tells."""
+    cart = mb.Body("cart", 1.0, pose=mb.Particle())
+    push = mb.Force("push", cart.point(0, 0), (ca.if_else(ca.sin(chirp * mb.t**2) > 0.97, 1.0, 0.0), 0))
+    scene = mb.Scene(mb.System(cart, push), times=np.linspace(0, 2, 21), outputs={"v": cart.vx})
+    mb.save_fmu(mb.prepare(scene, mb.DormandPrince()), tmp_path / "a.fmu", version=version)
+    k = np.arange(60)
+    ends = np.sqrt((np.pi / 2 + 2 * np.pi * k + np.arccos(0.97) * np.array([[-1], [1]])) / chirp)
+    exact = [np.diff(np.clip(ends, 0, t), axis=0).sum() for t in scene.times]
+    Y = run_fmu(tmp_path / "a.fmu", scene.times, ["v"], {}, "ModelExchange")
+    np.testing.assert_allclose(Y[:, 0], exact, atol=1e-5)
