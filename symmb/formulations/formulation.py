@@ -12,9 +12,9 @@ from symmb._types import Array
 from symmb.events import Kinks, Pulses, kinks
 from symmb.formulations.output_functions import declared_function, joint_output_function, output_function
 from symmb.integrate import Run
-from symmb.model import DAE, Lazy, Scene, System, compile_dae
+from symmb.model import DAE, Lazy, Scales, Scene, System, compile_dae
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints, with_gated_rows
-from symmb.symbolic import batch, common, least_factorization
+from symmb.symbolic import batch, common, least_factorization, shared
 from symmb.symbolic import t as time_symbol
 
 _STAGE = 8
@@ -36,6 +36,7 @@ class Formulation:
     declared : (x, p, t, multipliers, accelerations of the bodies) -> outputs (n_y,)
     bodies : InBodies          where the coordinates are those of joints
     why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
+    along : scales of bodies that move along joints, which take fewer operations than those of `dae`
     """
 
     dae: DAE
@@ -44,6 +45,12 @@ class Formulation:
     declared: ca.Function
     bodies: "InBodies | None" = None
     why: str = ""
+    along: Lazy[Scales] | None = None
+
+    @property
+    def judged(self) -> DAE:
+        """The equations with the scales by which runs are judged."""
+        return self.dae if self.along is None else self.dae.scaled(self.along)
 
     def around(self, p: Array) -> "Formulation":
         """The same for runs with parameters p (n_p,)."""
@@ -142,15 +149,20 @@ def _formulations(scene: Scene) -> Formulations:
     if joints is None and scene.coordinates == "joint":
         why = "it starts close to a singular position" if system.joints.names else "no joint carries a rigid body"
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
-    if joints is None or scene.coordinates:
-        return Formulations(bodies, joints, None)
+    if joints is None:
+        return Formulations(bodies, None, None)
+    rhs = Lazy(lambda: _along_joints(scene.system, joints.dae, system))
+    moved = replace(bodies.dae, equations={**bodies.dae.equations, "rhs": rhs})
+    beside = replace(bodies, along=_scaled(moved, bodies.start, scene).measured)
+    if scene.coordinates:
+        return Formulations(beside, joints, None)
     least = bodies.least_operations
     counted = joints.operations > _CHEAPER * least
     if counted and joints.operations > _CHEAPER * bodies.operations:
         return Formulations(bodies, None, joints)
     of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
     why = f"coordinates of joints, which take fewer operations: {joints.operations}, {of_bodies} in those of bodies"
-    return Formulations(bodies, replace(joints, why=why), None)
+    return Formulations(beside, replace(joints, why=why), None)
 
 
 def _in_bodies(scene: Scene) -> Formulation:
@@ -189,6 +201,17 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     carried = tuple((link.carrying.joint.name, link.body) for link in joints.links if link.carrying is not None)
     in_bodies = InBodies(bodies.dae, Lazy(states), _Loads(loads), carried)
     return Formulation(_scaled(start.dae, start, scene), start, y, declared, in_bodies)
+
+
+def _along_joints(bodies: System, dae: DAE, joints: System) -> ca.Function:
+    """`DAE.rhs` of bodies that move as joints do with equations `dae`: those of the bodies take many more operations."""
+    p, t, x = bodies.p, time_symbol, ca.vertcat(joints.q, joints.v, joints.s)
+    there, states = ca.vertcat(*joints.joints.of_joints), ca.vertcat(*joints.joints.of_bodies)
+    rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t))))
+    moved = ca.Function("moved", [x, p, t], [ca.jtimes(states, x, rates)])(there, p, t)
+    parts = [part for part in (bodies.q, bodies.v, bodies.s) if part.numel()]
+    ends = np.cumsum([0, *[part.numel() for part in parts]]).tolist()
+    return ca.Function("rhs", [*parts, p, t], shared(ca.vertsplit(ca.densify(moved), ends)))
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:

@@ -192,8 +192,14 @@ class DAESimulator:
         return copy
 
     def cautious(self) -> "DAESimulator":
-        """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions."""
-        return self if self._joints is None or not self._joints.why or not self._joints.dae.n_c else self._in_bodies
+        """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions.
+
+        Rows with constant Jacobians have none.
+        """
+        if self._joints is None or not self._joints.why or not self._joints.dae.n_c:
+            return self
+        G = self._joints.dae.G
+        return self._in_bodies if G is not None and G.jac_sparsity(0, 0).nnz() else self
 
     @property
     def longest_step(self) -> float:
