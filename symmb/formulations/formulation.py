@@ -1,6 +1,7 @@
 """The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -47,7 +48,7 @@ class Formulation:
     why: str = ""
     along: Lazy[Scales] | None = None
 
-    @property
+    @cached_property
     def judged(self) -> DAE:
         """The equations with the scales by which runs are judged."""
         return self.dae if self.along is None else self.dae.scaled(self.along)
@@ -68,7 +69,7 @@ class Formulation:
         """The position of the bodies closest to a singular one among the finite states X (m, n_x), if one is close."""
         finite = np.isfinite(X).all(axis=1)
         dae, X = self.in_bodies(X[finite], p)
-        return singularity(dae, X, p, times[finite])
+        return singularity(self.judged if self.bodies is None else dae, X, p, times[finite])
 
     def in_bodies(self, X: Array, p: Array) -> tuple[DAE, Array]:
         """The equations of the bodies, and their states (m, n_x) for states X of this formulation."""
@@ -77,6 +78,11 @@ class Formulation:
     def run_of_bodies(self, run: Run, p: Array) -> Run:
         """A run with parameters p (n_p,) with the states of the bodies."""
         return replace(run, X=self.in_bodies(run.X, p)[1])
+
+    @property
+    def has_loops(self) -> bool:
+        """Whether rows have a Jacobian that changes along the motion, so that positions may be singular."""
+        return self.dae.G is not None and self.dae.G.jac_sparsity(0, 0).nnz() > 0
 
     @property
     def operations(self) -> int:
