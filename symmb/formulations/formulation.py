@@ -210,7 +210,7 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
 
 
 def _along_joints(bodies: System, dae: DAE, joints: System) -> ca.Function:
-    """`DAE.rhs` of bodies that move as joints do with equations `dae`: those of the bodies take many more operations."""
+    """`DAE.rhs` of bodies that move as joints do by `dae`. That of the bodies takes many more operations."""
     p, t, x = bodies.p, time_symbol, ca.vertcat(joints.q, joints.v, joints.s)
     there, states = ca.vertcat(*joints.joints.of_joints), ca.vertcat(*joints.joints.of_bodies)
     rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t))))

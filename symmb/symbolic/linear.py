@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.symbolic.geometry import is_zero
 from symmb.symbolic.batch import pattern
+from symmb.symbolic.geometry import is_zero
 
 _SMALL = 6
 """Velocities of a rigid body: larger blocks, of flexible ones, are factorised, those of smaller ones inverted."""
