@@ -1,6 +1,7 @@
 """The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -12,9 +13,9 @@ from symmb._types import Array
 from symmb.events import Kinks, Pulses, kinks
 from symmb.formulations.output_functions import declared_function, joint_output_function, output_function
 from symmb.integrate import Run
-from symmb.model import DAE, Lazy, Scene, System, compile_dae
+from symmb.model import DAE, Lazy, Scales, Scene, System, compile_dae
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints, with_gated_rows
-from symmb.symbolic import batch, common, least_factorization
+from symmb.symbolic import batch, common, least_factorization, shared
 from symmb.symbolic import t as time_symbol
 
 _STAGE = 8
@@ -36,6 +37,7 @@ class Formulation:
     declared : (x, p, t, multipliers, accelerations of the bodies) -> outputs (n_y,)
     bodies : InBodies          where the coordinates are those of joints
     why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
+    along : scales of bodies that move along joints, which take fewer operations than those of `dae`
     """
 
     dae: DAE
@@ -44,6 +46,12 @@ class Formulation:
     declared: ca.Function
     bodies: "InBodies | None" = None
     why: str = ""
+    along: Lazy[Scales] | None = None
+
+    @cached_property
+    def judged(self) -> DAE:
+        """The equations with the scales by which runs are judged."""
+        return self.dae if self.along is None else self.dae.scaled(self.along)
 
     def around(self, p: Array) -> "Formulation":
         """The same for runs with parameters p (n_p,)."""
@@ -61,7 +69,7 @@ class Formulation:
         """The position of the bodies closest to a singular one among the finite states X (m, n_x), if one is close."""
         finite = np.isfinite(X).all(axis=1)
         dae, X = self.in_bodies(X[finite], p)
-        return singularity(dae, X, p, times[finite])
+        return singularity(self.judged if self.bodies is None else dae, X, p, times[finite])
 
     def in_bodies(self, X: Array, p: Array) -> tuple[DAE, Array]:
         """The equations of the bodies, and their states (m, n_x) for states X of this formulation."""
@@ -70,6 +78,11 @@ class Formulation:
     def run_of_bodies(self, run: Run, p: Array) -> Run:
         """A run with parameters p (n_p,) with the states of the bodies."""
         return replace(run, X=self.in_bodies(run.X, p)[1])
+
+    @property
+    def has_loops(self) -> bool:
+        """Whether rows have a Jacobian that changes along the motion, so that positions may be singular."""
+        return self.dae.G is not None and self.dae.G.jac_sparsity(0, 0).nnz() > 0
 
     @property
     def operations(self) -> int:
@@ -142,15 +155,20 @@ def _formulations(scene: Scene) -> Formulations:
     if joints is None and scene.coordinates == "joint":
         why = "it starts close to a singular position" if system.joints.names else "no joint carries a rigid body"
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
-    if joints is None or scene.coordinates:
-        return Formulations(bodies, joints, None)
+    if joints is None:
+        return Formulations(bodies, None, None)
+    rhs = Lazy(lambda: _along_joints(scene.system, joints.dae, system))
+    moved = replace(bodies.dae, equations={**bodies.dae.equations, "rhs": rhs})
+    beside = replace(bodies, along=_scaled(moved, bodies.start, scene).measured)
+    if scene.coordinates:
+        return Formulations(beside, joints, None)
     least = bodies.least_operations
     counted = joints.operations > _CHEAPER * least
     if counted and joints.operations > _CHEAPER * bodies.operations:
         return Formulations(bodies, None, joints)
     of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
     why = f"coordinates of joints, which take fewer operations: {joints.operations}, {of_bodies} in those of bodies"
-    return Formulations(bodies, replace(joints, why=why), None)
+    return Formulations(beside, replace(joints, why=why), None)
 
 
 def _in_bodies(scene: Scene) -> Formulation:
@@ -189,6 +207,17 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     carried = tuple((link.carrying.joint.name, link.body) for link in joints.links if link.carrying is not None)
     in_bodies = InBodies(bodies.dae, Lazy(states), _Loads(loads), carried)
     return Formulation(_scaled(start.dae, start, scene), start, y, declared, in_bodies)
+
+
+def _along_joints(bodies: System, dae: DAE, joints: System) -> ca.Function:
+    """`DAE.rhs` of bodies that move as joints do by `dae`. That of the bodies takes many more operations."""
+    p, t, x = bodies.p, time_symbol, ca.vertcat(joints.q, joints.v, joints.s)
+    there, states = ca.vertcat(*joints.joints.of_joints), ca.vertcat(*joints.joints.of_bodies)
+    rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t))))
+    moved = ca.Function("moved", [x, p, t], [ca.jtimes(states, x, rates)])(there, p, t)
+    parts = [part for part in (bodies.q, bodies.v, bodies.s) if part.numel()]
+    ends = np.cumsum([0, *[part.numel() for part in parts]]).tolist()
+    return ca.Function("rhs", [*parts, p, t], shared(ca.vertsplit(ca.densify(moved), ends)))
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:

@@ -14,6 +14,7 @@ from symmb._types import Array
 from symmb.mechanics import AxisJoint, Body, Element, Frame, Ground, Joint, Particle, Planar, RelativePose, Spatial
 from symmb.model.articulated_bodies import ArticulatedBodies, Loads, Placed
 from symmb.model.assembly import Collected, Coordinates, stacked
+from symmb.model.joint_motion import JointMotion
 from symmb.model.spanning_tree import Carrying, Link, spanning_tree
 from symmb.symbolic import MassBlocks, Symbol, conjugate, product, rotation_by, with_nodes
 
@@ -103,9 +104,11 @@ class JointSpace:
             if isinstance(body.pose, Spatial):
                 pairs = zip(*(ca.vertsplit(ca.vec(ca.densify(R))) for R in (body.frame.R, here.rotation)), strict=True)
                 nodes |= {a.element_hash(): b for a, b in pairs}
+            joint, motion = link.carrying.joint, link.carrying.motion
+            nodes |= _handles(joint, motion)
             for state in self._turns(link):
-                nodes[cast(Any, link.carrying.joint).angle.element_hash()] = link.carrying.motion.q[0]
-                old, new = [*old, state.sx], [*new, link.carrying.motion.q[0]]
+                nodes[cast(Any, joint).angle.element_hash()] = motion.q[0]
+                old, new = [*old, state.sx], [*new, motion.q[0]]
         return nodes, ca.vertcat(*old), ca.densify(ca.vertcat(*new))
 
     @cached_property
@@ -270,6 +273,19 @@ def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
         root[link.body] = link.body if carrier is None else root[carrier]
     first = list(dict.fromkeys(root[link.body] for link in links))
     return tuple(sorted(links, key=lambda link: first.index(root[link.body])))
+
+
+def _handles(joint: Joint, motion: JointMotion) -> dict[int, ca.SX]:
+    """The coordinates and velocities in the place of what a joint says of the motion of the bodies, by its hash."""
+    nodes: dict[int, ca.SX] = {}
+    names, values = (*motion.q_names, *motion.u_names), ca.vertsplit(ca.vertcat(motion.q, motion.u))
+    for name, value in zip(names, values, strict=True):
+        node = vars(joint).get(name.rpartition(".")[2])  # a property, if anything uses it
+        if node is not None:
+            nodes[node.element_hash()] = value
+            if node.op() == ca.OP_NEG:  # CasADi simplifies a - (-b)
+                nodes[node.dep(0).element_hash()] = -value
+    return nodes
 
 
 def _of_body(body: Body, here: Placed) -> tuple[ca.SX, ca.SX]:

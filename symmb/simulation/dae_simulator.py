@@ -157,9 +157,9 @@ class DAESimulator:
         return min(filter(None, (self.bodies, self._joints, self._spare)), key=lambda form: form.dae.n_r)
 
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
-        """States (1, n_x) at the start and the equations: those of a tree, or of bodies that start in the states X."""
+        """States (1, n_x) at the start and the equations: those without loops, or of bodies that start in states X."""
         tree = self.least_constrained
-        is_tree = tree.bodies is not None and not tree.dae.n_r
+        is_tree = tree.bodies is not None and not tree.has_loops
         return (tree.start.states(p[None])[0], tree.dae) if is_tree else (X, self.dae)
 
     @property
@@ -193,7 +193,8 @@ class DAESimulator:
 
     def cautious(self) -> "DAESimulator":
         """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions."""
-        return self if self._joints is None or not self._joints.why or not self._joints.dae.n_c else self._in_bodies
+        loops = self._joints is not None and self._joints.why and self._joints.dae.n_c and self._joints.has_loops
+        return self._in_bodies if loops else self
 
     @property
     def longest_step(self) -> float:

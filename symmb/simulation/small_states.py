@@ -46,7 +46,7 @@ def small_state_doubts(runs: Runs, solver: Solver, run: Trajectory) -> Iterator[
 
     It looks at first-order states, and at velocities that constraints determine: others that are so small are rounding.
     """
-    dae, states, elements, p = runs.simulator.dae, run.examination, runs.scene.system.elements, runs.p
+    dae, states, elements, p = runs.simulator.bodies.judged, run.examination, runs.scene.system.elements, runs.p
     if not solver.controls_step or not any(isinstance(e, OwnState | VelocityConstraint) for e in elements):
         return
     tolerances = solver.tolerances(dae)

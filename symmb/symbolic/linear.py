@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
+from symmb.symbolic.batch import pattern
 from symmb.symbolic.geometry import is_zero
 
 _SMALL = 6
@@ -269,6 +270,8 @@ def saddle_solver(
     callable (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,))
     """
     n_c = G.shape[0]
+    if gates is None and (rotors := _rotors(G, sizes)):
+        return _beside_rotors(M, G, sizes, coupled, nullity, rotors)
 
     def factorize(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
         if gates is not None:
@@ -302,5 +305,44 @@ def saddle_solver(
     def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
         lam = multipliers(W @ f - g)
         return inverse(f) - W.T @ lam, lam
+
+    return solve
+
+
+def _rotors(G: ca.SX, sizes: Sequence[int]) -> dict[int, int]:
+    """Velocities that one row alone determines, from velocities of one block, and the numbers of these rows.
+
+    They are blocks of their own, as those of rotors that turn with a joint, and have constant factors in the rows.
+    """
+    there, block = pattern(G.sparsity()), np.repeat(np.arange(len(sizes)), sizes)
+    found: dict[int, int] = {}
+    for k in np.flatnonzero((there.sum(axis=0) == 1) & (np.array(sizes, dtype=int)[block] == 1)).tolist():
+        row = int(there[:, k].argmax())
+        others = set(block[there[row]].tolist()) - {block[k]}
+        if row not in found.values() and len(others) == 1 and G[row, k].is_constant():
+            found[k] = row
+    return found
+
+
+def _beside_rotors(
+    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool, nullity: int, rotors: dict[int, int]
+) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
+    """`saddle_solver` of the velocities and rows beside those of rotors, whose inertia M + D' J D contains."""
+    own, rows = list(rotors), list(rotors.values())
+    kept, others = ([k for k in range(n) if k not in some] for n, some in ((G.shape[1], own), (G.shape[0], rows)))
+    factors = ca.vertcat(*[G[row, k] for k, row in rotors.items()])
+    D, inertia = ca.diag(1 / factors) @ G[rows, kept], ca.diag(M[own, own])
+    ends = np.cumsum(sizes)
+    left = [n for n, end in zip(sizes, ends.tolist(), strict=True) if n != 1 or end - 1 not in rotors]
+    heavier = ca.sparsify(M[kept, kept] + D.T @ ca.diag(inertia) @ D)
+    beside = saddle_solver(heavier, G[others, kept], left, coupled, nullity)
+
+    def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+        a, lam = ca.SX(*f.shape), ca.SX(*g.shape)
+        asked = g[rows] / factors
+        a[kept], lam[others] = beside(f[kept] - D.T @ (f[own] - inertia * asked), g[others])
+        a[own] = asked - D @ a[kept]
+        lam[rows] = (f[own] - inertia * a[own]) / factors
+        return a, lam
 
     return solve

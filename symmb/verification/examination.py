@@ -102,7 +102,7 @@ class Examination:
     @cached_property
     def violation(self) -> Array:
         """Largest violation of a position row (m,) over its change by displacements of the scene's size [-]."""
-        dae, bodies = self.way.bodies.start.dae, self.way.bodies.dae
+        dae, bodies = self.way.bodies.start.dae, self.way.bodies.judged
         if dae.Phi is None or dae.G is None:
             return np.zeros(len(self.t))
         at = _at(dae, self.x, self.p, self.t)
@@ -128,7 +128,7 @@ class Examination:
             t, x = self._again
             T, *_ = energy(self.way.bodies, x, self.p, t, np.zeros(len(t)))
             largest = max(largest, float(np.nanmax(T, initial=0.0)))
-        scales = self.way.bodies.dae.scales
+        scales = self.way.bodies.judged.scales
         return change / largest if largest > _STILL * scales.energy * scales.rate**2 else math.nan
 
     @cached_property

@@ -9,6 +9,7 @@ from mechanisms import double_pendulum
 from numpy.testing import assert_allclose
 
 import symmb as mb
+from symmb.mechanics import Flywheel
 
 KINDS = ("Revolute", "Prismatic", "Cylindrical", "Screw", "Spherical", "Universal", "PlanarJoint", "Weld")
 GROUND = mb.Ground()
@@ -106,6 +107,36 @@ def test_trees_move_as_their_bodies_do(seed, planar, uncertain_axes):
         assert_allclose(np.abs(q_again), np.abs(q_b), rtol=0, atol=1e-11 * np.abs(q_b).max())
         energies, expected = joints.energy(q, v, p, t), bodies.energy(*at)
         assert_allclose([float(e) for e in energies], [float(e) for e in expected], rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rotors_that_turn_with_joints_move_as_in_coordinates_of_bodies(seed):
+    """A chain of hinges and slides with rotors, whose rows hold nothing but the rates of the joints."""
+    rng = np.random.default_rng([58, seed])
+    elements, carrier, rows = [mb.Gravity(0.3, -0.5, -9.81)], mb.Ground(), []
+    for k in range(3):
+        body = mb.Body(f"b{k}", rng.uniform(1, 2), tuple(rng.uniform(1, 2, 3)), mb.Spatial())
+        kind = mb.Prismatic if k == 1 else mb.Revolute
+        points = carrier.point(*rng.normal(size=3)), body.point(*rng.normal(size=3))
+        points = points[::-1] if rng.uniform() < 0.5 else points
+        joint = kind(f"j{k}", *points, axis=tuple(rng.choice([-1.0, 1.0]) * np.eye(3)[rng.integers(3)]))
+        rate = joint.displacement_rate if k == 1 else joint.angle_rate
+        rotor = Flywheel(f"r{k}", 0.3, (0.4 + k,) * 3, mb.Spatial())
+        bearing = mb.Revolute(f"f{k}", mb.Ground().point(0, 0, 0), rotor.point(0, 0, 0))
+        rows.append(mb.VelocityConstraint(f"c{k}", (rotor.omega[2] - 2.5 * rate,)))
+        elements += [body, joint, rotor, bearing, rows[-1]]
+        carrier = body
+    system = mb.System(*elements)
+    bodies, in_joints, joints, to_bodies, _ = both(system)
+    assert in_joints.G.nnz() == 2 * len(rows) and all(e.is_constant() for e in in_joints.G.nonzeros())
+    q, v = random_state(rng, in_joints)
+    at = np.array([joints.v_names.index(f"f{k}.angle_rate") for k in range(3)])
+    of = [joints.v_names.index(f"j{k}.{'displacement' if k == 1 else 'angle'}_rate") for k in range(3)]
+    v[at] = 2.5 * v[of]
+    a = joints.rhs(q, v, [], 0.0)[1]
+    q_b, v_b, _, a_b = (part.full() for part in to_bodies(q, v, [], a, []))
+    expected = bodies.rhs(q_b, v_b, [], 0.0)[1].full()
+    assert_allclose(a_b, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_the_double_pendulum_is_the_textbook_s():

@@ -5,7 +5,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from symmb.symbolic.linear import ExplicitSolver, independent, least_multipliers, singular_solver, vanishing_rows
+from symmb.symbolic.linear import (
+    ExplicitSolver,
+    independent,
+    least_multipliers,
+    saddle_solver,
+    singular_solver,
+    vanishing_rows,
+)
 
 
 def rows_of_rank(n: int, nullity: int, seed: int, off: float = 0.0) -> np.ndarray:
@@ -101,3 +108,24 @@ def test_explicit_solver_of_a_matrix_that_is_singular_by_structure():
     solver = ExplicitSolver(ca.vertcat(ca.horzcat(x[0], 0), ca.horzcat(x[1], 0)))
     assert float(ca.DM(solver.determinants)) == 0.0
     assert np.isnan(ca.DM(solver(ca.SX.ones(2, 1)))).all()
+
+
+@pytest.mark.parametrize("loops", [0, 2])
+@pytest.mark.parametrize("seed", range(3))
+def test_rotors_with_their_rows_against_lapack(seed, loops):
+    """Blocks of 4 and 3 velocities with a rotor each, one that turns with both, one that is driven, and loops."""
+    rng, sizes = np.random.default_rng(seed), [4, 1, 3, 1, 1, 1]
+    M = np.zeros((11, 11))
+    for at, n in zip(np.cumsum([0, *sizes]), sizes, strict=False):
+        A = rng.normal(size=(n, n))
+        M[at : at + n, at : at + n] = A @ A.T + np.eye(n)
+    G = np.zeros((4 + loops, 11))
+    G[:4, [4, 8, 9, 10]] = np.diag(rng.uniform(0.5, 3.0, 4) * rng.choice([-1, 1], 4))
+    G[0, 2], G[1, [5, 7]], G[2, [1, 6]] = rng.normal(), rng.normal(size=2), rng.normal(size=2)
+    G[4:, [0, 1, 2, 3, 5, 6, 7]] = rng.normal(size=(loops, 7))
+    f, g = rng.normal(size=11), rng.normal(size=4 + loops)
+    x, y = ca.SX.sym("x", 11), ca.SX.sym("y", 4 + loops)
+    solve = saddle_solver(*(ca.sparsify(ca.SX(ca.DM(A))) for A in (M, G)), sizes)
+    a, lam = ca.Function("solve", [x, y], [*solve(x, y)])(f, g)
+    expected = np.linalg.solve(np.block([[M, G.T], [G, np.zeros((4 + loops,) * 2)]]), np.append(f, g))
+    assert_allclose(np.append(a.full(), lam.full()), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
