@@ -13,7 +13,7 @@ from symmb._types import Array
 from symmb.events import Kinks, Pulses, kinks
 from symmb.formulations.output_functions import declared_function, joint_output_function, output_function
 from symmb.integrate import Run
-from symmb.model import DAE, Lazy, Scales, Scene, System, compile_dae
+from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints, with_gated_rows
 from symmb.symbolic import batch, common, least_factorization, shared
 from symmb.symbolic import t as time_symbol
@@ -37,7 +37,7 @@ class Formulation:
     declared : (x, p, t, multipliers, accelerations of the bodies) -> outputs (n_y,)
     bodies : InBodies          where the coordinates are those of joints
     why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
-    along : scales of bodies that move along joints, which take fewer operations than those of `dae`
+    judging : equations with scales of bodies that move along joints, which take fewer operations than those of `dae`
     """
 
     dae: DAE
@@ -46,12 +46,12 @@ class Formulation:
     declared: ca.Function
     bodies: "InBodies | None" = None
     why: str = ""
-    along: Lazy[Scales] | None = None
+    judging: Lazy[DAE] | None = None
 
     @cached_property
     def judged(self) -> DAE:
         """The equations with the scales by which runs are judged."""
-        return self.dae if self.along is None else self.dae.scaled(self.along)
+        return self.dae if self.judging is None else self.judging().around(self.dae.p_nominal)
 
     def around(self, p: Array) -> "Formulation":
         """The same for runs with parameters p (n_p,)."""
@@ -159,7 +159,8 @@ def _formulations(scene: Scene) -> Formulations:
         return Formulations(bodies, None, None)
     rhs = Lazy(lambda: _along_joints(scene.system, joints.dae, system))
     moved = replace(bodies.dae, equations={**bodies.dae.equations, "rhs": rhs})
-    beside = replace(bodies, along=_scaled(moved, bodies.start, scene).measured)
+    scales = _scaled(moved, bodies.start, scene).measured
+    beside = replace(bodies, judging=Lazy(lambda: bodies.dae.scaled(scales)))
     if scene.coordinates:
         return Formulations(beside, joints, None)
     least = bodies.least_operations
