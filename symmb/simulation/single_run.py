@@ -197,7 +197,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, trajectory)
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
-    doubts = (*doubts, *law_doubts(runs.scene.system, trajectory.t, trajectory))
+    doubts = (*doubts, *law_doubts(runs.scene, trajectory.t, trajectory))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
     doubts = (*doubts, *small_state_doubts(runs, solver, trajectory))
     trajectory = replace(trajectory, run_doubts=doubts)

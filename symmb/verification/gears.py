@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array, Expr
 from symmb.mechanics import AbstractBody, AxisJoint, Element, Gear, Ground, Point
-from symmb.model import System
+from symmb.model import Scene
 
 _SAME_AXIS = 1e-6
 """Sine of an angle between two axes that are one, and their distance over that of their points from the origin."""
@@ -40,14 +40,17 @@ def carrier_doubts(elements: Sequence[object], value: Callable[[Expr], Array]) -
                 )
 
 
-def law_doubts(system: System, t: Array, value: Callable[[Expr], Array]) -> Iterator[str]:
+def law_doubts(scene: Scene, t: Array, value: Callable[[Expr], Array]) -> Iterator[str]:
     """What elements doubt of a run at its times (n_t,), by numbers (n_t, ...) of expressions along it."""
-    for element in system.elements:
-        for margins, what in element.doubtful(system.bind) if isinstance(element, Element) else ():
-            below = (np.reshape(value(margins), (len(t), -1)) < 0).any(axis=1)
-            if below.any() and isinstance(element, Element):
-                yield f"{element.title}: " + what.format(f" at t = {t[below.argmax()]:.6g} s")
-    yield from carrier_doubts(system.elements, lambda e: np.asarray(value(e))[:1])
+    elements, bind = scene.system.elements, scene.system.bind
+    known = scene.remembered(law_doubts, lambda: [
+        (e.title, *doubt) for e in elements if isinstance(e, Element) for doubt in e.doubtful(bind)
+    ])  # fmt: skip
+    for title, margins, what in known:
+        below = (np.reshape(value(margins), (len(t), -1)) < 0).any(axis=1)
+        if below.any():
+            yield f"{title}: " + what.format(f" at t = {t[below.argmax()]:.6g} s")
+    yield from carrier_doubts(elements, lambda e: np.asarray(value(e))[:1])
 
 
 def _name(body: AbstractBody) -> str | None:
