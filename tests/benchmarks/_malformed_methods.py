@@ -17,12 +17,12 @@ import symmb as mb
 T = np.linspace(0.0, 0.2, 5)
 
 RESULTS = {
-    "Bounds", "Calibration", "Comparison", "Event", "Linearization", "Modes", "Moments", "RootLocus", "Sensitivities", "Stability",
+    "Bounds", "Calibration", "Comparison", "Contributions", "Event", "Linearization", "Modes", "Moments", "RootLocus", "Sensitivities", "Stability",
     "Sweep", "Tolerances", "Trajectory",
 }  # fmt: skip
 """What symmb makes and nobody else does; its methods are called."""
 BETWEEN_ROOMS = {
-    "another_way", "around", "at_times", "bounds", "carried", "course", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "measured", "nearest", "number", "planned_runs", "position_rows", "positive", "pressure", "remembered", "response", "retract",
+    "another_way", "around", "at_times", "bounds", "carried", "course", "crossings", "engine", "get", "good_surrogate", "inertial", "integration", "joint_space", "keeping", "kink", "march", "measured", "nearest", "number", "planned_runs", "position_rows", "positive", "pressure", "remembered", "response", "retract",
     "round", "run_seconds", "sizes", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_inputs", "with_mass", "with_nominal", "with_states", "without",
 }  # fmt: skip
 """Methods that one room calls of another; the guide and the docstrings of public names do not mention them."""
