@@ -71,5 +71,5 @@ def event_doubts(events: Sequence[Event]) -> tuple[str, ...]:
     names = ", ".join(repr(name) for name in dict.fromkeys(event.name for event in doubtful if event.time == time))
     return (
         f"The impacts of {names} at t = {time:g} s happen at one instant, and the motion after them depends on their "
-        "order. They are taken in the order of declaration.",
+        "order. They are taken in rounds, in the order of declaration.",
     )

@@ -58,7 +58,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
     undetermined : tuple of str
         what the data do not determine, in sentences
     doubts : tuple of str
-        why the residuals are not noise, in sentences: the estimates may be wrong
+        what the data do not determine, and why the residuals are not noise: then the estimates may be wrong
     evaluations : int
         runs with derivatives
 
@@ -153,7 +153,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
             [
                 f"{self.name}: {numbers[0]} from {numbers[1]}, {numbers[2]}",
                 *(f"  noise       {name}: {noise:.3g}" for name, noise in self.noise.items()),
-                *(f"  doubtful    {text}" for text in (*self.undetermined, *self.doubts)),
+                *(f"  doubtful    {text}" for text in self.doubts),
             ]
         )
 
@@ -208,7 +208,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
             {name: residuals.array(name, len(t)) for name, t in series.items()},
             record.whole("degrees"),
             record.texts("undetermined", default=()),
-            record.texts("doubts", default=()),
+            record.texts("doubts", default=record.texts("undetermined", default=())),
             record.whole("evaluations"),
         )
 
@@ -275,7 +275,7 @@ def calibrate(
         raise DeclarationError(f"{OWNER}: {count} values cannot determine {len(some)} parameters and the noise.")
     with kept_interrupts():
         result = _fitted(Residuals(simulator_with(own, solver), some, measured), known_noise, scene.name)
-    warn_of((*result.undetermined, *result.doubts), f"{OWNER}: {scene.name}")
+    warn_of(result.doubts, f"{OWNER}: {scene.name}")
     return result
 
 
@@ -331,6 +331,7 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     is_known = found.sizes > 0
     root = fit.sizes[:, None] * found.directions[is_known].T / found.sizes[is_known]
     covariance = root @ root.T
+    undetermined = tuple(_undetermined(fit.names, direction) for direction in found.directions[~is_known])
     open_ = np.linalg.norm(found.directions[~is_known], axis=0) > _PART
     covariance[open_], covariance[:, open_] = np.nan, np.nan
     covariance[open_, open_] = np.inf
@@ -343,8 +344,8 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
         {output: values for output, (_, values) in fit.measured.items()},
         dict(zip(fit.measured, fit.parts(fit(found.u)[0]), strict=True)),
         0 if known_noise else len(fit.data) - int(is_known.sum()),
-        tuple(_undetermined(fit.names, direction) for direction in found.directions[~is_known]),
-        doubts,
+        undetermined,
+        (*undetermined, *doubts),
         fit.runs,
     )
 

@@ -54,19 +54,29 @@ PRIVATE int blame(Block *b, Study *s, const int *marked, char why) {
 
 PRIVATE int hits(const Instant *c, int k) { return c->touching[k] && c->rate[k] < -c->rest[k]; }
 
+/* Orders of impacts at one instant. */
+enum { FIRST_TO_LAST, LAST_TO_FIRST, STRONGEST };
+
 /* Impacts in rounds, until no gap that is 0 closes: those that close at the begin of a round come one after the other, from
-   the first to the last or from the last to the first, so that impacts spread through a row of bodies as waves do. They are
-   noted if a study is given. Returns their number and one, or 0 if they do not end. */
-PRIVATE int in_turn(Instant *c, const Block *b, int last_first, Study *s, int ordered) {
+   the first to the last or from the last to the first, so that impacts spread through a row of bodies as waves do; or the
+   one with the most energy alone. They are noted if a study is given. Returns their number and one, or 0 if they do not
+   end. */
+PRIVATE int in_turn(Instant *c, const Block *b, int order, Study *s, int ordered) {
   int number = 0, before = -1;
   memset(c->impulse, 0, sizeof c->impulse);
   memset(c->work, 0, sizeof c->work);
   while (number > before && number < MOST_IMPACTS) {
     int closing[SIZE(N_I)];
+    double energy[SIZE(N_I)], most = 0.0;
     before = number;
-    for (int k = 0; k < N_I; ++k) closing[k] = hits(c, k) && c->movable[k];
+    for (int k = 0; k < N_I; ++k) {
+      closing[k] = hits(c, k) && c->movable[k];
+      energy[k] = closing[k] ? c->rate[k] * c->rate[k] / c->D[k][k] : 0.0;
+      most = fmax(most, energy[k]);
+    }
+    for (int k = 0; k < N_I; ++k) closing[k] = closing[k] && (order != STRONGEST || energy[k] == most);
     for (int n = 0; n < N_I; ++n) {
-      const int k = last_first ? N_I - 1 - n : n;
+      const int k = order == LAST_TO_FIRST ? N_I - 1 - n : n;
       if (!closing[k] || !hits(c, k)) continue;
       const double from = c->rate[k], to = -b->law[2 * N_I * N_V + N_I + k][0] * from, P = (to - from) / c->D[k][k];
       const double work = P * ((from + to) / 2 - b->law[2 * N_I * N_V + k][0]);
@@ -89,14 +99,16 @@ PRIVATE double jump_of(const Block *b, int i, const double *P) {
   return jump;
 }
 
-/* Whether impacts would end otherwise than in `all` if the last ones of a round came first. */
+/* Whether impacts would end otherwise than in `all` by another order. */
 PRIVATE int order_matters(const Instant *c, const Instant *all, const Block *b) {
-  Instant other = *c;
-  in_turn(&other, b, 1, NULL, 0);
   double size = 0.0, change = 0.0;
-  for (int i = 0; i < N_V; ++i) {
-    size = fmax(size, fabs(jump_of(b, i, all->impulse)));
-    change = fmax(change, fabs(jump_of(b, i, other.impulse) - jump_of(b, i, all->impulse)));
+  for (int order = LAST_TO_FIRST; order <= STRONGEST; ++order) {
+    Instant other = *c;
+    in_turn(&other, b, order, NULL, 0);
+    for (int i = 0; i < N_V; ++i) {
+      size = fmax(size, fabs(jump_of(b, i, all->impulse)));
+      change = fmax(change, fabs(jump_of(b, i, other.impulse) - jump_of(b, i, all->impulse)));
+    }
   }
   return change > SAME_JUMP * size;
 }
@@ -116,13 +128,13 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
     c->movable[k] = c->D[k][k] * ENERGY > SMALL * size;
   }
   Instant all = *c;
-  const int number = in_turn(&all, b, 0, NULL, 0), is_few = number <= MOST_NOTED;
+  const int number = in_turn(&all, b, FIRST_TO_LAST, NULL, 0), is_few = number <= MOST_NOTED;
   const int ordered = number > 2 && order_matters(c, &all, b);
   for (int k = 0; !is_few && k < N_I; ++k) {
     const V P = each(all.impulse[k]);
     if (all.impulse[k] != 0.0) note_event(b, s, IMPACT, k, c->rate[k], all.rate[k], all.work[k], ordered, &P, 1);
   }
-  in_turn(c, b, 0, is_few ? s : NULL, ordered);
+  in_turn(c, b, FIRST_TO_LAST, is_few ? s : NULL, ordered);
   for (int k = 0; k < N_I; ++k) any |= immovable[k] = hits(c, k) && !c->movable[k];
   if (any) return blame(b, s, immovable, IMMOVABLE);
   if (!number) return blame(b, s, c->touching, UNENDING);
