@@ -109,9 +109,7 @@ def outcome(rng):
         return "SLOW", line
     if off > TOLERANCE:
         return ("doubted" if run.doubts else "WRONG"), line
-    return (
-        "right and doubted: other orders differ" if run.doubts and apart < TOLERANCE and build is row else "right"
-    ), line
+    return ("right and doubted" if run.doubts and apart < TOLERANCE and build is row else "right"), line
 
 
 if __name__ == "__main__":
