@@ -164,6 +164,16 @@ class Collected:
 
 def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Collected:
     """Validate the declaration and derive its equations. A DeclarationError has one line for each fault."""
+    collected = driven = _with_all_coordinates(elements, parameters)
+    inputs = [u.symbol for u in _of_kind(Input, elements) if u.name not in parameters]
+    if inputs and any(isinstance(body.pose, Particle) for body in collected.bodies):
+        # Inputs are 0 here. What they drive stays, as in the equations that contain them.
+        driven = _with_all_coordinates(elements, parameters.with_inputs(inputs))
+    return _without(collected, _untouched(driven))
+
+
+def _with_all_coordinates(elements: Sequence[Body | Element], parameters: Parameters) -> Collected:
+    """The equations in all coordinates of particles, also those that stand in none."""
     faults, sound = _Faults(name_faults(elements, parameters)), []
     bodies = tuple(e for e in elements if isinstance(e, Body))
     known = {id(element) for element in elements}
@@ -183,7 +193,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     for name in bind.inputs_in([ca.vec(collected.M), collected.Q, collected.Phi, collected.Psi]):
         faults.lines.append(f"Input {name!r}: it stands in a point, a mass or a shape; inputs are for laws.")
     faults.raise_any()
-    return _without_untouched(collected)
+    return collected
 
 
 class _Faults:
@@ -419,9 +429,8 @@ def _units(constraints: Sequence[Constraint], own: Sequence[Coordinates], *rows:
     )
 
 
-def _without_untouched(c: Collected) -> Collected:
-    """Leave out the particle coordinates that no force, no constraint and no other equation contains."""
-    pairs = _untouched(c)
+def _without(c: Collected, pairs: Sequence[tuple[int, int]]) -> Collected:
+    """Leave out coordinates of particles, given by their numbers in q and v."""
     if not pairs:
         return c
     q_drop, v_drop = map(set, zip(*pairs, strict=True))

@@ -57,11 +57,13 @@ def ensemble_of_expressions(form: Formulation, P: Array, times: Array, threads: 
     N, n_t = len(P), len(times)
     arguments = (np.zeros((N * n_t, 0)), np.repeat(P, n_t, axis=0), np.tile(times, N)[:, None])
     Y = batch(form.y, *arguments, threads=threads)[0].reshape(N, n_t, -1)
+    faults = form.start.states(P)[1]  # no state can be nan
+    Y[[k for k, fault in enumerate(faults) if fault]] = np.nan
     finite = np.asarray(np.isfinite(Y).all(axis=2), dtype=bool)
     ok: Mask = np.asarray(finite.all(axis=1), dtype=bool)
     t_failed = np.where(ok, np.nan, times[finite.argmin(axis=1)])
-    no_states = np.zeros((0, 0)), times[:0]
-    return Ensemble(Y, ok, t_failed, failure_texts(form, P, t_failed, [IRREGULAR_OUTPUT] * N, lambda k: no_states))
+    no_states, reasons = (np.zeros((0, 0)), times[:0]), [fault or IRREGULAR_OUTPUT for fault in faults]
+    return Ensemble(Y, ok, t_failed, failure_texts(form, P, t_failed, reasons, lambda k: no_states))
 
 
 def failure_texts(

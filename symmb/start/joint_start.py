@@ -146,12 +146,12 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
         values = start.joint_residuals(*space.of_bodies[:2], joints.p)
         of_joints = ca.Function("listed", [joints.q, joints.v, joints.p], [values])
     dae = replace(dae, s_start=s_start)
-    state, holds = start_functions(dae, start.t0, (u, p), q, velocities(q, p), of_joints, listed[others])
+    state, holds = start_functions(dae, start.t0, (u, p), q, velocities(q, p), of_joints, listed[others, :])
     if start.redundant:  # with other parameters the rows that are left out may contradict those that are kept
         y = ca.SX.sym("x", holds.numel_in(0))
         all_rows = start.holds(of_bodies_at(q_b), ca.SX(start.state.numel_in(0), 1), p)
         holds = common("holds", [y, u, p], [ca.vertcat(holds(y, u, p), all_rows)])
-    position = ImplicitMap.of(rows[chosen], u, p)
+    position = ImplicitMap.of(rows[chosen, :], u, p)
     found = replace(start, dae=dae, q_nominal=q0, position=position, state=state, holds=holds)
     return None if found.states(p_nominal[None])[1][0] else found
 

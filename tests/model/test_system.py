@@ -245,3 +245,28 @@ def test_inputs_stand_in_the_equations(law):
     assert_allclose(dae.rhs(0, 0, 0, [2.0, 0.7], 0)[1], float(law(ca.SX(0.7))) / (0.05 + 2.0 * 0.5**2), atol=1e-12)
     assert mb.simulate(mb.Scene(system, times=[0.0, 1.0]))["arm.omega"][-1] == 0
     assert "u" in str(system.to_sympy("Q")["Q"])
+
+
+@pytest.mark.parametrize(
+    ("law", "coordinates"),
+    [
+        (lambda u, b: (u, 0), "x"),
+        (lambda u, b: (0, -1.7 * u**2), "y"),
+        (lambda u, b: (u * b.vx, 0), "x"),
+        (lambda u, b: (0, u * ca.sin(b.x)), "xy"),
+        (lambda u, b: (0 * u, 0), ""),
+    ],
+)
+def test_coordinates_that_only_inputs_drive_stay(law, coordinates):
+    u, ball, other = mb.Input("u"), mb.Body("ball", 2.0, pose=mb.Particle()), mb.Body("other", 3.0, pose=mb.Particle())
+    force = law(u.value, ball)
+    system = mb.System(ball, other, u, mb.Force("push", ball.point(0, 0), force), mb.Gravity(0, 0, -9.81))
+    names = [*(f"ball.{name}" for name in coordinates), "ball.z", "other.z"]
+    assert [*system.collected.q_names] == [*system.with_inputs.collected.q_names] == names
+    pushed = [force["xy".index(name)] for name in coordinates]
+    at = [u.value, ball.x, ball.vx], [0.6, 0.4, -0.8]
+    Q = ca.Function("Q", [*at[0]], [system.Q - ca.vertcat(*pushed, -19.62, -29.43)])
+    assert_allclose(Q(*at[1]).full(), 0, atol=1e-15)
+    run = mb.simulate(mb.Scene(system, {"ball.vx": 1.3, "ball.vy": -0.4}, [0.0, 2.0], outputs={"way": ball.x - ball.y}))
+    assert_allclose(run["way"], [0, 3.4], atol=1e-12)
+    assert_allclose([run[name][0] for name in names], 0)

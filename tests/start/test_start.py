@@ -220,6 +220,21 @@ def test_a_sample_whose_listed_values_contradict_fails_alone():
     assert_array_equal(ensemble.ok, [True, False])
 
 
+@pytest.mark.parametrize("heights", [(0.0,), (-0.5, 0.7)])
+@pytest.mark.parametrize("names", [("y",), ("x", "y")])
+@pytest.mark.parametrize("pose", [mb.Planar(), mb.Spatial()], ids=repr)
+def test_listed_coordinates_of_a_body_that_cannot_move(pose, names, heights):
+    """Samples that agree with the welds start, others fail alone."""
+    p, at = mb.Parameters(shift=0.0), {"x": 0.37, "y": -0.21}
+    door = mb.Body("door", 3.0, 0.4 if isinstance(pose, mb.Planar) else (0.4, 0.5, 0.6), pose)
+    welds = [mb.Weld(f"weld{i}", GROUND.point(0, y), door.point(-at["x"], y - at["y"])) for i, y in enumerate(heights)]
+    listed = {f"door.{name}": at[name] + p.shift for name in names}
+    scene = mb.Scene(mb.System(door, *welds, parameters=p), listed, [0.0, 0.1])
+    trajectory = mb.simulate(scene)
+    assert_allclose([trajectory[f"door.{name}"] for name in at], [[value] * 2 for value in at.values()], atol=1e-15)
+    assert_array_equal(mb.DAESimulator(scene).run(np.array([[0.0], [0.1]])).ok, [True, False])
+
+
 @pytest.mark.parametrize(
     ("pose", "make"),
     [
