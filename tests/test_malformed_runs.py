@@ -186,10 +186,10 @@ def test_what_may_not_be_written(of_file, of_folder, folder):
 
 
 def test_a_store_that_another_program_holds(folder, monkeypatch, capsys):
-    monkeypatch.setattr(run_database, "_WAIT", 0.1)
+    monkeypatch.setattr(run_database, "_WAIT_AT_FIRST", 0.1)
     other = sqlite3.connect(folder / "runs.db", isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
-    with pytest.raises(mb.SimulationError, match="database is locked"):
+    with pytest.raises(mb.SimulationError, match="is locked by another program"):
         study(folder / "runs.db")
     assert main(["runs", str(folder / "runs.db"), "--prune", "all"]) in (1, 2)
     assert is_sentence(capsys.readouterr().err.strip())

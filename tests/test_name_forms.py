@@ -7,6 +7,7 @@ import unicodedata
 
 import numpy as np
 import pytest
+from scipy.stats import uniform
 
 import symmb as mb
 from symmb._names import name_faults, normal
@@ -46,6 +47,19 @@ def test_two_forms_of_a_name_are_one_at_every_entrance(one, other, tmp_path):
     assert mb.Box.read(tmp_path / "table.csv", {other: 1.5})[one] == (1.0, 2.0)
     f = mb.FunctionSimulator(lambda **values: values[other], {one: 1.0}, [0.0], [one])
     assert mb.propagate(f, mb.Vertex(), mb.Box(**{other: (0.0, 1.0)})).check({one: (None, 0.5)}).kept is False
+
+
+@pytest.mark.parametrize(("one", "other"), SAME, ids=ascii)
+def test_laws_know_both_forms(one, other):
+    f = mb.FunctionSimulator(lambda **values: values[other], {one: 1.0}, [0.0], ["y"])
+    box, law = mb.Box(**{one: (0.0, 1.0)}), uniform(0.0, 1.0)
+    bounds = mb.propagate(f, mb.PolynomialChaos(), box)
+    found = [bounds.quantiles("y", [0.3], laws={name: law}).lower.tobytes() for name in (one, other)]
+    assert found[0] == found[1]
+    for sampling in (mb.MonteCarlo(9, laws={name: law}) for name in (one, other)):
+        assert mb.propagate(f, sampling, box)["y"][0].shape == (1,)
+    with pytest.raises(mb.DeclarationError, match="twice"):
+        bounds.probability("y", above=0.5, laws={one: law, other: law})
 
 
 @pytest.mark.parametrize(("one", "other"), SAME, ids=ascii)

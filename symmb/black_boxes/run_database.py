@@ -109,6 +109,11 @@ class RunDatabase:
                 found |= {row[0] for row in self._connection.execute(query, (study, *some, longest))}
         return found
 
+    def require_writable(self) -> None:
+        """SimulationError if nothing can be written now, so that no run is made in vain."""
+        with self._writing():
+            self._connection.execute("BEGIN IMMEDIATE")
+
     def add(self, study: int, p: Array, run: Ensemble, seconds: float, is_lost: bool = False) -> None:
         """Write the run of a sample p (d,) that took some seconds, unless another study has written it."""
         reason = "".join(run.messages)
@@ -199,6 +204,7 @@ class RunDatabase:
             with self._connection:
                 yield
         except (sqlite3.Error, ValueError) as error:
+            _require_unlocked(self._path, error)
             raise SimulationError(
                 f"{self._path} cannot be written: {text_of(error)}. What was written before is kept."
             ) from None

@@ -160,6 +160,8 @@ class StoredSimulator:
             if key not in known:
                 known.add(key)
                 missing.append(p[None])
+        if missing:
+            database.require_writable()
         done = len(P) - len(missing)
         if progress is not None and done:
             progress(done, len(P))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal_keys
 from symmb._options import numbers_of, shown
 from symmb._types import Array, Indices
 from symmb.model import Box
@@ -46,7 +46,7 @@ class Laws:
                 f'{owner}: laws must be distributions by name, such as {{"k": scipy.stats.norm(40, 1.3)}}, '
                 f"got {shown(laws)}."
             )
-        masses = []
+        laws, masses = normal_keys(owner, laws), []
         for name, law in laws.items():
             if name not in box.names:
                 raise DeclarationError(f"{owner}: {name!r} is not in the box.{did_you_mean(str(name), box.names)}")

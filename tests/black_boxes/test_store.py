@@ -390,6 +390,29 @@ def test_the_lock_of_another_program_is_told_soon(is_new, tmp_path, monkeypatch)
             run_blocks(stored, np.array([[0.7, 0.9]]))
 
 
+@pytest.mark.parametrize("is_held_before", [True, False])
+def test_a_lock_that_lets_read_is_told_by_a_study_that_needs_runs(is_held_before, tmp_path, monkeypatch):
+    """Before it makes runs, or where it writes the first one."""
+    monkeypatch.setattr(run_database, "_WAIT_AT_FIRST" if is_held_before else "_WAIT", 0.05)
+    calls, path = [], tmp_path / "runs.db"
+
+    def f(a):
+        calls.append(a)
+        if not is_held_before and len(calls) == 2:
+            other.execute("BEGIN IMMEDIATE")
+        return [a]
+
+    stored = mb.StoredSimulator(mb.FunctionSimulator(f, {"a": 1.0}, [0.0], ["y"]), path, version="1")
+    run_blocks(stored, np.array([[0.5]]))
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        if is_held_before:
+            other.execute("BEGIN IMMEDIATE")
+        assert run_blocks(stored, np.array([[0.5]])).Y[0, 0, 0] == 0.5  # which need write nothing
+        with pytest.raises(mb.SimulationError, match=r"runs\.db is locked by another program\. Try again"):
+            run_blocks(stored, np.array([[0.5], [0.7]]))
+    assert len(calls) == (1 if is_held_before else 2)
+
+
 def test_studies_that_make_a_store_at_once_wait_for_each_other(tmp_path):
     """SQLite does not wait where the journal of a file is chosen."""
     barrier = threading.Barrier(4)

@@ -291,6 +291,36 @@ def test_the_nearest_possible_inertia_stands_for_one_that_no_body_has(seed, is_m
         refused("inertia", load, path, strict=True)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_moment_that_is_negative_by_rounding_is_repaired(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    entries, k = np.diag(rng.uniform(0.01, 1.0) * np.ones(3)), rng.integers(3)
+    entries[k, k] = -(10.0 ** -rng.uniform(5, 25))
+    moments = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{entries[i, j]}"' for i, j in ENTRIES)
+    inertial = f'<inertial><origin xyz="0.1 0 0"/><mass value="1"/><inertia {moments}/></inertial>'
+    axis = '<axis xyz="{} {} {}"/>'.format(*np.eye(3, dtype=int)[k - 1])  # about which it has an inertia
+    text = f'<link name="base"/><link name="arm">{inertial}</link>' + joint("hinge", "continuous", "base", "arm", axis)
+    with pytest.warns(mb.SymmbWarning, match="The nearest possible inertia stands for that of 'arm'") as told:
+        robot = load(tmp_path, text)
+    assert len(told) == 1 and robot.numbers[f"arm.inertia.{'xyz'[k] * 2}"] == 0
+    assert mb.System(*robot.elements).M.shape
+    refused("below 0", load, tmp_path, text, strict=True)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_rod_that_rounding_makes_negative_where_it_is_turned_is_one(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    R, moment = Rotation.random(rng=rng), rng.uniform(0.01, 1.0)
+    J = R.as_matrix() * [0, moment, moment] @ R.as_matrix().T
+    moments = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{J[i, j]}"' for i, j in ENTRIES)
+    rpy = " ".join(map(repr, R.inv().as_euler("xyz").tolist()))
+    inertial = f'<inertial><origin rpy="{rpy}"/><mass value="1"/><inertia {moments}/></inertial>'
+    text = f'<link name="base"/><link name="arm">{inertial}</link>' + joint("hinge", "continuous", "base", "arm")
+    robot = load(tmp_path, text)  # without a warning
+    assert mb.System(*robot.elements).M.shape
+    assert_allclose(ca.evalf(ca.SX(robot.bodies["arm"].inertia)).full(), np.diag([0, moment, moment]), atol=1e-15)
+
+
 def test_an_inertia_that_cannot_matter_is_kept(tmp_path):
     """Of links on the base, and on a body that is possible as a whole."""
     bad = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0.005"/></inertial>'

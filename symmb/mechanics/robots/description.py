@@ -93,8 +93,9 @@ def inertia_fault(moments: tuple[float, ...]) -> str:
     """Why no body has these entries xx, xy, xz, yy, yz, zz of its inertia matrix; empty if one has."""
     low, middle, high = np.linalg.eigvalsh(full_matrix(moments)).tolist()
     total = low + middle + high
-    if low < -_TRIANGLE * abs(total):
-        return f"a principal moment of inertia is {low:.3g}, below 0; check the entries and their signs."
+    diagonal = min(moments[0], moments[3], moments[5])
+    if low < -_TRIANGLE * abs(total) or diagonal < 0:  # `Body` takes no diagonal below 0, however small
+        return f"a principal moment of inertia is {min(low, diagonal):.3g}, below 0; check the entries and their signs."
     if high - middle - low > _TRIANGLE * total:
         return (
             f"the largest principal moment of inertia {high:.4g} exceeds the sum of the others, {low + middle:.4g}, "

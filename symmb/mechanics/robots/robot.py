@@ -262,7 +262,10 @@ class Building:
                 "link an <inertial> with mass and inertia, or fixed_base=True."
             )
         name = f"{top}_link" if top in self.description.joints else top
-        return Body(name, whole.mass, whole.inertia, Spatial(), whole.com, tuple(self._shapes(top)))
+        J = whole.inertia
+        if not any(isinstance(x, ca.SX) for row in J for x in row):  # the moment of a turned rod is below 0 by rounding
+            J = tuple(tuple(max(x, 0.0) if i == k else x for k, x in enumerate(row)) for i, row in enumerate(J))
+        return Body(name, whole.mass, J, Spatial(), whole.com, tuple(self._shapes(top)))
 
     def robot(self) -> Robot:
         """The machine."""
