@@ -35,6 +35,8 @@ LAGS = 4
 """Neighbours in time that are compared: more find slower changes, and see fast ones less well."""
 FEW = 12
 """Values of an output below which its residuals are not tested: tests of independence hold for many values."""
+LEAST_LEFT = 4
+"""Values beyond the parameters from which on one that is far from the fit to the others tells."""
 NOISE_OF_RUNS = 1e-4
 """Residuals over the spread of the data that may be errors of runs: their order in time says nothing."""
 UNEXPLAINED = 0.7
@@ -197,19 +199,26 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
 
     doubts = list[str]()
     squares, n_squares = 0.0, 0
-    for (name, (t, y)), r, spread in zip(fit.measured.items(), fit.parts(fit(u)[0]), fit.spreads, strict=True):
+    own = fit.parts(np.square(np.linalg.svd(fit(u)[1], full_matrices=False)[0]).sum(axis=1))
+    parts = zip(fit.measured.items(), fit.parts(fit(u)[0]), own, fit.spreads, strict=True)
+    for (name, (t, y)), r, leverage, spread in parts:
         deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
         limit = MARGIN * st.norm.isf(SURE / (2 * len(r)))
         is_far = np.abs(r) > limit * deviation
-        if 0 < is_far.sum() <= len(r) // 10 and len(r) > len(u) + FEW:
+        if not known_noise and (left := len(r) - len(u) - 1) >= LEAST_LEFT:  # a fit of few values follows an outlier
+            squared = np.square(r) / np.maximum(1 - leverage, NOISE_OF_RUNS)
+            rest = np.maximum((np.square(r).sum() - squared) / left, (NOISE_OF_RUNS * spread) ** 2)
+            far = squared / rest > st.t.isf(SURE / (2 * len(r)), left) ** 2
+            is_far = far if len(r) <= len(u) + FEW else is_far | far
+        if 0 < is_far.sum() <= max(1, len(r) // 10):
             worst = int(np.argmax(np.abs(r)))
             doubts.append(
                 f"{int(is_far.sum())} of {len(r)} values of {name} are outliers: that at t = {t[worst]:g} s is "
-                f"{abs(r[worst]) / deviation:.3g} deviations off. Replace wrong values by nan."
+                f"{abs(r[worst]) / max(deviation, rms_of(r[~is_far])):.3g} deviations off. Replace wrong values by nan."
             )
             t, y, r = t[~is_far], y[~is_far], r[~is_far]
         squares, n_squares = squares + float(np.square(r / deviation).sum()), n_squares + len(r)
-        rms = np.sqrt(np.mean(np.square(r)))
+        rms = rms_of(r)
         if len(r) < FEW or rms < NOISE_OF_RUNS * spread:
             continue
         if not known_noise and rms**2 > UNEXPLAINED * np.var(y):
@@ -228,6 +237,11 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
             "was given. Begin with other nominal values, change the model, or give a larger noise."
         )
     return tuple(doubts)
+
+
+def rms_of(values: Array) -> float:
+    """Root mean square of values (N,), 0 of none."""
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
 def _chance_of_independence(r: Array) -> float:

@@ -191,6 +191,17 @@ def test_what_is_no_noise_is_doubted(noise, tmp_path):
     assert not mb.calibrate(particle(), {"x": y}, noise=given).doubts
 
 
+@pytest.mark.parametrize("number", [8, 11, 15, 24])
+def test_an_outlier_among_few_values_is_told(number):
+    """Fits of few values follow an outlier: it is far from the line through the others."""
+    t = np.linspace(0, 4, number)
+    y = 1.3 * t + 0.4 * t**2 + 0.01 * np.random.default_rng(number).standard_normal(number)
+    assert not mb.calibrate(particle(), {"x": (t, y)}).doubts
+    y[number // 3] += 1.0
+    with pytest.warns(mb.SymmbWarning, match=f"1 of {number} values of x are outliers: that at t = {t[number // 3]:g}"):
+        mb.calibrate(particle(), {"x": (t, y)})
+
+
 def test_nothing_determined_stays_nominal():
     with pytest.warns(mb.SymmbWarning, match="'unused'"):
         found = mb.calibrate(oscillator(), {"x": swing(T, 6.3, 0.21)}, ["unused"])
