@@ -91,7 +91,7 @@ def test_inputs_outputs_and_states_of_a_damped_motor():
 
 def pushed(scene: mb.Scene, name: str, size: float) -> mb.Trajectory:
     """A run whose start has another value of a parameter, or of a rate."""
-    solver = mb.CVODES(rtol=1e-12, atol=1e-13)
+    solver = mb.CVODES(rtol=1e-12, atol=1e-15)
     if name in scene.system.parameters:
         return mb.simulate(scene, solver, {name: size})
     return mb.simulate(replace(scene, start={**scene.start, name: size}), solver)
