@@ -233,7 +233,7 @@ def _connected(path: Path, create: bool) -> sqlite3.Connection:
     size = path.stat().st_size if path.exists() else 0
     if not size and not create:
         raise DeclarationError(f"{path} does not exist, or is empty.")
-    is_store = path.is_file() or not path.exists()
+    is_store = not path.exists() or path.is_file()  # another study may make it in between
     if size and is_store:
         with path.open("rb") as file:
             is_store = file.read(len(_HEADER)) == _HEADER
