@@ -37,6 +37,9 @@ _NEAR = 0.5
 seen, as corners that differ in two parameters from the best one: less misses more, more takes runs for far limits."""
 _SPREAD, _PEAKS = 16, 3
 """Points that are spread over the box, and times at which runs of the study are, where a search in a scene starts."""
+_CLOSE, _LINE = 0.03, 17
+"""Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search, and
+points on each: a peak that passes output times makes many hills. Less misses more, more takes more runs."""
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
 
 
@@ -308,7 +311,8 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
     """The further run that is closest to a limit or farthest beyond it, of a search from several starts.
 
     These are runs of the study and extremes of its polynomials at the first of the rows (n_t,) whose runs differ, and
-    the nearest corners. Where runs cost little, two parameters are changed, and points are spread over the box.
+    the nearest corners. Where runs cost little, two parameters are changed, and points are spread over the box. If the
+    limit is close, lines through the best run follow.
     """
     study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
     assert study is not None and box is not None
@@ -340,7 +344,12 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
     points = np.clip(np.concatenate(starts).round(9), -1.0, 1.0)  # corners are 1 to the last digit
     points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
     most = max(_FURTHER, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
-    found = direct_search(beyond, points, most, enough=_rounding(bounds, k))
+    enough = _rounding(bounds, k)
+    found = direct_search(beyond, points, most, enough)
+    if study.has_lanes and 0 <= -best[0] < _CLOSE * (bounds.upper - bounds.lower)[:, k].max():
+        lines = np.repeat(best[1][None, None], len(box), axis=0).repeat(_LINE, axis=1)
+        lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, _LINE)
+        found = direct_search(beyond, np.concatenate([best[1][None], *lines]), most, enough)
     return FurtherRun(side, best[1], best[2], best[0], found.error, runs, failed)
 
 

@@ -11,7 +11,7 @@ from symmb.bounds.adaptive.continuation import REMAINING_SHARE, SPARSE_PROBES, S
 from symmb.bounds.adaptive.requests import Checks, Places, Steps
 from symmb.bounds.adaptive.runs import OutputRuns, relative_rms, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange
-from symmb.bounds.time_windows import ROUNDING
+from symmb.bounds.time_windows import DOUBTFUL, ROUNDING
 from symmb.nodes import Grid, Index
 from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import Piecewise
@@ -69,8 +69,8 @@ class CheckRounds:
 
     The runs of a round show the error of the expansion that those before have corrected. Rounds end when it is small
     enough or does not fall. An error at a place where the continuation leaves the share s(x) of the typical
-    error suggests the error e / s(x) elsewhere. What the range has beyond all runs is an error by the share that runs
-    have not confirmed of what was predicted beyond former ones.
+    error suggests the error e / s(x) elsewhere. Of what the range has beyond all runs, the share counts that runs have
+    attained of what was predicted beyond former ones. So much is an error as well.
 
     What runs attain is an answer where corners have been run. Its error is what the last rounds attained beyond those
     before, what twice as many runs brought inside of the box, and what the range, and lines between peaks at other
@@ -134,7 +134,8 @@ class CheckRounds:
             self._remaining = share.max(axis=0) * np.maximum(self._observed, REMAINING_SHARE * self.estimate)
             error = min(relative_rms(each, runs.rms_widths()) for each in self._errors())
             n_worse = n_worse + 1 if error >= before else 0
-            is_done = error <= self.tolerance or n_worse > self.has_corners
+            is_cheap = runs.has_lanes and error > DOUBTFUL  # more of cheap runs may still decide what is doubtful
+            is_done = error <= self.tolerance or (n_worse > self.has_corners and not is_cheap)
             n_rounds += 1
             if (is_done and n_rounds >= ROUNDS) or runs.clock.is_late:
                 break
@@ -160,7 +161,7 @@ class CheckRounds:
     def _errors(self, spread: bool = False) -> list[Array]:
         """Errors (n_t, 1) of the range and, where corners have been run, of what runs attain."""
         foreseen, exceeding, (lowest, highest) = self._foreseen, self._unattained().max(axis=0), self.runs.extremes
-        errors = [(self._remaining, self._upper - self._lower, foreseen.unconfirmed)]
+        errors = [(self._remaining, self._upper - self._lower, foreseen.attained)]
         if self.has_corners and len(self._gains) > 2 * ROUNDS - 1:
             gaps = self._between.share(self._between.attained) * between_times(self.runs)[1].max(axis=0)
             gained = np.max([*self._gains[-ROUNDS:], growth_inside(self.runs), gaps], axis=0)
@@ -178,9 +179,16 @@ class CheckRounds:
             return Piecewise.whole(corrected.expansion(), spread_over_times(observed, width))
 
         lowest, highest = runs.extremes
+        # Of what the interpolant has beyond all runs, others will attain the share that runs attained before.
+        share, (below, above) = self._foreseen.share(self._foreseen.attained), self._unattained()
         answers = [
             EstimatedRange(
-                self._lower, self._upper, np.empty(0), polynomials, "an interpolant on a sparse grid", self._places
+                lowest - share * below,
+                highest + share * above,
+                np.empty(0),
+                polynomials,
+                "an interpolant on a sparse grid",
+                self._places,
             ),
             EstimatedRange(lowest, highest, np.empty(0), polynomials, "runs near extremes", self._places),
         ]
