@@ -69,6 +69,7 @@ class Parameters(Mapping[str, float]):
 
     def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
         """These parameters, with the same symbols, and with other nominal values."""
+        nominal = normal_keys("with_nominal", nominal)
         if not isinstance(nominal, Mapping) or not all(is_finite_number(nominal.get(name)) for name in self._nominal):
             names = ", ".join(self._nominal)
             raise DeclarationError(f"with_nominal: expected finite numbers by the names {names}, got {shown(nominal)}.")

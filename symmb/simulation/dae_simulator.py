@@ -13,6 +13,7 @@ import numpy as np
 
 from symmb._errors import SimulationError, SymmbWarning
 from symmb._interrupts import kept_interrupts
+from symmb._names import ByName
 from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor, Indices
 from symmb.black_boxes import Progress, Reduction, Samples, checked_samples, digest, stream
@@ -106,7 +107,7 @@ class DAESimulator:
             require_instance("DAESimulator: solver", solver, Solver, "a Solver such as CVODES()")
         begin = time.perf_counter()
         self.scene, self.name, self.box = scene, scene.name, scene.box
-        self.parameters = dict(scene.system.parameters)
+        self.parameters = ByName(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs, self.units = scene.curve_names, scene.curve_units
         self.bodies, self._joints, self._spare = formulations(scene)
