@@ -55,6 +55,17 @@ def test_decay_by_friction(law, swing, end, solver):
     assert np.diff(run.energy.work).max() < 4e-5  # bristles give back N mu^2 / (2 k) at most
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize(("normal", "begin"), [(lambda t: 3 - 4 * t, 0.8), (lambda t: 3 - 2 * t, None)])
+def test_a_normal_force_below_0_is_doubted(normal, begin):
+    for law in (mb.Coulomb(0.2, 0.1), mb.Bristle(0.2, 1e3)):
+        block = mb.Body("block", 1.0, pose=mb.Particle())
+        for force, told in ((normal(mb.t), begin), (ca.fmax(normal(mb.t), 0), None)):
+            scene = mb.Scene(mb.System(block, rubbed(block, force, law)), {"block.vx": 3.0}, np.linspace(0, 1, 11))
+            doubts = mb.simulate(scene, mb.DormandPrince()).doubts
+            assert [d for d in doubts if "normal force is below 0 at t = 0.8 s" in d] == [*doubts][: told is not None]
+
+
 def test_a_smaller_transition_comes_closer_to_coulomb_s_law():
     times = [time for time, _ in KNOWN["reversals"]]
     creep = []
