@@ -1,7 +1,7 @@
 """Machines from URDF files: what such a file says."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from symmb._errors import DeclarationError, warn_of
@@ -145,6 +145,11 @@ def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Descri
             faults.append(str(error))
     if not faults:
         faults += _reference_faults(links, joints)
+    for joint in [*joints.values()] * (not faults):
+        try:
+            _free_mimic(joint, joints)
+        except DeclarationError as error:
+            faults.append(str(error))
     if faults:
         raise DeclarationError("\n".join(dict.fromkeys(faults)))
     if not links:
@@ -318,24 +323,26 @@ def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) 
                 )
             )
         carried.setdefault(joint.child, joint)
-        if joint.mimic is not None:
-            yield from _mimic_faults(joint, joints)
 
 
-def _mimic_faults(joint: _Joint, joints: Mapping[str, _Joint]) -> Iterator[str]:
-    mimic, seen, other = joint.tag.needed("mimic"), [joint.name], joint.mimic
-    while other is not None:
-        if other in seen:
-            yield str(mimic.fault(f"joint {joint.name!r} follows itself; name another joint."))
-            return
-        if other not in joints:
-            return
-        if not joints[other].moves:
-            if len(seen) == 1:
-                yield str(mimic.fault(f"the {joints[other].kind} joint {other!r} has no value to follow."))
-            return
-        seen.append(other)
-        other = joints[other].mimic
+def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
+    """Pass over a <mimic> by which a joint follows itself, directly or by others, or one without a value."""
+    row, leader = [joint.name], joint.mimic
+    while leader in joints and leader not in row:
+        row.append(leader)
+        leader = joints[leader].mimic
+    if leader == joint.name:
+        what, why = "joints that follow themselves", f"joint {joint.name!r} follows itself"
+    elif joint.mimic in joints and not joints[joint.mimic].moves:
+        what, why = (
+            "joints whose leader has no value",
+            f"the {joints[joint.mimic].kind} joint {joint.mimic!r} has no value",
+        )
+    else:
+        return
+    mimic = joint.tag.needed("mimic")
+    mimic.pass_over(f"<mimic> of {what}, so that they move freely", mimic.fault(f"{why}; name another joint."))
+    joints[joint.name] = replace(joint, mimic=None)
 
 
 def _tree(top: Tag, links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> tuple[str, dict[str, _Joint]]:
