@@ -218,7 +218,7 @@ class DAESimulator:
         """The engine, if samples run in compiled lanes."""
         return self.engine(order) if self.compiled else None
 
-    def with_outputs(self, y: ca.Function) -> "DAESimulator":
+    def with_output_function(self, y: ca.Function) -> "DAESimulator":
         """The same simulator with outputs y (x, p, t), in the coordinates in which the samples run."""
         form = replace(self.formulation, y=y)
         copy = self._with(_joints=form) if form.bodies else self._with(bodies=form, _joints=None, _spare=None, y=y)

@@ -362,7 +362,7 @@ def _with_rates(curves: DAESimulator) -> DAESimulator:
         rates += ca.jtimes(y, x, ca.densify(ca.vertcat(*map(ca.vec, form.dae.rhs(*form.dae.arguments(x, p, t))))))
     # A speed sqrt(vx^2 + vy^2) has no rate at rest: panels with a rate of 0 there are divided.
     rates = ca.if_else(ca.fabs(rates) < ca.inf, rates, 0)
-    return curves.with_outputs(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
+    return curves.with_output_function(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
 
 
 def _nodes(begin: Array, end: Array) -> tuple[Array, Array, Array]:
