@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, NoParameterError
+from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean, name_fault, normal, normal_keys
 from symmb._options import is_finite_number, shown
 from symmb._types import Array
@@ -33,6 +34,7 @@ class Parameters(Mapping[str, float]):
     (SX(l1), 2.5)
     """
 
+    @kept_interrupts()
     def __init__(self, **nominal: float) -> None:
         nominal = normal_keys("Parameters", nominal)
         taken = [n for n in nominal if n == "t" or hasattr(type(self), n)]
