@@ -201,6 +201,7 @@ class Ground(AbstractBody):
     SX(1)
     """
 
+    @kept_interrupts()
     def __init__(self, shapes: Sequence[Geometry] = ()) -> None:
         self.shapes = shapes_of("Ground", shapes)
         self.name = "ground"
