@@ -263,9 +263,7 @@ def test_of_joints_that_follow_each_other_in_a_circle_one_is_free(tmp_path):
     joints = [own.replace("</joint>", f"{inside}</joint>") for own, inside in zip(joints, follow, strict=True)]
     path = tmp_path / "circle.urdf"
     path.write_text(robot(BASE, ARM, ARM.replace("arm", "hand"), *joints))
-    with pytest.warns(
-        mb.SymmbWarning, match="follow themselves, so that the followers move freely"
-    ):
+    with pytest.warns(mb.SymmbWarning, match="follow themselves, so that the followers move freely"):
         machine = mb.load_urdf(path)
     assert set(machine.start) == {"elbow.angle"}
     system = mb.System(*machine.elements)
