@@ -18,7 +18,7 @@ def components(value: Any) -> list[Any] | None:
     """The components of a list, a tuple, a NumPy array or a CasADi vector; None of anything else, as of a number."""
     if isinstance(value, list | tuple):
         return list(value)
-    if isinstance(value, np.ndarray) and value.ndim and fits(value.size):
+    if isinstance(value, np.ndarray) and value.ndim and fits(value.size) and value.dtype.names is None:
         return value.ravel().tolist()
     if isinstance(value, ca.SX | ca.DM) and value.numel() > 1:
         return ca.vertsplit(ca.vec(ca.densify(value)))

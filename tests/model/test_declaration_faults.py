@@ -110,6 +110,10 @@ FAULTS = [
         "Bushing 'b': stiffness has 2 components; expected one or three",
     ),
     (
+        lambda: [TOP, mb.Bushing("b", ORIGIN, TOP.point(0, 0), np.zeros(3, [("a", float)]))],
+        "Bushing 'b': stiffness: array.* is no number",
+    ),
+    (
         lambda: [TOP, mb.TorsionSpring("s", GROUND, TOP, 1.0, axis=(0, 0, 0))],
         "TorsionSpring 's': axis .* has no direction",
     ),
