@@ -57,14 +57,27 @@ class _Repeated:
 
     def __init__(self, handler: Handler) -> None:
         self.handler = handler.handler if isinstance(handler, _Repeated) else handler
+        self.due = 0
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.due = 0
         while frame is not None:
             if Path(frame.f_code.co_filename).name in _SWALLOW:
-                threading.Timer(_AGAIN, signal.raise_signal, (number,)).start()
+                self.due = number
+                threading.Timer(_AGAIN, self._again).start()
                 return
             frame = frame.f_back
         self.handler(number, frame)
+
+    def _again(self) -> None:
+        if self.due:
+            signal.raise_signal(self.due)
+
+    def end(self) -> None:
+        """Handle an interrupt that is still to be sent again."""
+        if self.due:
+            number, self.due = self.due, 0
+            self.handler(number, None)
 
 
 @contextmanager
@@ -76,8 +89,18 @@ def kept_interrupts() -> Iterator[None]:
     if isinstance(signal.getsignal(signal.SIGINT), _Repeated):
         yield
         return
-    with _handlers(_Repeated):
-        yield
+    made: list[_Repeated] = []
+
+    def repeated(handler: Handler) -> Handler:
+        made.append(_Repeated(handler))
+        return made[-1]
+
+    try:
+        with _handlers(repeated):
+            yield
+    finally:
+        for each in made:
+            each.end()
 
 
 class Interrupts(ExitStack):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from symmb._names import look_up_by_name
 from symmb._options import optional_package
 
 if TYPE_CHECKING:
@@ -75,6 +76,8 @@ class Labelled:
 
 class Result:
     """A result that prints as its text, and whose numbers xarray and pandas take."""
+
+    __post_init__ = look_up_by_name
 
     def __repr__(self) -> str:
         return str(self)

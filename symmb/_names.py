@@ -3,8 +3,9 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from difflib import get_close_matches
-from typing import TypeVar
+from typing import Any, TypeVar
 from unicodedata import normalize
 
 from symmb._errors import DeclarationError
@@ -68,6 +69,28 @@ def normal_keys(owner: str, named: T) -> T:
         twice = [name for name, count in Counter(map(normal, named)).items() if count > 1]
         raise DeclarationError(f"{owner}: {shown(twice[0])} stands there twice, in two forms.")
     return result  # pyright: ignore[reportReturnType]
+
+
+class ByName(dict[str, T]):
+    """Values by names in this form. Look-ups take other forms too."""
+
+    def __missing__(self, name: str) -> T:
+        if (own := normal(name)) == name:
+            raise KeyError(name)
+        return self[own]
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name) or super().__contains__(normal(name))
+
+    def get(self, name: str, default: Any = None) -> Any:
+        return self[name] if name in self else default
+
+
+def look_up_by_name(result: Any) -> None:
+    """Make the dictionaries of a frozen dataclass such ones. It is the dataclass's `__post_init__`."""
+    for own in fields(result):
+        if type(value := getattr(result, own.name)) is dict:
+            object.__setattr__(result, own.name, ByName(value))
 
 
 def name_fault(name: object, without: str = "") -> str:

@@ -214,3 +214,13 @@ def test_files_of_tests_have_names_of_their_own():
     """pytest imports them without their folders."""
     names = sorted(path.name for path in Path(__file__).parent.rglob("test_*.py"))
     assert [name for name, following in itertools.pairwise(names) if name == following] == []
+
+
+def test_nothing_strange_is_in_the_repository():
+    """Runs that write into the checkout leave files that a commit would take up."""
+    top = ROOT.parent
+    if not (top / ".git").exists():
+        pytest.skip("this is no checkout")
+    files = subprocess.run(["git", "ls-files"], cwd=top, capture_output=True, text=True, check=True).stdout
+    known = ".ci .github .gitignore CITATION.cff LICENSE README.md examples models pyproject.toml symmb tests"
+    assert {name.split("/")[0] for name in files.splitlines()} <= {*known.split()}

@@ -4,6 +4,7 @@ import random
 import warnings
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -252,3 +253,15 @@ NUMBERS = {
 def test_what_is_no_number_is_refused_by_name(name, value):
     with pytest.raises(mb.SymmbError):
         NUMBERS[name](value)
+
+
+def test_calls_write_into_a_folder_of_the_generator(monkeypatch, tmp_path):
+    def writes(value):
+        Path("written").write_text("x")
+        raise mb.DeclarationError("f: no.")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(malformed(), "CALLS", [(writes, (1,), {})])
+    for seed in range(9):
+        assert malformed().api_fault(random.Random(seed)) == ""
+    assert [*tmp_path.iterdir()] == [] and Path.cwd() == tmp_path

@@ -1,5 +1,6 @@
 """Names have one form, that of Python's identifiers, wherever they come in."""
 
+import pickle
 import random
 import sys
 import time
@@ -60,6 +61,27 @@ def test_laws_know_both_forms(one, other):
         assert mb.propagate(f, sampling, box)["y"][0].shape == (1,)
     with pytest.raises(mb.DeclarationError, match="twice"):
         bounds.probability("y", above=0.5, laws={one: law, other: law})
+
+
+@pytest.mark.parametrize(("one", "other"), SAME, ids=ascii)
+def test_results_are_looked_up_in_both_forms(one, other, tmp_path):
+    scene = spring(one)
+    other_p = scene.system.parameters.with_nominal({one: 3.0})
+    run = mb.simulate(scene, mb.CVODES())
+    run.save(tmp_path / "run.json")
+    fit = mb.calibrate(scene, {f"x{one}": run.values[:, 0]}, solver=mb.CVODES(), noise={f"x{one}": 0.1})
+    linear = mb.linearize(scene)
+    f = mb.FunctionSimulator(lambda **values: np.array([values[other]]), {one: 1.0}, [0.0], [one])
+    widest = mb.tolerances(f, {one: (0.5, None)}, mb.Box(**{one: (0.9, 1.1)}), costs={one: lambda h: 1 / h})
+    dictionaries = [run.parameters, mb.Trajectory.load(tmp_path / "run.json").parameters, fit.parameters, fit.laws]
+    dictionaries += [fit.deviations, linear.parameters, widest.factors, widest.nominal, f.parameters]
+    dictionaries += [mb.sweep(f, {one: [1.0]}).parameters, pickle.loads(pickle.dumps(fit)).parameters]
+    for known in dictionaries:
+        assert [*known] == [other] and known[one] is known[other] is known.get(one) and one in known
+        assert known == dict(known) and "none" not in known and known.get("none", 5) == 5
+        with pytest.raises(KeyError):
+            known["none"]
+    assert other_p[one] == 3.0 and fit.noise[f"x{one}"] == 0.1
 
 
 @pytest.mark.parametrize(("one", "other"), SAME, ids=ascii)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._names import name_faults, normal, normal_keys
+from symmb._names import ByName, name_faults, normal, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Executor
@@ -90,7 +90,7 @@ class BlackBox(ABC):
                 raise DeclarationError(f"{owner}: parameter {name!r}: {value!r} is not a finite number.")
         times.flags.writeable = False
         vars(self).update(
-            parameters={name: float(value) for name, value in parameters.items()},
+            parameters=ByName((name, float(value)) for name, value in parameters.items()),
             times=times,
             outputs=names,
             noise=None if noise is None else _noise(owner, noise, names),

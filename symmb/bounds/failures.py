@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._names import look_up_by_name
 from symmb._types import Array, Indices, Mask
 from symmb.model import Box
 
@@ -28,6 +29,8 @@ class Failure:
     parameters: dict[str, float]
     time: float
     message: str
+
+    __post_init__ = look_up_by_name
 
     def __str__(self) -> str:
         if all(re.search(rf"\b{re.escape(name)} ?= ?", self.message) for name in self.parameters):

@@ -9,6 +9,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, texts
+from symmb._names import look_up_by_name
 from symmb._options import is_finite_number, shown
 from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array, Indices
@@ -121,6 +122,8 @@ class WorstCase:
     varied: tuple[str, ...]
     times: int = _SEVERAL
     simulator: Simulator | None = field(default=None, metadata=NOT_KEPT)
+
+    __post_init__ = look_up_by_name
 
     @property
     def _times(self) -> list[float]:

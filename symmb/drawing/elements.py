@@ -33,7 +33,7 @@ def shape_of(
     faint: bool = False,
 ) -> Shape:
     """A shape with the name and the kind of the element."""
-    return Shape(form, element.name, type(element).__name__, colour, places, size, direction, faint)
+    return Shape(form, element.name, element.kind, colour, places, size, direction, faint)
 
 
 def supports(element: Element, survey: Survey, *points: Point) -> Build:

@@ -130,6 +130,8 @@ class SideWalk:
             new = self._one_sided(to, to + late, new, parameters)
             to += late
             values, rates = self._equations.on_sides(new, self._p, sides, t)
+            if not rates[k]:  # the motion touches the switch here
+                break
             late = float(-values[k] / rates[k])
             if abs(late) <= np.spacing(abs(t)):
                 break

@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
+from symmb._names import look_up_by_name
 from symmb._options import is_whole, optional_package
 from symmb._table import aligned
 from symmb._types import Array
@@ -40,6 +41,8 @@ class Mode:
 
     eigenvalue: complex
     shape: dict[str, complex]
+
+    __post_init__ = look_up_by_name
 
     @property
     def frequency(self) -> float:
@@ -121,6 +124,8 @@ class Linearization(Saved):
     shapes: Array = field(metadata=entry(Record.array, "displacements", "states"))
     displacements: tuple[str, ...] = field(metadata=NAMES)
     origin: Origin | None = field(default=None, metadata=NOT_KEPT)
+
+    __post_init__ = look_up_by_name
 
     @cached_property
     def _eigen(self) -> Eigenvalues:

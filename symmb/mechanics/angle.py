@@ -2,11 +2,13 @@
 
 import casadi as ca
 
+from symmb._interrupts import kept_interrupts
 from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.pose import turns_about_z
 from symmb.symbolic import Kind, Symbol, declare, triad
 
 
+@kept_interrupts()
 def relative_angle(
     name: str, a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX, parallel: bool = False
 ) -> tuple[ca.SX, tuple[Symbol, ...]]:

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, NoHandleError
+from symmb._interrupts import kept_interrupts
 from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.geometry import Geometry, shapes_of
@@ -29,6 +30,7 @@ class AbstractBody:
         """The body whose coordinates determine the frame."""
         return self
 
+    @kept_interrupts()
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> "Point":
         """Point fixed to the body at (x, y, z) [m] in body axes, from the origin of the points (see `com`)."""
         return Point(self, vector([x, y, z], f"point of {self.name!r}") - vector(self.com, f"com of {self.name!r}"))
@@ -120,6 +122,7 @@ class Body(AbstractBody):
     shapes: Sequence[Geometry] = field(default=(), repr=False)
     frame: Frame = field(init=False, repr=False)
 
+    @kept_interrupts()
     def __post_init__(self) -> None:
         if not isinstance(self.pose, Pose):
             pose = shown(self.pose)
@@ -198,6 +201,7 @@ class Ground(AbstractBody):
     SX(1)
     """
 
+    @kept_interrupts()
     def __init__(self, shapes: Sequence[Geometry] = ()) -> None:
         self.shapes = shapes_of("Ground", shapes)
         self.name = "ground"
@@ -217,11 +221,13 @@ class Point:
     s: ca.SX
 
     @property
+    @kept_interrupts()
     def r(self) -> ca.SX:
         """World position [m], (3,)."""
         return self.body.frame.r + self.body.frame.R @ self.s
 
     @property
+    @kept_interrupts()
     def velocity(self) -> ca.SX:
         """World velocity [m/s], (3,)."""
         return ddt(self.r)

@@ -41,9 +41,14 @@ class Element(ABC):
     name: str
 
     @property
+    def kind(self) -> str:
+        """What a user declared."""
+        return type(self).__name__
+
+    @property
     def title(self) -> str:
-        """Class and name for messages."""
-        return f"{type(self).__name__} {self.name!r}"
+        """Kind and name for messages."""
+        return f"{self.kind} {self.name!r}"
 
     def bodies(self) -> tuple[AbstractBody, ...]:
         """The bodies and grounds the element is attached to."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._names import counted
 from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle, turning_direction
@@ -145,9 +146,9 @@ class SpringDamper(PairForce):
     stiffness : Expr
         k [N/m]
     damping : Expr
-        c [N s/m]
+        c [N s/m]; one below 0 adds energy, as in models of vibrations that a flow or friction feeds
     length : Expr
-        without load [m]
+        without load [m]; below 0 that of a spring that is closed under tension
 
     Examples
     --------
@@ -165,14 +166,14 @@ class SpringDamper(PairForce):
     length: Expr = 0.0
 
     @property
-    def title(self) -> str:
-        """That of a `Spring` or a `Damper` where the other part is left out."""
+    def kind(self) -> str:
+        """`Spring` or `Damper` where the other part is left out."""
         without_damping, without_stiffness = (
             isinstance(law, int | float) and law == 0 for law in (self.damping, self.stiffness)
         )
         if without_damping == without_stiffness:
-            return super().title
-        return f"{'Spring' if without_damping else 'Damper'} {self.name!r}"
+            return super().kind
+        return "Spring" if without_damping else "Damper"
 
     def _pull(self, force: ca.SX) -> tuple[Load, ...]:
         return (force_at(self.point_a, force), force_at(self.point_b, -force))
@@ -373,7 +374,7 @@ def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
         law, title = getattr(element, what), f"{element.title}: {what}"
         values = components(law) or [law] * 3
         if len(values) != 3:
-            raise DeclarationError(f"{title} has {len(values)} components; expected one or three.")
+            raise DeclarationError(f"{title} has {counted(len(values), 'component')}; expected one or three.")
         matrices.append(ca.sparsify(ca.diag(ca.vertcat(*[bind(value, title) for value in values]))))
     return matrices
 

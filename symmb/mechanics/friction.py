@@ -158,6 +158,10 @@ _ELASTIC = 0.7**2
 Dupont, Hayward, Armstrong and Altpeter (2002), IEEE Transactions on Automatic Control 47, 787-792."""
 
 
+_SLIGHT = 1e-6
+"""Normal force below 0 that may be rounding of 0 [N]."""
+
+
 @dataclass(frozen=True, eq=False)
 class Friction(PairForce):
     """Friction between two bodies that slide along an axis, as in a `Prismatic` guide or on a table.
@@ -187,8 +191,16 @@ class Friction(PairForce):
     """
 
     axis: tuple[Expr, ...] = field(metadata=DIRECTION)
-    normal_force: Expr
+    normal_force: Expr = field(metadata=NOT_NEGATIVE)
     law: FrictionLaw
+
+    def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
+        normal_force = bind(self.normal_force, f"{self.title}: normal_force")
+        if not normal_force.is_constant():
+            yield (
+                normal_force + _SLIGHT,
+                "its normal force is below 0{}, where friction would drive. Write casadi.fmax(..., 0).",
+            )
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.point_a.body

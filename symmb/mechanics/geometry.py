@@ -13,7 +13,7 @@ from symmb._options import is_real, require_instance, shown
 from symmb._types import Array, Expr
 from symmb.mechanics.mesh_file import read_mesh
 from symmb.mechanics.rotation import Rotation
-from symmb.symbolic import has_irregular_constant, is_zero, scalar, triad, vector
+from symmb.symbolic import components, has_irregular_constant, is_zero, scalar, triad, vector
 
 
 class Geometry:
@@ -45,6 +45,7 @@ class Geometry:
                 object.__setattr__(self, name, float(value))
         if has_irregular_constant(vector(self.at, f"{kind}: at")):
             raise DeclarationError(f"{kind}: at {shown(self.at)} contains NaN or infinity.")
+        object.__setattr__(self, "at", tuple(components(self.at) or ()))
         if (turn := getattr(self, "rotation", None)) is not None:
             require_instance(f"{kind}: rotation", turn, Rotation, "a rotation, mb.rotation(axis=..., angle=...)")
 

@@ -10,7 +10,7 @@ from symmb._types import Expr
 from symmb.mechanics.body import Body, Point
 from symmb.mechanics.contact import press
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import DIRECTION, Bind, bound, law_value
+from symmb.mechanics.element import DIRECTION, NOT_NEGATIVE, POSITIVE, Bind, Law, bound, law_value
 from symmb.mechanics.force import MEETING, Action, ForceElement, PairForce, force_at, mount, mount_matrices, push
 from symmb.symbolic import ddt, scalar, unit, vector
 
@@ -57,7 +57,7 @@ class NonlinearSpring(PairForce):
 
 
 @dataclass(frozen=True, eq=False)
-class GasSpring:
+class GasSpring(Law):
     """Gas behind a piston, p V^n constant, which pushes two points apart: a law of `NonlinearSpring`.
 
     Below a hundredth of `volume` the pressure stays constant.
@@ -83,11 +83,11 @@ class GasSpring:
     SX(-5000)
     """
 
-    pressure: Expr
-    volume: Expr
+    pressure: Expr = field(metadata=NOT_NEGATIVE)
+    volume: Expr = field(metadata=POSITIVE)
     area: Expr
     length: Expr
-    exponent: Expr = 1.4
+    exponent: Expr = field(default=1.4, metadata=POSITIVE)
 
     def __call__(self, length: ca.SX, rate: ca.SX) -> ca.SX:
         """The pull [N]."""
@@ -101,7 +101,7 @@ _LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Orifice:
+class Orifice(Law):
     """A fluid that a piston pushes through an opening, as in recoil brakes: a law of `NonlinearSpring`.
 
     F = rho A^3 / (2 (Cd a)^2) v |v|, the quadratic loss of the flow A v through the opening a. Around rest v |v| is
@@ -132,11 +132,11 @@ class Orifice:
     """
 
     area: Expr
-    opening: Expr | Callable[[ca.SX, ca.SX], Expr]
+    opening: Expr | Callable[[ca.SX, ca.SX], Expr] = field(metadata=POSITIVE)
     length: Expr = 0.0
-    density: Expr = 870.0
-    discharge: Expr = 0.7
-    speed: Expr = 1e-3
+    density: Expr = field(default=870.0, metadata=NOT_NEGATIVE)
+    discharge: Expr = field(default=0.7, metadata=POSITIVE)
+    speed: Expr = field(default=1e-3, metadata=NOT_NEGATIVE)
 
     def __call__(self, length: ca.SX, rate: ca.SX) -> ca.SX:
         """The pull [N]."""

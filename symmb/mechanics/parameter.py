@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, NoParameterError
+from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean, name_fault, normal, normal_keys
 from symmb._options import is_finite_number, shown
 from symmb._types import Array
@@ -33,6 +34,7 @@ class Parameters(Mapping[str, float]):
     (SX(l1), 2.5)
     """
 
+    @kept_interrupts()
     def __init__(self, **nominal: float) -> None:
         nominal = normal_keys("Parameters", nominal)
         taken = [n for n in nominal if n == "t" or hasattr(type(self), n)]
@@ -69,6 +71,7 @@ class Parameters(Mapping[str, float]):
 
     def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
         """These parameters, with the same symbols, and with other nominal values."""
+        nominal = normal_keys("with_nominal", nominal)
         if not isinstance(nominal, Mapping) or not all(is_finite_number(nominal.get(name)) for name in self._nominal):
             names = ", ".join(self._nominal)
             raise DeclarationError(f"with_nominal: expected finite numbers by the names {names}, got {shown(nominal)}.")

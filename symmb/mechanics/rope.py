@@ -31,6 +31,10 @@ class Rope(ForceElement):
     everywhere. Where it is slack, it has no force. It leaves a pulley where it would have to pull it, and is straight
     then; it may wind round one several times. Both are found as if it were always tight.
 
+    Each pulley has a first-order state, `rope.wrap1` for the second point of a rope of this name: the angle [rad] by
+    which the line through the points turns there, positive where the rope lies on the pulley. It counts whole turns,
+    and the start determines it.
+
     Parameters
     ----------
     name : str

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import numbers_of
+from symmb._options import numbers_of, shown
 from symmb._types import Array, Expr
 from symmb.symbolic import Kind, Pieces, Sides, given, lookup, symbols_in
 
@@ -107,6 +107,8 @@ class Table:
             raise DeclarationError(f"Table: {value!r} is no number and no CasADi SX expression.")
         if at.is_constant():
             places = np.array(ca.DM(ca.densify(at)), dtype=float)
+            if not np.isfinite(places).all():
+                raise DeclarationError(f"Table: {shown(value)} is not finite.")
             begin, y, slope, c, d, _ = self._pieces.read(0, places)
             return ca.SX(y + (places - begin) * (slope + (places - begin) * (c + (places - begin) * d)))
         records = (lookup(symbol) for symbol in symbols_in(at))

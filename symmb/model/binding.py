@@ -4,6 +4,7 @@ import re
 from collections.abc import Collection, Sequence
 
 import casadi as ca
+import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean, shown
@@ -76,6 +77,8 @@ class Binding:
 
     def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
         """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""
+        if expression.is_constant() and np.isinf(np.array(ca.DM(expression))).any():
+            raise DeclarationError(f"{what} is infinite. Give a finite number.")
         if has_irregular_constant(expression):
             raise DeclarationError(
                 f"{what}: contains NaN or infinity. Python's math gives NaN for expressions: use casadi.sin(mb.t) in "

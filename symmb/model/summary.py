@@ -28,8 +28,8 @@ def system_text(
 
     `in_joints` tells whether the coordinates are those of the joints.
     """
-    constraints = [type(e).__name__ for e in elements if isinstance(e, Constraint)]
-    forces = [type(e).__name__ for e in elements if isinstance(e, ForceElement)]
+    constraints = [e.kind for e in elements if isinstance(e, Constraint)]
+    forces = [e.kind for e in elements if isinstance(e, ForceElement)]
     dropped = c.n_declared_rows - c.Phi.numel()
     parts = [
         ("bodies", _count([("flexible " if b.pose.modes else "") + type(b.pose).__name__.lower() for b in c.bodies])),

@@ -51,14 +51,18 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
             continue
         fault = name_fault(e.name, without=".[] ")
         if fault:
-            faults.append(f"{type(e).__name__} {shown(e.name)}: {fault}")
+            faults.append(f"{_kind(e)} {shown(e.name)}: {fault}")
         elif e.name in names and isinstance(e, JointEvent):
             faults.append(f"{e.title}: there are two. Join their conditions by casadi.logic_or.")
         elif e.name in names:
-            faults.append(f"{type(e).__name__} {shown(e.name)}: the name is used twice. Choose another.")
+            faults.append(f"{_kind(e)} {shown(e.name)}: the name is used twice. Choose another.")
         else:
             names.add(e.name)
     return faults
+
+
+def _kind(part: Body | Element) -> str:
+    return part.kind if isinstance(part, Element) else type(part).__name__
 
 
 def membership_faults(element: Element, known: Collection[int]) -> list[str]:

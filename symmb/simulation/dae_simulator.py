@@ -13,6 +13,7 @@ import numpy as np
 
 from symmb._errors import SimulationError, SymmbWarning
 from symmb._interrupts import kept_interrupts
+from symmb._names import ByName
 from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor, Indices
 from symmb.black_boxes import Progress, Reduction, Samples, checked_samples, digest, stream
@@ -106,7 +107,7 @@ class DAESimulator:
             require_instance("DAESimulator: solver", solver, Solver, "a Solver such as CVODES()")
         begin = time.perf_counter()
         self.scene, self.name, self.box = scene, scene.name, scene.box
-        self.parameters = dict(scene.system.parameters)
+        self.parameters = ByName(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs, self.units = scene.curve_names, scene.curve_units
         self.bodies, self._joints, self._spare = formulations(scene)
@@ -217,7 +218,7 @@ class DAESimulator:
         """The engine, if samples run in compiled lanes."""
         return self.engine(order) if self.compiled else None
 
-    def with_outputs(self, y: ca.Function) -> "DAESimulator":
+    def with_output_function(self, y: ca.Function) -> "DAESimulator":
         """The same simulator with outputs y (x, p, t), in the coordinates in which the samples run."""
         form = replace(self.formulation, y=y)
         copy = self._with(_joints=form) if form.bodies else self._with(bodies=form, _joints=None, _spare=None, y=y)

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import SimulationError
+from symmb._names import ByName
 from symmb._options import require_instance
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Ensemble, Progress, Reduction, Samples, checked_samples, digest, stream
@@ -59,7 +60,7 @@ class FigureSimulator:
     def __init__(self, scene: Scene, curves: DAESimulator) -> None:
         self.scene: Scene | None = scene
         self.curves, self.name, self.box = curves, scene.name, scene.box
-        self.parameters = dict(curves.parameters)
+        self.parameters = ByName(curves.parameters)
         self.outputs, self.units = scene.output_names, scene.units
         self.times = curves.times if scene.curve_names else np.zeros(1)
         self.solver, self.reason, self.threads = curves.solver, curves.reason, curves.threads
@@ -361,7 +362,7 @@ def _with_rates(curves: DAESimulator) -> DAESimulator:
         rates += ca.jtimes(y, x, ca.densify(ca.vertcat(*map(ca.vec, form.dae.rhs(*form.dae.arguments(x, p, t))))))
     # A speed sqrt(vx^2 + vy^2) has no rate at rest: panels with a rate of 0 there are divided.
     rates = ca.if_else(ca.fabs(rates) < ca.inf, rates, 0)
-    return curves.with_outputs(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
+    return curves.with_output_function(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
 
 
 def _nodes(begin: Array, end: Array) -> tuple[Array, Array, Array]:

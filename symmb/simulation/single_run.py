@@ -1,12 +1,11 @@
 """One run of a scene, by a solver that pilot runs choose if none is given."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import overload
 
-import casadi as ca
 import numpy as np
 
 from symmb._doubt import Doubt
@@ -15,14 +14,11 @@ from symmb._interrupts import carry, kept_interrupts, runs_of
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
-from symmb.codegen import MOST_PASSES
-from symmb.events import Kinks
-from symmb.integrate import Run, Solver, SwitchPasses, follow_doubts, stiffness
-from symmb.mechanics import Constraint
+from symmb.integrate import Run, Solver, stiffness
 from symmb.model import DAE, Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
-from symmb.simulation.small_states import small_state_doubts
+from symmb.simulation.run_doubts import SMOOTH, run_doubts
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
 from symmb.simulation.subject import (
     figure_simulator,
@@ -37,8 +33,7 @@ from symmb.simulation.subject import (
 from symmb.simulation.sweep import Sweep, swept
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
-from symmb.symbolic import batch, has_kinks
-from symmb.verification import Examination, law_doubts, work_of
+from symmb.verification import Examination, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
@@ -49,16 +44,7 @@ _CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
 """Runs at tighter tolerances at most, each ten times tighter; largest difference of two runs over the sizes of the
 states, a tenth of the error that default runs may have; and least size of a state over that of its part of the
 scene."""
-_SAME = 1e-12
-"""Share of the horizon by which two switches at one time may differ by rounding."""
-_CROWDED = 0.1
-"""Share of fixed steps with a switch from which errors are visible: those of a motor on pulses are a tenth of it."""
-_BELOW = 1e-6
-"""Share of the length of the scene by which a gap may be below 0: that of a closed contact is rounding."""
-_ROUNDING = 1e-9
-"""Share of the largest force of a constraint that may be an error of the run."""
-_SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
-_STICKS = f"where it sticks to one, {_SMOOTH}"
+_STICKS = f"where it sticks to one, {SMOOTH}"
 
 
 @overload
@@ -196,10 +182,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
     trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, trajectory)
-    doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver), *_one_sided_doubts(runs.scene, trajectory))
-    doubts = (*doubts, *law_doubts(runs.scene, trajectory.t, trajectory))
-    doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
-    doubts = (*doubts, *small_state_doubts(runs, solver, trajectory))
+    doubts = run_doubts(runs, solver, trajectory, switches)
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
         ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
@@ -273,87 +256,6 @@ def _require_sound(runs: "_PilotRuns", trajectory: Trajectory) -> None:
         fault = f"output {trajectory.names[i]!r} is {trajectory.values[k, i]} at t = {trajectory.t[k]:g} s"
     if fault:
         raise SimulationError(f"{about}: {fault}.")
-
-
-def _switch_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
-    """Whether steps of a fixed length pass over contacts, pulses of forces, or switches to which the motion sticks."""
-    simulator = runs.simulator
-    step = solver.step_taken(simulator.times)
-    if doubts := follow_doubts(simulator.dae):
-        return doubts
-    if not step or simulator.dae.impacts is not None or not has_kinks(simulator.dae.rhs):
-        return ()
-    stops = SwitchPasses(simulator.dae, simulator.times).stops(runs.x0, runs.p[None]).of(0)
-    if np.isfinite(stops.sticks):
-        return (
-            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s, and steps of a fixed length pass "
-            f"it again and again: {_SMOOTH}.",
-        )
-    times, span = stops.times[np.isfinite(stops.times)], np.ptp(simulator.times)
-    if (share := len(times) * step / span) > _CROWDED:
-        return (
-            f"The equations switch {len(times)} times, and steps of {step:.1g} s do not end there: forces jump or bend "
-            f"in {min(share, 1):.0%} of the steps. Take shorter ones, or DormandPrince(), whose steps end there.",
-        )
-    distances = np.diff(times)
-    distances[distances < _SAME * span] = np.inf
-    if not (distances <= step).any():
-        return ()
-    return (
-        f"Two switches of the equations follow each other in {distances.min():.1g} s at t = "
-        f"{times[distances.argmin()]:.6g} s, and a step is {step:.1g} s long: contacts or pulses may be missed.",
-    )
-
-
-def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
-    """Whether the states of a run are below the gap of an impact."""
-    dae, states = runs.simulator.dae, runs.done[solver][1].examination
-    if dae.impacts is None or not dae.impacts.names:
-        return ()
-    x, p, t = ca.SX.sym("x", states.x.shape[1]), ca.SX.sym("p", len(runs.p)), ca.SX.sym("t")
-    gaps = ca.Function("gaps", [x, p, t], dae.impacts.gaps.call([*dae.arguments(x, p, t)])[:1])
-    (values,) = batch(gaps, states.x, runs.p, states.t[:, None])
-    k, i = np.unravel_index(int(values.argmin()), values.shape)
-    if values[k, i] >= -_BELOW * dae.scales.length:
-        return ()
-    name = dae.impacts.names[i]
-    return (f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: an impact is missed.",)
-
-
-def _one_sided_doubts(scene: Scene, trajectory: Trajectory) -> Iterator[str]:
-    """Unilateral constraints whose force has the wrong sign at an output time."""
-    for element in scene.system.elements:
-        if isinstance(element, Constraint) and element.unilateral:
-            force = np.ravel(trajectory(element.pressure(scene.system.lam(element.name))))
-            if (wrong := force < -_ROUNDING * np.abs(force).max(initial=0.0)).any():
-                k = int(wrong.argmax())
-                yield (
-                    f"{element.title}: what it stands for lets go at t = {trajectory.t[k]:.6g} s, where its force has "
-                    f"the wrong sign, {force[k]:.3g}. Use a contact or a Rope to follow the motion from there."
-                )
-
-
-def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[str, ...]:
-    """Whether the states of a run change the side of a switch near which it noted no pass."""
-    (run, trajectory), dae = runs.done[solver], runs.simulator.dae
-    states = trajectory.examination
-    if run.stops is None or dae.sampling is not None:  # sampled laws have sides of their own
-        return ()
-    stops, later = run.stops, states.t >= run.stops.until
-    is_full = len(stops.passes) >= MOST_PASSES and not solver.meets_switches
-    if is_full and switches.met(states.switch_values[later]):
-        return (
-            f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
-            f"{solver!r} do not end at them, and may pass over some. Use DormandPrince().",
-        )
-    ends = np.append(stops.passes, [event.time for event in trajectory.events])  # an event may pass a switch as well
-    missed = switches.passed_over(states.switch_values[~later], states.t[~later], ends)
-    if np.isnan(missed):
-        return ()
-    return (
-        f"The equations have {switches}. The motion changes the side of one behind t = {missed:.6g} s, where no step "
-        "of the run ended: others may be passed over as well.",
-    )
 
 
 def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:

@@ -139,7 +139,7 @@ def _fault(solver: Solver, run: Pilot) -> str:
 
 
 def _count(run: Pilot) -> str:
-    return f"{run.steps} steps in a pilot run" if run.steps else "a pilot run finishes"
+    return f"a pilot run took {run.steps} steps" if run.steps else "a pilot run finishes"
 
 
 def require_able(solver: Solver, dae: DAE, times: Array, contradiction: object) -> None:

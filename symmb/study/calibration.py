@@ -11,7 +11,7 @@ from symmb import plot
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Result, texts
-from symmb._names import counted, normal_keys
+from symmb._names import ByName, counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array, Figure
 from symmb.files import Record, Saved, entry
@@ -98,7 +98,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
     @property
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the estimates."""
-        return dict(zip(self.parameters, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        return ByName(zip(self.parameters, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     @property
     def correlation(self) -> Array:
@@ -119,7 +119,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
         from scipy.stats import norm
 
         self._require_determined("laws")
-        return {name: norm(self.parameters[name], size) for name, size in self.deviations.items()}
+        return ByName((name, norm(self.parameters[name], size)) for name, size in self.deviations.items())
 
     def box(self, level: float = 0.95) -> Box:
         """Intervals that hold all true values with at least this probability.
@@ -271,8 +271,13 @@ def calibrate(
     own = scene.curves.with_times(times)
     known_noise = _noise(noise, measured)
     count = sum(len(values) for _, values in measured.values())
-    if count < len(some) + (not known_noise):
-        raise DeclarationError(f"{OWNER}: {count} values cannot determine {len(some)} parameters and the noise.")
+    if count < (needed := len(some) + (not known_noise)):
+        unknown, gave = counted(len(some), "parameter"), counted(count, "value")
+        if known_noise:
+            rest = f"{unknown}. Give {needed} or more"
+        else:
+            rest = f"{unknown} and the noise. Give {needed} or more, or noise="
+        raise DeclarationError(f"{OWNER}: {gave} cannot determine {rest}, or estimate fewer parameters.")
     with kept_interrupts():
         result = _fitted(Residuals(simulator_with(own, solver), some, measured), known_noise, scene.name)
     warn_of(result.doubts, f"{OWNER}: {scene.name}")
@@ -317,6 +322,7 @@ def _noise(noise: Mapping[str, float] | None, measured: Mapping[str, Any]) -> di
     """The given noise of each output; empty without any."""
     if noise is None:
         return {}
+    noise = normal_keys(OWNER, noise)
     if not isinstance(noise, Mapping) or noise.keys() != measured.keys():
         raise DeclarationError(
             f"{OWNER}: noise must be numbers, one for each output with data: {', '.join(measured)}, got {shown(noise)}."

@@ -9,7 +9,7 @@ from symmb import _html as html
 from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Result, texts
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_finite_number, require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import aligned
@@ -210,6 +210,7 @@ def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
         if not callable(costs):
             raise DeclarationError(f"{OWNER}: costs must be functions of half widths by name, got {shown(costs)}.")
         costs = dict.fromkeys(shape.names, costs)
+    costs = normal_keys(OWNER, costs)
     for name, own in costs.items():
         if name not in shape.names:
             raise DeclarationError(f"{OWNER}: costs: {name!r} is not in the box.{did_you_mean(str(name), shape.names)}")
@@ -230,4 +231,7 @@ def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
             raise DeclarationError(f"{OWNER}: the cost of {shape.names[k]!r} at {half:g} is {shown(value)}, no number.")
         return float(value)
 
+    ones = np.ones(len(shape))
+    if varied and not total(ones / 2) > total(2 * ones):
+        raise DeclarationError(f"{OWNER}: wider tolerances do not cost less. Give costs such as lambda h: 1 / h.")
     return total

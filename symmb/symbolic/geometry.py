@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._limits import fits
+from symmb._names import counted
 from symmb._options import shown
 from symmb.symbolic.given import given
 
@@ -17,7 +18,7 @@ def components(value: Any) -> list[Any] | None:
     """The components of a list, a tuple, a NumPy array or a CasADi vector; None of anything else, as of a number."""
     if isinstance(value, list | tuple):
         return list(value)
-    if isinstance(value, np.ndarray) and value.ndim and fits(value.size):
+    if isinstance(value, np.ndarray) and value.ndim and fits(value.size) and value.dtype.names is None:
         return value.ravel().tolist()
     if isinstance(value, ca.SX | ca.DM) and value.numel() > 1:
         return ca.vertsplit(ca.vec(ca.densify(value)))
@@ -31,7 +32,7 @@ def vector(values: Any, what: str = "vector") -> ca.SX:
     entries: list[Any] | None = components(values)
     entries = [values] if entries is None else entries
     if len(entries) not in (2, 3):
-        raise DeclarationError(f"{what} has {len(entries)} components; expected two or three.")
+        raise DeclarationError(f"{what} has {counted(len(entries), 'component')}; expected two or three.")
     parts = [part for part in map(given, entries) if part is not None]
     if len(parts) < len(entries):
         raise DeclarationError(f"{what}: {shown(values)} has components that are neither numbers nor CasADi SX.")

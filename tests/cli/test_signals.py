@@ -129,6 +129,10 @@ def test_an_integrator_of_casadi_does_not_swallow_an_interrupt(solver):
     assert time.monotonic() - begin < 2.0 and signal.getsignal(signal.SIGINT) is before
 
 
+PLATE = mb.Body("plate", 1.0, 0.1)
+POINT = PLATE.point(1.0, 2.0)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypatch):
     """CasADi drops what Python raises while it converts its arguments."""
@@ -153,6 +157,40 @@ def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypa
             time.sleep(1.0)
     finally:
         signal.signal(number, before)
+
+
+@pytest.mark.parametrize(
+    "declared",
+    [
+        lambda: mb.Body("b", 1.0, 0.1),
+        lambda: mb.Body("c", 1.0, (1, 1, 1), mb.Spatial()),
+        mb.Ground,
+        lambda: PLATE.point(1.0, 2.0),
+        lambda: POINT.r,
+        lambda: POINT.velocity,
+        lambda: mb.Parameters(a=1.0, b=2.0),
+    ],
+)
+def test_an_interrupt_of_a_short_declaration_is_raised_at_its_end(declared, monkeypatch):
+    """It comes where CasADi drops it, and the work ends before it is sent again."""
+    asked = []
+
+    def shape(matrix):
+        if not asked:
+            asked.append(matrix)
+            signal.raise_signal(signal.SIGINT)
+        return matrix.size1(), matrix.size2()
+
+    monkeypatch.setattr(ca.SX, "shape", property(shape))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            declared()
+            assert not asked
+            raise KeyboardInterrupt  # it asks for no shape
+    finally:
+        signal.signal(signal.SIGINT, before)
+    time.sleep(0.003)  # nothing is sent any more
 
 
 @pytest.mark.parametrize(("d", "order", "m"), [(6, 4, 8), (3, 12, 10_000)])

@@ -211,6 +211,14 @@ def test_faults_of_shapes(shape, told):
         shape()
 
 
+@pytest.mark.parametrize(
+    "at", [(1.0, 2.0, 3.0), [1.0, 2.0, 3.0], np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3], ">f8")]
+)
+def test_a_place_is_the_same_in_each_form(at):
+    for shape in (mb.Sphere(0.1, at), mb.Cylinder(0.1, 1.0, at=at), mb.Box3((1, 2, 3), at)):
+        assert shape.at == (1.0, 2.0, 3.0) and "at=(1.0, 2.0, 3.0)" in repr(shape)
+
+
 def test_faces_of_a_box_that_are_seen_are_painted(tmp_path):
     """Of a turned box three faces are seen, 2 triangles each; their areas are those of projections of the faces."""
     size = np.array([0.4, 0.3, 0.2])

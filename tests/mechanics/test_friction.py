@@ -55,6 +55,17 @@ def test_decay_by_friction(law, swing, end, solver):
     assert np.diff(run.energy.work).max() < 4e-5  # bristles give back N mu^2 / (2 k) at most
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize(("normal", "is_told"), [(lambda t: 3 - 4 * t, True), (lambda t: 3 - 2 * t, False)])
+def test_a_normal_force_below_0_is_doubted(normal, is_told):
+    for law in (mb.Coulomb(0.2, 0.1), mb.Bristle(0.2, 1e3)):
+        block = mb.Body("block", 1.0, pose=mb.Particle())
+        for force, told in ((normal(mb.t), is_told), (ca.fmax(normal(mb.t), 0), False)):
+            scene = mb.Scene(mb.System(block, rubbed(block, force, law)), {"block.vx": 3.0}, np.linspace(0, 1, 11))
+            doubts = mb.simulate(scene, mb.DormandPrince()).doubts
+            assert [d for d in doubts if "normal force is below 0 at t = 0.75" in d] == [*doubts][: int(told)]
+
+
 def test_a_smaller_transition_comes_closer_to_coulomb_s_law():
     times = [time for time, _ in KNOWN["reversals"]]
     creep = []

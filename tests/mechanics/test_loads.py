@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from faults import refused
 from mechanisms import exact
 from numpy.testing import assert_allclose
 
@@ -52,6 +53,30 @@ def test_a_gas_spring_turns_speed_into_pressure(solver):
     x, v = run.values.T
     stored = work * ((1 + area * (x - 1) / volume) ** (1 - n) - 1)
     assert_allclose(v**2 + stored, 100.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("law", "told"),
+    [
+        (lambda: mb.GasSpring(-1e5, 1e-3, 1e-3, 0.3), "GasSpring: pressure is -100000; it must be at least 0"),
+        (lambda: mb.GasSpring(1e5, 0.0, 1e-3, 0.3), "GasSpring: volume is 0; it must be above 0"),
+        (lambda: mb.GasSpring(1e5, 1e-3, 1e-3, 0.3, np.nan), "GasSpring: exponent is nan; it must be above 0"),
+        (lambda: mb.Orifice(1e-2, 0), "Orifice: opening is 0; it must be above 0"),
+        (lambda: mb.Orifice(1e-2, 1e-4, density=-1.0), "Orifice: density is -1; it must be at least 0"),
+    ],
+)
+def test_what_no_gas_and_no_opening_has_is_refused(law, told):
+    refused(told, law)
+
+
+@pytest.mark.parametrize(("damping", "length"), [(-0.7, 0.0), (0.0, -0.4), (-0.3, -1.1)])
+def test_dampers_may_drive_and_springs_may_be_closed_under_tension(damping, length):
+    bob, t = mb.Body("bob", 2.0, pose=mb.Particle()), np.linspace(0.0, 0.3, 4)
+    strut = mb.SpringDamper("strut", GROUND.point(0, 0), bob.point(0, 0), 3.0, damping, length)
+    run = mb.simulate(mb.Scene(mb.System(bob, strut), {"bob.x": 1.0, "bob.vx": 0.5}, t), mb.CVODES(rtol=1e-10))
+    expected = exact(lambda t, y: [y[1], -(3 * (y[0] - length) + damping * y[1]) / 2], [1.0, 0.5], t)
+    assert_allclose(run["bob.x"], expected[:, 0], rtol=1e-8)
+    assert run.doubts == ()
 
 
 def test_a_recuperator_is_pressed_as_its_points_part():

@@ -1,5 +1,6 @@
 """Ropes: slack and taut, over pulleys, wound by a winch; and rods that stand for them."""
 
+import warnings
 from itertools import pairwise
 
 import casadi as ca
@@ -218,7 +219,34 @@ def test_a_rope_that_meets_its_pulley_from_the_other_side_is_told():
     rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), -0.1), end.point(0, 0)], 10.0, 1.0)
     angle = 0.2 + 6 * mb.t
     drives = [mb.Motion("x", end.x, -1 + 2.2 * ca.cos(angle)), mb.Motion("y", end.y, 2.2 * ca.sin(angle))]
-    scene = mb.Scene(mb.System(end, rope, *drives), {"end.z": 0.0}, np.linspace(0, 1.02, 103))
     first = (2 * np.pi - np.arcsin(0.1) - 0.2) / 6
-    with pytest.warns(mb.SymmbWarning, match=f"meets a pulley at t = {np.ceil(first * 100) / 100:g} s on the side"):
+    for times in (np.linspace(0, 1.02, 103), [0.0, 1.02]):
+        scene = mb.Scene(mb.System(end, rope, *drives), {"end.z": 0.0}, times)
+        with pytest.warns(mb.SymmbWarning, match="meets a pulley at t = .* s on the side"):
+            (doubt,) = mb.simulate(scene).doubts
+        assert first <= float(doubt.split("t = ")[1].split()[0]) <= first + 0.011
+
+
+@pytest.mark.parametrize(("turn", "side"), [(-1.3, 1), (-0.4, -1), (0.7, 1), (3.5, -1)])
+def test_the_state_of_a_pulley_is_the_turn_of_the_line_through_the_points(side, turn):
+    """It is listed by nobody, and grows as the load goes round."""
+    load, angle = mb.Body("load", 1.0, pose=mb.Particle()), side * (turn + mb.t)
+    rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), side * 0.1), load.point(0, 0)], 10.0, 9.0)
+    drives = [mb.Motion("x", load.x, 2 * ca.cos(angle)), mb.Motion("y", load.y, 2 * ca.sin(angle))]
+    scene = mb.Scene(mb.System(load, rope, *drives), {"load.z": 0.0}, [0.0, 0.5, 7.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)  # some come from the side where the pulley does not lie
+        assert_allclose(mb.simulate(scene, mb.CVODES())["rope.wrap1"], turn + np.array([0.0, 0.5, 7.0]), atol=1e-6)
+
+
+@pytest.mark.parametrize(("depth", "count"), [(0.35, 2), (0.2, 3), (0.35, 200)])
+def test_a_doubt_between_two_output_times_is_told(depth, count):
+    """The load comes to its pulley and leaves it before the next output time."""
+    load = mb.Body("load", 1.0, pose=mb.Particle())
+    rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), 0.3), load.point(0, 0)], 1e4, 9.0)
+    way = mb.Motion("way", load.x, depth + ca.cos(2 * ca.pi * mb.t) ** 2)
+    scene = mb.Scene(mb.System(load, rope, way), {"load.y": 0.0, "load.z": 0.0}, np.linspace(0, 1.5, count + count % 2))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
         mb.simulate(scene)
+    assert [("A load is in its pulley" in str(w.message)) for w in told] == [True] * (depth < 0.3)

@@ -158,4 +158,7 @@ def test_points_that_make_no_curve_are_refused(x, y, text):
 
 
 def test_a_table_of_what_is_no_expression_is_refused():
-    refused("Table: 'x' is no number and no CasADi SX expression", mb.Table([0, 1], [0, 1]), "x")
+    table = mb.Table([0, 1], [0, 1])
+    refused("Table: 'x' is no number and no CasADi SX expression", table, "x")
+    for place in (np.nan, -np.inf, [0.3, np.nan]):
+        refused(r"Table: .* is not finite", table, place)

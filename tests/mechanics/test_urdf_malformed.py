@@ -127,7 +127,6 @@ MALFORMED = [
     (elbow("continuous", '<dynamics damping="-1"/>'), 5, "<dynamics> of", "damping -1 is negative"),
     (elbow("planar", '<dynamics damping="1"/>'), 5, "<dynamics> of", "no single rate"),
     (elbow("continuous", '<mimik joint="a"/>'), 5, "<mimik> of", "did you mean <mimic>"),
-    (elbow("continuous", '<mimic joint="elbow"/>'), 5, "<mimic> of", "follows itself"),
     (
         robot(BASE, ARM, HINGE, joint("other", "base", "arm")),
         5,
@@ -151,6 +150,15 @@ PASSED_OVER = [
     (elbow("continuous", '<dynamics stiffness="1"/>'), 5, "<dynamics> of", "'stiffness' is not"),
     (elbow("continuous", '<mimic joint="a"/>'), 5, "<mimic> of <joint name='elbow'>", "no joint 'a'"),
     (elbow("fixed", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no value that could follow"),
+    (elbow("continuous", '<mimic joint="elbow" offset="0.3"/>'), 5, "<mimic> of", "'elbow' follows itself; name"),
+    (
+        robot(HAND, HINGE, *elbow("fixed", "", ENDS.replace("base", "hand").replace("arm", "base")).splitlines()[1:-1])
+        .replace("elbow", "wrist", 1)
+        .replace("</joint>", '<mimic joint="elbow"/></joint>', 1),
+        3,
+        "<mimic> of <joint name='wrist'>",
+        "the fixed joint 'elbow' has no value; name another joint",
+    ),
     (
         elbow("continuous", '<limit velocity="1" gear_velocity="9"/>'),
         5,
@@ -234,3 +242,32 @@ def test_options_of_other_kinds(options, tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(robot(BASE, ARM, HINGE))
     refused(next(iter(options)), mb.load_urdf, path, **options)
+
+
+@pytest.mark.parametrize("prefix", ["", "urdf:", "r0:"])
+def test_elements_may_be_in_a_namespace(prefix, tmp_path):
+    """Those of other namespaces are extensions, whatever their names are."""
+    text = robot(BASE, ARM, HINGE, '<x:link name="other"/>', "<x:jiont/>").replace("<robot", '<robot xmlns:x="a"')
+    text = re.sub(r"<(/?)(?!/|x:)", rf"<\1{prefix}", text)
+    path = tmp_path / "named.urdf"
+    path.write_text(
+        text.replace("xmlns:x", f'xmlns{prefix.replace("urdf:", ":urdf").replace("r0:", ":r0")}="b" xmlns:x')
+    )
+    machine = mb.load_urdf(path, strict=True)
+    assert set(machine.joints) == {"elbow"} and set(machine.bodies) == {"base", "arm"}
+
+
+def test_of_joints_that_follow_each_other_in_a_circle_one_is_free(tmp_path):
+    follow = ('<mimic joint="wrist"/>', '<mimic joint="elbow" multiplier="2" offset="0.1"/>')
+    joints = [HINGE, HINGE.replace("elbow", "wrist").replace("arm", "hand").replace("base", "arm")]
+    joints = [own.replace("</joint>", f"{inside}</joint>") for own, inside in zip(joints, follow, strict=True)]
+    path = tmp_path / "circle.urdf"
+    path.write_text(robot(BASE, ARM, ARM.replace("arm", "hand"), *joints))
+    with pytest.warns(mb.SymmbWarning, match="follow themselves, so that the followers move freely"):
+        machine = mb.load_urdf(path)
+    assert set(machine.start) == {"elbow.angle"}
+    system = mb.System(*machine.elements)
+    run = mb.simulate(mb.Scene(system, {"elbow.angle": 0.2}, [0.0], {"wrist": machine.joints["wrist"].angle}))
+    assert run["wrist"][0] == pytest.approx(2 * 0.2 + 0.1)
+    with pytest.raises(mb.DeclarationError, match=r"'elbow' follows itself.*\n.*'wrist' follows itself"):
+        mb.load_urdf(path, strict=True)

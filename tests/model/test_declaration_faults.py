@@ -61,12 +61,18 @@ FAULTS = [
         lambda: [mb.Force("push", CENTRE, (math.sin(mb.t), 0))],
         r"Force 'push': force: contains NaN or infinity\. Python's math gives NaN .* use casadi\.sin\(mb\.t\)",
     ),
-    (lambda: [mb.Spring("s", ORIGIN, CENTRE, np.inf)], "^Spring 's': stiffness: contains NaN or infinity"),
-    (lambda: [mb.Damper("d", ORIGIN, CENTRE, np.inf)], "^Damper 'd': damping: contains NaN or infinity"),
+    (lambda: [mb.Spring("s", ORIGIN, CENTRE, np.inf)], "^Spring 's': stiffness is infinite. Give a finite number"),
+    (lambda: [mb.Damper("d", ORIGIN, CENTRE, np.inf)], "^Damper 'd': damping is infinite. Give a finite number"),
     (
         lambda: [mb.SpringDamper("s", ORIGIN, CENTRE, 1.0, np.inf)],
-        "^SpringDamper 's': damping: contains NaN or infinity",
+        "^SpringDamper 's': damping is infinite. Give a finite number",
     ),
+    (lambda: [mb.Body("b", math.inf, 1.0)], "^Body 'b': mass is infinite. Give a finite number"),
+    (lambda: [mb.Spring("s", ORIGIN, CENTRE, 1.0)] * 2, "^Spring 's': the name is used twice"),
+    (lambda: [mb.Damper(".", ORIGIN, CENTRE, 1.0)], "^Damper '.': a name is a text without"),
+    (lambda: [mb.Revolute("r", ORIGIN, CENTRE, axis=(1,))], "^axis of Revolute 'r' has 1 component; expected two or"),
+    (lambda: [mb.Revolute("r", ORIGIN, CENTRE, axis=(1, 0, 0, 0))], "^axis of Revolute 'r' has 4 components; expected"),
+    (lambda: [mb.Friction("f", ORIGIN, CENTRE, (1, 0), -1.0, mb.Coulomb(0.2, 0.1))], "normal_force is -1; it must be"),
     (lambda: [mb.Revolute("elbow", ORIGIN, ROD1.point(np.nan, 0))], "Revolute 'elbow': contains NaN or infinity"),
     (lambda: [mb.Body("b", -1.0, 1.0)], "Body 'b': mass is negative at the nominal parameters"),
     (lambda: [mb.Body("b", P.l1 - P.m1, 1.0)], "Body 'b': mass is negative at the nominal parameters"),
@@ -102,6 +108,10 @@ FAULTS = [
     (
         lambda: [TOP, mb.Bushing("b", ORIGIN, TOP.point(0, 0), (1, 2))],
         "Bushing 'b': stiffness has 2 components; expected one or three",
+    ),
+    (
+        lambda: [TOP, mb.Bushing("b", ORIGIN, TOP.point(0, 0), np.zeros(3, [("a", float)]))],
+        "Bushing 'b': stiffness: array.* is no number",
     ),
     (
         lambda: [TOP, mb.TorsionSpring("s", GROUND, TOP, 1.0, axis=(0, 0, 0))],

@@ -89,7 +89,7 @@ def test_solvers_are_chosen_when_a_simulator_is_made(monkeypatch):
     simulator = mb.DAESimulator(rod())
     monkeypatch.setattr(mb.DAESimulator, "run", lambda *_: pytest.fail("a run is made"))
     assert repr(simulator) == "DAESimulator('rod', DormandPrince())"
-    assert simulator.solver == mb.DormandPrince() and "steps in a pilot run" in simulator.reason
+    assert simulator.solver == mb.DormandPrince() and "a pilot run took" in simulator.reason
     assert simulator.setup_seconds > 0
     assert simulator.noise is None and not simulator.doubts
 

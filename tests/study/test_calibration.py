@@ -242,7 +242,12 @@ def test_wrong_calls_are_told():
         "nothing but gaps": lambda: mb.calibrate(scene, {"x": T * np.nan}),
         "infinite at 0.3 s. A gap is nan": lambda: mb.calibrate(scene, {"x": np.where(T == T[3], np.inf, T)}),
         "one for each output with data: x, got {}": lambda: mb.calibrate(scene, {"x": T}, noise={}),
-        "cannot determine": lambda: mb.calibrate(scene, {"x": ([1.0, 2.0], [1.0, 2.0])}),
+        r"1 value cannot determine 2 parameters\. Give 2 or more, or estimate fewer": lambda: mb.calibrate(
+            scene, {"x": ([1.0], [1.0])}, ["fall", "speed"], noise={"x": 1.0}
+        ),
+        r"1 value cannot determine 1 parameter and the noise\. Give 2 or more, or noise=,": lambda: mb.calibrate(
+            scene, {"x": ([1.0], [1.0])}, ["speed"]
+        ),
         "for each output with data: x, got {.y": lambda: mb.calibrate(scene, {"x": T}, noise={"y": 1.0}),
         "above 0": lambda: mb.calibrate(scene, {"x": T}, noise={"x": 0.0}),
         "level": lambda: mb.calibrate(scene, {"x": T}).box(1.0),

@@ -152,6 +152,8 @@ def test_it_is_printed_and_labelled():
         (({"gap": (0, 1)}, mb.Box(a=(2, 3))), "outside of its"), (({"gap": (0, 1)}, BOX, 3), "costs must be"),
         (({"gap": (0, 1)}, BOX, {"q": abs}), "not in the box"), (({"gap": (0, 1)}, BOX, {"a": 3}), "function"),
         (({"gap": (0, 1)}, BOX, {"a": lambda h: np.nan}), "no number"),
+        (({"gap": (0, 1)}, BOX, lambda h: 0), "wider tolerances do not cost less. Give costs such as lambda h: 1 / h"),
+        (({"gap": (0, 1)}, BOX, lambda h: 3 * h), "wider tolerances do not cost less"),
     ],
 )  # fmt: skip
 def test_what_is_malformed_is_told(arguments, text):

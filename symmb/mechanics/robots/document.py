@@ -130,7 +130,7 @@ class Tag:
         for tag in self.inside:
             if tag.name.startswith("xacro:"):
                 raise tag.fault("xacro has not expanded this file; run it through the program xacro first.")
-            meant = _meant(tag.name, elements)
+            meant = "" if ":" in tag.name else _meant(tag.name, elements)
             if meant:
                 raise tag.fault(f"this element is not known; did you mean <{meant}>?")
         for name in self.attributes:
@@ -197,6 +197,8 @@ class _Reading:
     def __init__(self, file: str, passed: dict[str, list[Tag]] | None) -> None:
         self.file, self.passed = file, passed
         self.root: Tag | None = None
+        self.prefix = ""
+        """Of the namespace of the outermost element, such as "urdf:". Elements with others are those of extensions."""
         self.open: list[Tag] = []
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
@@ -205,7 +207,16 @@ class _Reading:
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         parent = self.open[-1] if self.open else None
-        tag = Tag(name, attributes, self.file, self.parser.CurrentLineNumber, parent=parent, passed=self.passed)
+        if parent is None:
+            self.prefix = name[: name.rfind(":") + 1]
+        tag = Tag(
+            name.removeprefix(self.prefix),
+            attributes,
+            self.file,
+            self.parser.CurrentLineNumber,
+            parent=parent,
+            passed=self.passed,
+        )
         if parent is None:
             self.root = tag
         else:

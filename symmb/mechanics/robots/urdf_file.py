@@ -1,7 +1,7 @@
 """Machines from URDF files: what such a file says."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from symmb._errors import DeclarationError, warn_of
@@ -132,19 +132,23 @@ def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Descri
     numbers: dict[str, float] = {}
     links: dict[str, _Link] = {}
     joints: dict[str, _Joint] = {}
-    known = [joint.attributes.get("name", "").strip() for joint in top.all("joint")]
     for tag in top.inside:
         try:
             if tag.name == "link":
                 _add(links, _link(tag, numbers))
             elif tag.name == "joint":
-                _add(joints, _joint(tag, numbers, known))
+                _add(joints, _joint(tag, numbers))
             elif tag.name in {*_IN_LINK, *_IN_JOINT} - {*_IN_ROBOT}:
                 raise tag.fault("this element stands right in <robot>; move it into its link or joint.")
         except DeclarationError as error:
             faults.append(str(error))
     if not faults:
         faults += _reference_faults(links, joints)
+    for joint in [*joints.values()] * (not faults):
+        try:
+            _free_mimic(joint, joints)
+        except DeclarationError as error:
+            faults.append(str(error))
     if faults:
         raise DeclarationError("\n".join(dict.fromkeys(faults)))
     if not links:
@@ -217,7 +221,7 @@ def _shape(tag: Tag) -> ShapeData | None:
     return ShapeData(shape.name, xyz, rpy, size)  # pyright: ignore[reportArgumentType]
 
 
-def _joint(tag: Tag, numbers: dict[str, float], known: list[str]) -> _Joint:
+def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
     name = tag.own_name()
     tag.check(_IN_JOINT, ("name", "type"))
     kind = tag.text("type")
@@ -231,7 +235,7 @@ def _joint(tag: Tag, numbers: dict[str, float], known: list[str]) -> _Joint:
     numbers |= named(f"{name}.origin", (*XYZ, *RPY), sum(_origin(tag), ()))
     if kind not in ("fixed", "floating"):
         numbers |= named(f"{name}.axis", XYZ, _axis(tag))
-    mimic = _mimic(tag, kind, known)
+    mimic = tag.one("mimic")
     if kind in (*TURNING, *SLIDING):
         numbers |= _limits(tag, name, kind) | _dynamics(tag, name)
         if mimic is not None:
@@ -241,21 +245,6 @@ def _joint(tag: Tag, numbers: dict[str, float], known: list[str]) -> _Joint:
     elif kind != "fixed" and any(_dynamics(tag, name).values()):
         raise tag.needed("dynamics").fault(f"a {kind} joint has no single rate to damp; declare its forces in Python.")
     return _Joint(name, kind, *ends, mimic=None if mimic is None else mimic.reference("joint"), tag=tag)
-
-
-def _mimic(tag: Tag, kind: str, known: list[str]) -> Tag | None:
-    """The <mimic> of a joint, if the joint and the one that it follows have a value."""
-    mimic = tag.one("mimic")
-    if mimic is not None and kind not in (*TURNING, *SLIDING):
-        error = mimic.fault(f"a {kind} joint has no value that could follow another one; remove <mimic>.")
-        mimic.pass_over(f"<mimic> of {kind} joints", error)
-    elif mimic is not None and (leader := mimic.text("joint")) not in known:
-        close = did_you_mean(leader, known).strip().rstrip(".")
-        error = mimic.fault(f"there is no joint {leader!r}; {close[0].lower()}{close[1:]}.")
-        mimic.pass_over("<mimic> of joints that are not there, so that the followers move freely", error)
-    else:
-        return mimic
-    return None
 
 
 def _axis(tag: Tag) -> tuple[float, ...]:
@@ -318,24 +307,31 @@ def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) 
                 )
             )
         carried.setdefault(joint.child, joint)
-        if joint.mimic is not None:
-            yield from _mimic_faults(joint, joints)
 
 
-def _mimic_faults(joint: _Joint, joints: Mapping[str, _Joint]) -> Iterator[str]:
-    mimic, seen, other = joint.tag.needed("mimic"), [joint.name], joint.mimic
-    while other is not None:
-        if other in seen:
-            yield str(mimic.fault(f"joint {joint.name!r} follows itself; name another joint."))
-            return
-        if other not in joints:
-            return
-        if not joints[other].moves:
-            if len(seen) == 1:
-                yield str(mimic.fault(f"the {joints[other].kind} joint {other!r} has no value to follow."))
-            return
-        seen.append(other)
-        other = joints[other].mimic
+def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
+    """Pass over the <mimic> of a joint without a value, or that follows no value: then it moves freely."""
+    row, leader = [joint.name], joint.mimic
+    while leader in joints and leader not in row:
+        row.append(leader)
+        leader = joints[leader].mimic
+    if joint.mimic is None:
+        return
+    if not joint.moves:
+        what, why = f"{joint.kind} joints", f"a {joint.kind} joint has no value that could follow another one"
+    elif joint.mimic not in joints:
+        close = did_you_mean(joint.mimic, joints).strip().rstrip(".")
+        what, why = "joints that are not there", f"there is no joint {joint.mimic!r}; {close[0].lower()}{close[1:]}"
+    elif leader == joint.name:
+        what, why = "joints that follow themselves", f"joint {joint.name!r} follows itself; name another joint"
+    elif not joints[joint.mimic].moves:
+        kind = joints[joint.mimic].kind
+        what, why = f"a {kind} joint", f"the {kind} joint {joint.mimic!r} has no value; name another joint"
+    else:
+        return
+    mimic, free = joint.tag.needed("mimic"), ", so that the followers move freely" * joint.moves
+    mimic.pass_over(f"<mimic> of {what}{free}", mimic.fault(f"{why}."))
+    joints[joint.name] = replace(joint, mimic=None)
 
 
 def _tree(top: Tag, links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> tuple[str, dict[str, _Joint]]:
