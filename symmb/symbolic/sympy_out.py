@@ -23,6 +23,9 @@ _DENOMINATOR = 1000
 _DEGREES = 360
 """Likewise for multiples of pi: up to half a degree is recognised."""
 
+_LARGEST = 10**6
+"""The largest denominator of fractions that products of such numbers give."""
+
 
 def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
     """SymPy matrix of an SX matrix; every SX symbol becomes a real SymPy Symbol.
@@ -35,8 +38,8 @@ def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any
 
     Returns
     -------
-    sympy.Matrix             (n, m); structural zeros are 0; floats that are small fractions, or such
-                             multiples of pi, become exact, all others a Float with the same bits
+    sympy.Matrix             (n, m); structural zeros are 0; floats that are short decimals or small fractions, or
+                             such multiples of pi, become exact, all others a Float with the same bits
 
     Raises
     ------
@@ -58,31 +61,48 @@ def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any
         raise DeclarationError(f"Expression contains symbols that are not listed: {', '.join(missing)}.")
     f = ca.Function("expr", [ca.vertcat(ca.SX(0, 1), *symbols)], [expr])
     values = [sympy.Symbol(name, real=True) for name in names]
-    [nonzeros] = interpret(f, [values], _operation, _constant)
+    [nonzeros] = interpret(f, [values], operation, _constant)
     matrix = sympy.zeros(*expr.shape)
     for row, column, value in zip(*expr.sparsity().get_triplet(), nonzeros, strict=True):
         matrix[row, column] = _number(value)
     return matrix
 
 
-def _constant(value: float) -> Any:
-    import sympy
-
+def exact(value: float) -> tuple[Fraction | None, bool]:
+    """A number as a fraction of 1, or of pi if the second part is true; None if it is infinite."""
     if math.isnan(value):
         raise DeclarationError("Expression contains a NaN constant. SX and SymPy do not mix in one expression.")
     if math.isinf(value):
-        return sympy.oo if value > 0 else -sympy.oo
+        return None, False
     fraction = Fraction(value).limit_denominator(_DENOMINATOR)
-    if float(fraction) == value and abs(fraction.numerator) < 2**53:
-        return sympy.Rational(fraction.numerator, fraction.denominator)
+    if float(fraction) == value:
+        return fraction, False
     # pi / 6 and pi * (1 / 6) differ in the last bit: that much is allowed.
     turn = Fraction(value / math.pi).limit_denominator(_DEGREES)
     if abs(turn * math.pi - value) <= math.ulp(value) and abs(turn.numerator) < 2**20:
-        return sympy.Rational(turn.numerator, turn.denominator) * sympy.pi
-    return sympy.Float(value)
+        return turn, True
+    return Fraction(repr(value)), False  # the shortest decimal
 
 
-def _operation(code: int | Entry, arguments: tuple[Any, ...]) -> Any:
+def _constant(value: float) -> Any:
+    import sympy
+
+    fraction, times_pi = exact(value)
+    if fraction is None:
+        return sympy.oo if value > 0 else -sympy.oo
+    return rational(fraction) * sympy.pi if times_pi else rational(fraction)
+
+
+def rational(fraction: Fraction) -> Any:
+    """A fraction in SymPy, as a Float if it is long."""
+    import sympy
+
+    if fraction.denominator > _LARGEST or abs(fraction.numerator) >= 2**53:
+        return sympy.Float(float(fraction))
+    return sympy.Rational(fraction.numerator, fraction.denominator)
+
+
+def operation(code: int | Entry, arguments: tuple[Any, ...]) -> Any:
     if isinstance(code, Entry):
         return _entry(code, _number(arguments[1]))
     if code in _logic():
@@ -100,7 +120,7 @@ def _entry(entry: Entry, at: Any) -> Any:
 
     values = [_constant(value) for value in entry.pieces.data[2 + entry.column].tolist()]
     cases = [sympy.Lt(at, _constant(knot), evaluate=False) for knot in entry.pieces.knots.tolist()]
-    return sympy.Piecewise(*zip(values, [*cases, True], strict=True), evaluate=False)
+    return _cases([*zip(values, [*cases, sympy.true], strict=True)])
 
 
 def _number(value: Any) -> Any:
@@ -121,8 +141,17 @@ def _is_condition(value: Any) -> bool:
 def _piecewise(value: Any, condition: Any, otherwise: Any) -> Any:
     import sympy
 
-    rest = otherwise.args if isinstance(otherwise, sympy.Piecewise) else [(otherwise, True)]
-    return sympy.Piecewise((value, condition), *rest, evaluate=False)
+    rest = otherwise.args if isinstance(otherwise, sympy.Piecewise) else [(otherwise, sympy.true)]
+    return _cases([(value, condition), *rest])
+
+
+def _cases(pairs: Sequence[tuple[Any, Any]]) -> Any:
+    """Piecewise that is not evaluated: SymPy folds conditions that contain another one, and fails where one is infinite."""
+    import sympy
+    from sympy.functions.elementary.piecewise import ExprCondPair
+
+    made = [sympy.Tuple.__new__(ExprCondPair, sympy.sympify(value), condition) for value, condition in pairs]
+    return sympy.Basic.__new__(sympy.Piecewise, *made)
 
 
 def _add(a: Any, b: Any) -> Any:
