@@ -26,7 +26,6 @@ from symmb.cli.scene_file import add_set, load_scene, scene_and_parameters, ship
 from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import cache
 from symmb.drawing import FORMATS
-from symmb.model import equations_text
 
 _PACKAGE = Path(mb.__file__).parent
 _GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
@@ -111,7 +110,7 @@ def _equations(options: argparse.Namespace) -> None:
     system = load_scene(options.scene).system
     if options.joint:
         system = system.joint_space()
-    print(system.latex() if options.latex else f"{system}\n\n{equations_text(system)}".rstrip())
+    print(system.latex() if options.latex else f"{system}\n\n{system.equations()}".rstrip())
 
 
 def _view(options: argparse.Namespace) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ from symmb.model.box import Box
 from symmb.model.compilation import compile_dae
 from symmb.model.contact_equations import Impacts, JointEvents
 from symmb.model.dae import DAE, is_linear
-from symmb.model.equations_text import equations_text
 from symmb.model.joint_space import JointSpace
 from symmb.model.lazy import Lazy
 from symmb.model.scales import Scales

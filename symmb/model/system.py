@@ -25,15 +25,15 @@ from symmb.mechanics import Body, Element, Ground, Input, Joint, Parameters
 from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
+from symmb.model.equations_text import Equations, equations_of
 from symmb.model.joint_space import JointSpace
 from symmb.model.multipliers import Multipliers, Reaction, reaction
 from symmb.model.summary import system_text
 from symmb.model.validation import sign_faults
-from symmb.symbolic import Symbol, is_zero, latex, rate, reduction, saddle_solver, t, to_sympy
+from symmb.symbolic import Symbol, is_zero, rate, reduction, saddle_solver, simplified, t, to_sympy
 
-_MOST_NODES, _LONGEST = 1000, 6000
-"""Operations of a part, and characters of its LaTeX, up to which it is typeset: larger ones cannot be read."""
-_GREEK = {"Phi": r"\Phi", "Phi_q": r"\Phi_q", "Phi_t": r"\Phi_t", "Psi": r"\Psi", "gamma": r"\gamma"}
+_LONGEST = 6000
+"""Characters of the LaTeX of a part up to which notebooks typeset it: longer ones cannot be read."""
 
 
 class System:
@@ -405,25 +405,57 @@ class System:
         return tuple(name for name, there in has.items() if there)
 
     def to_sympy(self, *names: str) -> dict:
-        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for."""
+        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for.
+
+        Entries are simplified where this takes few operations, as `equations()` prints them.
+        """
         symbols = self.names
         require_names("to_sympy", "part", names, self.parts)
-        return {name: to_sympy(getattr(self, name), [*symbols.values()], [*symbols]) for name in names or self.parts}
+        of = [*symbols.values()], [*symbols]
+        short = {name: simplified(getattr(self, name), *of) for name in names or self.parts}
+        return {name: to_sympy(getattr(self, name), *of) if part is None else part for name, part in short.items()}
+
+    @cached_property
+    def _as_read(self) -> Equations:
+        return equations_of(self)
+
+    def equations(self) -> str:
+        """The equations to read: the equation of motion, its unknowns, and M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma.
+
+        Parts are matrices, simplified where this takes few operations. Of wide ones, the entries that are not zero stand
+        in lines, with names for what long ones share. `latex()` has the same content.
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> p = mb.Parameters(m=1.0, l=1.0)
+        >>> rod = mb.Body("rod", mass=p.m, inertia=p.m * p.l**2 / 12)
+        >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, p.l / 2))
+        >>> system = mb.System(rod, pin, mb.Gravity(0, -9.81), parameters=p)
+        >>> print(system.joint_space().equations())
+        M q̈ = Q
+        <BLANKLINE>
+        q = (q_pin)
+        q̇ = (q̇_pin)
+        <BLANKLINE>
+            ⎡ 2  ⎤
+            ⎢l ⋅m⎥
+        M = ⎢────⎥
+            ⎣ 3  ⎦
+        <BLANKLINE>
+        Q = [-4.905⋅l⋅m⋅sin(q_pin)]
+        """
+        return self._as_read.text
 
     def latex(self) -> str:
-        """The equations in LaTeX, one display for each part that the scene has."""
-        return "\n\n".join(rf"\[ {self._display(name)} \]" for name in self.parts)
-
-    def _display(self, name: str) -> str:
-        """A part in LaTeX, as `part = ...`."""
-        symbols = self.names
-        return f"{_GREEK.get(name, name)} = {latex(getattr(self, name), [*symbols.values()], [*symbols])}"
+        """The content of `equations()` in LaTeX, a display for each part."""
+        return "\n\n".join(rf"\[ {tex} \]" for tex in self._as_read.displays.values())
 
     def _repr_html_(self) -> str:
-        small = [name for name in self.parts if ca.n_nodes(getattr(self, name)) <= _MOST_NODES]
-        formulas = {name: tex for name in small if len(tex := self._display(name)) <= _LONGEST}
-        large = ", ".join(name for name in self.parts if name not in formulas)
-        note = f"{large}: too large to be read here. system.latex() gives all parts, system.{large.split(',')[0]} each."
+        displays = self._as_read.displays
+        formulas = {name: tex for name, tex in displays.items() if len(tex) <= _LONGEST}
+        large = ", ".join([*(name for name in displays if name not in formulas), *self._as_read.left_out])
+        note = f"{large}: too large to be read here. system.equations() and system.latex() give all parts."
         text = html.text(repr(self))
         return html.page(text, *map(html.formula, formulas.values()), html.text(note if large else ""))
 

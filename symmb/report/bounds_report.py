@@ -13,7 +13,7 @@ from symmb._types import Figure
 from symmb.bounds import ROUNDING, Bounds, Contributions, LimitCheck, Limits, Study, worst_rows
 from symmb.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.files import require_suffix
-from symmb.model import Scene, equations_text
+from symmb.model import Scene
 from symmb.report import document
 from symmb.report.document import assumed, called, section, seed
 from symmb.simulation import SceneSimulator, simulate
@@ -65,7 +65,7 @@ def _parts(
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
         start = _part_or_reason(lambda: html.picture(start_picture(prepared)))
         yield section("The mechanism", at_start, start, style="still")
-        equations = f"{scene.system}\n\n{equations_text(scene.system, 'system.latex()')}".rstrip()
+        equations = f"{scene.system}\n\n{scene.system.equations()}".rstrip()
         yield document.folded("Equations", equations)
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
     took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""

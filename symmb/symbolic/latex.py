@@ -1,11 +1,10 @@
-"""LaTeX of SX matrices, with declared names such as "rod1.theta" set as mathematics."""
+"""Expressions of SymPy as text and in LaTeX, with declared names such as "rod1.theta" set as mathematics."""
 
 import re
-from collections.abc import Sequence
-
-import casadi as ca
-
-from symmb.symbolic.sympy_out import to_sympy
+from collections import Counter
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from typing import Any
 
 _GREEK = frozenset(
     "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi"
@@ -13,61 +12,133 @@ _GREEK = frozenset(
 )
 _ESCAPES = str.maketrans({c: rf"\{c}" for c in "_%&#${}"} | {"\\": r"\backslash{}", "^": r"\^{}", "~": r"\~{}"})
 _LOCAL = re.compile(r"(?P<letters>[A-Za-z]+)_?(?P<rest>\w*)(?:\[(?P<index>\d+)\])?")
+_OF_JOINTS = {name + rate: "q" + rate for name in ("angle", "displacement") for rate in ("", "_rate")}
+"""Handles of joints are coordinates q, whose rates have a dot."""
+_LARGEST_DENOMINATOR = 1000
+"""Fractions with larger ones are printed as decimals."""
 
 
-def latex(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> str:
-    r"""LaTeX of an SX matrix; a scalar comes without brackets.
-
-    Parameters
-    ----------
-    expr : (n, m) SX
-    symbols, names           as in `to_sympy`; how a name is set is told in `typeset`
-
-    Raises
-    ------
-    DeclarationError         as `to_sympy`
-
-    Examples
-    --------
-    >>> import casadi as ca
-    >>> l, theta = ca.SX.sym("l"), ca.SX.sym("theta")
-    >>> print(latex(l**2 * ca.sin(theta), [l, theta], ["l1", "rod1.theta"]))
-    l_{1}^{2} \sin{\left(\theta_{\mathrm{rod1}} \right)}
-    """
-    import sympy
-
-    matrix = to_sympy(expr, symbols, names)
-    set_names = {sympy.Symbol(name, real=True): typeset(name) for name in names}
-    return sympy.latex(matrix[0] if matrix.shape == (1, 1) else matrix, symbol_names=set_names)
-
-
-def typeset(name: str) -> str:
+def typeset(name: str, is_full: bool = False) -> str:
     r"""A declared name in LaTeX: the quantity as the letter, its body or joint as subscript.
 
+    `is_full` writes the quantity out where its letter would be that of another name.
+
     Examples
     --------
-    >>> for name in "l1", "rod1.theta", "rod1.vx", "elbow.lam[0]", "k_left", "EI":
+    >>> for name in "l1", "rod1.theta", "rod1.vx", "pin.angle_rate", "elbow.lam[0]", "k_left", "EI":
     ...     print(typeset(name))
     l_{1}
     \theta_{\mathrm{rod1}}
     v_{x,\mathrm{rod1}}
+    \dot{q}_{\mathrm{pin}}
     \lambda_{\mathrm{elbow},0}
     k_{\mathrm{left}}
     \mathrm{EI}
     """
-    owner, _, local = name.rpartition(".")
-    match = _LOCAL.fullmatch(local)
-    if match is None:
+    parts = None if is_full else _parts(name)
+    if parts is None:
         return _upright(name)
+    letters, own, owner, index = parts
+    letter = f"\\{letters}" if letters in _GREEK else letters if len(letters) == 1 else _upright(letters)
+    if letters == "q" and own == "rate" and owner:
+        letter, own = r"\dot{q}", ""
+    own = own if len(own) < 2 or own.isdigit() else _upright(own)
+    subscript = ",".join(part for part in (own, _upright(owner) if owner else "", index) if part)
+    return letter + (f"_{{{subscript}}}" if subscript else "")
+
+
+def plain(name: str, is_full: bool = False) -> str:
+    """A declared name in a line of text.
+
+    Examples
+    --------
+    >>> print(*map(plain, ("l1", "rod1.theta", "rod1.vx", "pin.angle_rate", "elbow.lam[0]", "k_left", "mu_s")))
+    l1 θ_rod1 vx_rod1 q̇_pin λ_elbow[0] k_left μ_s
+    """
+    from sympy.printing.pretty.pretty_symbology import greek_unicode
+
+    parts = None if is_full else _parts(name)
+    if parts is None:
+        return name
+    letters, own, owner, index = parts
+    letter = greek_unicode.get(letters, letters)
+    if letters == "q" and own == "rate" and owner:
+        letter, own = "q\u0307", ""
+    if not owner:
+        return letter + name[len(letters) :]
+    return f"{letter}{own}_{owner}" + (f"[{index}]" if index else "")
+
+
+def _parts(name: str) -> tuple[str, str, str, str] | None:
+    """The letters of a quantity, what else its name has, its owner, and its number."""
+    owner, _, local = name.rpartition(".")
+    match = _LOCAL.fullmatch(_OF_JOINTS.get(local, local) if owner else local)
+    if match is None:
+        return None
     letters, rest = match["letters"], match["rest"]
     if len(letters) == 2 and letters[0] in "vaw" and letters[1] in "xyz":
         letters, rest = letters[0], letters[1] + rest
-    letters = {"lam": "lambda", "w": "omega"}.get(letters, letters)
-    letter = f"\\{letters}" if letters in _GREEK else letters if len(letters) == 1 else _upright(letters)
-    own = rest if len(rest) < 2 or rest.isdigit() else _upright(rest)
-    subscript = ",".join(part for part in (own, _upright(owner) if owner else "", match["index"]) if part)
-    return letter + (f"_{{{subscript}}}" if subscript else "")
+    return {"lam": "lambda", "w": "omega"}.get(letters, letters), rest, owner, match["index"] or ""
 
 
 def _upright(text: str) -> str:
     return rf"\mathrm{{{text.translate(_ESCAPES)}}}"
+
+
+def set_names(names: Sequence[str], typeset: Callable[..., str]) -> dict[str, str]:
+    """Names as `typeset` or `plain` set them; in full where two would be the same."""
+    made = {name: typeset(name) for name in names}
+    times = Counter(made.values())
+    return {name: typeset(name, True) if times[text] > 1 else text for name, text in made.items()}
+
+
+def decimal(value: Any) -> Any:
+    """A rational number of SymPy as it is printed: 1/12 and 1/2 as fractions, 9.81 and 2.5 as decimals."""
+    import sympy
+
+    fraction = Fraction(value.p, value.q)
+    twos, rest = fraction.denominator & -fraction.denominator, fraction.denominator
+    while rest % 5 == 0:
+        rest //= 5
+    is_decimal = rest == twos and (fraction.denominator > twos or abs(fraction) > 2)
+    if fraction.denominator > 1 and (is_decimal or fraction.denominator > _LARGEST_DENOMINATOR):
+        return sympy.Float(float(fraction))
+    return value
+
+
+def printer(names: dict[str, str], kind: str) -> Any:
+    """A printer of SymPy: "pretty" for matrices as text, "str" for lines of text, or "latex".
+
+    `names` are those of symbols as they are printed.
+    """
+    import sympy
+    from sympy.printing.latex import LatexPrinter
+    from sympy.printing.pretty.pretty import PrettyPrinter, prettyForm
+    from sympy.printing.str import StrPrinter
+
+    base, settings = {
+        "pretty": (PrettyPrinter, {"use_unicode": True, "wrap_line": False, "full_prec": False}),
+        "str": (StrPrinter, {"full_prec": False}),
+        "latex": (LatexPrinter, {}),
+    }[kind]
+
+    class Printer(base):
+        def _print_Symbol(self, symbol: Any, *_: Any, **__: Any) -> Any:
+            name = names.get(symbol.name, symbol.name)
+            return prettyForm(name, binding=prettyForm.ATOM) if kind == "pretty" else name
+
+        def _print_Rational(self, value: Any) -> Any:
+            shown = decimal(value)
+            return super()._print_Rational(value) if shown is value else self._print(shown)
+
+        def _print_Mul(self, product: Any) -> Any:
+            factor, rest = product.as_coeff_Mul()
+            if factor.is_Rational and (shown := decimal(factor)) is not factor:
+                product = sympy.Mul(shown, *sympy.Mul.make_args(rest), evaluate=False)
+            return super()._print_Mul(product)
+
+        def _print_Add(self, total: Any, order: Any = None) -> Any:
+            terms = [decimal(term) if term.is_Rational else term for term in total.args]
+            return super()._print_Add(sympy.Add(*terms, evaluate=False), order=order)
+
+    return Printer(settings)

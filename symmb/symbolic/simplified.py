@@ -12,12 +12,12 @@ import casadi as ca
 
 from symmb.symbolic.instructions import interpret
 from symmb.symbolic.pieces import Entry
-from symmb.symbolic.sympy_out import exact, operation, rational, to_sympy
+from symmb.symbolic.sympy_out import exact, length_of, operation, rational, to_sympy
 
-_MOST_PRODUCTS, _MOST_TERMS = 6000, 32
-"""Products of terms of a matrix, and terms of an entry, up to which it is simplified: a second for eight matrices.
+_MOST_OPERATIONS, _MOST_PRODUCTS, _MOST_TERMS = 3000, 4000, 32
+"""Operations and products of terms of a matrix, and terms of an entry, up to which it is simplified.
 
-`test_equations_of_models` measures the time.
+Systems of up to three degrees of freedom take less than a second for all matrices: `test_equations_of_models` measures it.
 """
 _HIGHEST = 4
 """The largest power of a sum that is multiplied out."""
@@ -31,7 +31,7 @@ Sum = dict[tuple[Monomial, Angle, int], Fraction]
 
 
 def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
-    """The matrix that `to_sympy` gives, with short entries where they are found with few operations.
+    """The matrix that `to_sympy` gives, with short entries; None where they would take many operations to find.
 
     Examples
     --------
@@ -43,16 +43,20 @@ def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> A
     """
     import sympy
 
-    matrix = to_sympy(expr, symbols, names)
     f = ca.Function("expr", [ca.vertcat(ca.SX(0, 1), *symbols)], [expr])
+    [lengths] = interpret(f, [[0] * len(names)], lambda code, of: sum(of, length_of(code)), lambda _: 0)
+    if sum(lengths) > _MOST_OPERATIONS:
+        return None
     sums = _Sums()
     try:
         inputs = [[sums.factor(sympy.Symbol(name, real=True)) for name in names]]
         [entries] = interpret(f, inputs, sums.operation, sums.constant)
+        forms = [sums.forms(entry) for entry in entries]
     except _TooLong:
-        return matrix
-    for row, column, entry in zip(*expr.sparsity().get_triplet(), entries, strict=True):
-        matrix[row, column] = min(sums.forms(entry) + [matrix[row, column]], key=_length)
+        return None
+    matrix = to_sympy(expr, symbols, names)
+    for row, column, known in zip(*expr.sparsity().get_triplet(), forms, strict=True):
+        matrix[row, column] = min([*known, matrix[row, column]], key=_length)
     return matrix
 
 

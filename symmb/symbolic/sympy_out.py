@@ -6,6 +6,7 @@ unevaluated: SymPy's own attempts to decide them cost seconds on the matrices of
 """
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
@@ -14,6 +15,7 @@ from typing import Any
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb.symbolic.common import common
 from symmb.symbolic.instructions import interpret, operation_name
 from symmb.symbolic.pieces import Entry
 
@@ -25,6 +27,9 @@ _DEGREES = 360
 
 _LARGEST = 10**6
 """The largest denominator of fractions that products of such numbers give."""
+
+_SHORT, _LONG = 4, 40
+"""Operations from which on an expression that is shared has a name, and from which on every one has."""
 
 
 def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
@@ -66,6 +71,71 @@ def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any
     for row, column, value in zip(*expr.sparsity().get_triplet(), nonzeros, strict=True):
         matrix[row, column] = _number(value)
     return matrix
+
+
+def with_names(
+    parts: Sequence[ca.SX], symbols: Sequence[ca.SX], names: Sequence[str]
+) -> tuple[dict[Any, Any], list[Any]]:
+    """SymPy matrices of long expressions, in which what they share has names.
+
+    Arguments are those of `to_sympy`, for several matrices. Tables of many rows become functions.
+
+    Returns
+    -------
+    dict, list of sympy.Matrix       symbol -> what it stands for, made of those before it; and the matrices
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    >>> distance = ca.sqrt(x**2 + y**2)
+    >>> with_names([distance / (1 + distance)], [x, y], ["x", "y"])
+    ({a1: sqrt(x**2 + y**2)}, [Matrix([[a1/(a1 + 1)]])])
+    """
+    import sympy
+
+    f = common("expr", [ca.vertcat(ca.SX(0, 1), *symbols)], list(parts))
+    letter = next(c for c in "abcdefghijkuvwz" if not any(re.fullmatch(rf"{c}_?\d+", name) for name in names))
+    uses: list[list[int]] = []
+
+    def count(_: Any, of: tuple[list[int], ...]) -> list[int]:
+        for part in of:
+            part[0] += 1
+        uses.append([0])
+        return uses[-1]
+
+    interpret(f, [[[0] for _ in names]], count, lambda _: [0])
+    definitions: dict[Any, Any] = {}
+    tables: dict[tuple[str, int], Any] = {}
+    used = iter(uses)
+
+    def named(code: int | Entry, of: tuple[tuple[Any, int], ...]) -> tuple[Any, int]:
+        values, length = tuple(value for value, _ in of), sum((n for _, n in of), 1)
+        if isinstance(code, Entry) and length_of(code) > _LONG:
+            table = tables.setdefault((code.pieces.name, code.column), sympy.Function(f"table{len(tables) + 1}"))
+            value = table(_number(values[1]))
+        else:
+            value = operation(code, values)
+        is_shared = next(used)[0] > 1 and length >= _SHORT and code != ca.OP_IF_ELSE_ZERO
+        if _is_condition(value) or value.is_Atom or not (is_shared or length > _LONG):
+            return value, length
+        symbol = sympy.Symbol(f"{letter}{len(definitions) + 1}", real=True)
+        definitions[symbol] = value
+        return symbol, 0
+
+    outputs = interpret(f, [[(sympy.Symbol(name, real=True), 0) for name in names]], named, lambda c: (_constant(c), 0))
+    matrices = []
+    for part, entries in zip(parts, outputs, strict=True):
+        matrix = sympy.zeros(*part.shape)
+        for row, column, (value, _) in zip(*part.sparsity().get_triplet(), entries, strict=True):
+            matrix[row, column] = _number(value)
+        matrices.append(matrix)
+    return definitions, matrices
+
+
+def length_of(code: int | Entry) -> int:
+    """Operations that an instruction is written with."""
+    return 2 * len(code.pieces.knots) + 1 if isinstance(code, Entry) else 1
 
 
 def exact(value: float) -> tuple[Fraction | None, bool]:
