@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 _WIDTH = 110
 """Columns of text up to which a matrix is printed as such. Of wider ones the entries that are not zero are printed."""
+_LONGEST = 60
+"""Operations of the longest entry up to which what the entries share has no names."""
 _MOST = 20_000
 """Operations of a part up to which it is printed: ten seconds."""
 _GREEK = {"Phi": "Φ", "Phi_q": "Φ_q", "Phi_t": "Φ_t", "Psi": "Ψ", "gamma": "γ"}
@@ -101,17 +103,18 @@ def equations_of(system: "System") -> Equations:
     names |= {"Phi_t": (rows[:n_c], []), "Psi": (rows[n_c:], []), "gamma": (rows, [])}
     sizes = {name: ca.n_nodes(getattr(system, name)) for name in system.parts}
     short = {name: simplified(getattr(system, name), *of) for name, n in sizes.items() if n <= _MOST}
-    long = [name for name, matrix in short.items() if matrix is None]
+    long = [name for name, matrix in short.items() if matrix is None or max(e.count_ops() for e in matrix) > _LONGEST]
     shared, matrices = with_names([getattr(system, name) for name in long], *of) if long else ({}, [])
     short |= dict(zip(long, matrices, strict=True))
     pretty = printer(set_names([*symbols], plain), "pretty")
-    fits = {name: name not in long and pretty._print(matrix).width() < _WIDTH for name, matrix in short.items()}
+    narrow = [name for name, matrix in short.items() if name not in long and 3 * matrix.cols < _WIDTH]
+    fits = [name for name in narrow if pretty._print(short[name]).width() + len("Phi_q = ") <= _WIDTH]
     return Equations(
-        symbols=[*symbols],
+        symbols=[*symbols, *(symbol.name for symbol in shared)],
         vectors={name: of for name, of in (("q", q), ("q̇" if is_rate else "v", v), ("λ", rows)) if of},
         rows=names,
         matrices=short,
-        wide={name for name, is_narrow in fits.items() if not is_narrow},
+        wide={name for name in short if name not in fits},
         shared=shared,
         left_out={name: n for name, n in sizes.items() if n > _MOST},
         line=_line(is_rate, bool(rows), bool(system.Psi.numel())) if v else ("", ""),

@@ -1,6 +1,6 @@
 """Algebra on CasADi SX: symbols, vectors, derivatives, linear systems, and the border to SymPy.
 
-The files sympy_in, sympy_out, simplified and latex are the only ones that know SymPy.
+The files sympy_in, sympy_out, simplified and printing are the only ones that know SymPy.
 """
 
 from symmb.symbolic.batch import batch, batch_padded, evaluated, nonzeros, pattern, so_far
@@ -27,7 +27,7 @@ from symmb.symbolic.geometry import (
 from symmb.symbolic.given import given
 from symmb.symbolic.instructions import interpret, operation_name
 from symmb.symbolic.jets import HIGHEST_ORDER, jet_function, jets
-from symmb.symbolic.latex import plain, printer, set_names, typeset
+from symmb.symbolic.printing import plain, printer, set_names, typeset
 from symmb.symbolic.linear import (
     ExplicitSolver,
     MassBlocks,

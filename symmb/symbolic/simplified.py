@@ -19,6 +19,8 @@ _MOST_OPERATIONS, _MOST_PRODUCTS, _MOST_TERMS = 3000, 4000, 32
 
 Systems of up to three degrees of freedom take less than a second for all matrices: `test_equations_of_models` measures it.
 """
+_MUCH = 1.25
+"""What was derived is kept if another form is longer by this factor: products of sums that are not worth multiplying."""
 _HIGHEST = 4
 """The largest power of a sum that is multiplied out."""
 
@@ -56,7 +58,9 @@ def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> A
         return None
     matrix = to_sympy(expr, symbols, names)
     for row, column, known in zip(*expr.sparsity().get_triplet(), forms, strict=True):
-        matrix[row, column] = min([*known, matrix[row, column]], key=_length)
+        shortest = min(known, key=_length)
+        if _length(shortest) <= _MUCH * _length(matrix[row, column]):
+            matrix[row, column] = shortest
     return matrix
 
 
@@ -165,7 +169,7 @@ class _Sums:
             halved = sympy.Add(*[_term(key, c, names, halved=True) for key, c in a.items()])
             forms += [sympy.expand(f) for f in (halved, TR6(halved), TR5(powers), TR6(powers))]
         back = {name: factor for name, factor in zip(names, self.factors, strict=True) if name is not factor}
-        forms = [_with_floats(form) for whole in forms for form in (whole, _grouped(whole))]
+        forms = [_with_floats(form) for whole in forms for form in (whole, _grouped(whole, [*back]))]
         return [form.xreplace(back) if back else form for form in forms]
 
 
@@ -219,20 +223,20 @@ def _term(key: tuple[Monomial, Angle, int], coefficient: Fraction, names: list[A
     return product(monomial, coefficient) * wave
 
 
-def _grouped(total: Any) -> Any:
-    """A sum in which what is multiplied by the same sines and cosines is one factor, where it has common symbols."""
+def _grouped(total: Any, others: list[Any]) -> Any:
+    """A sum in which what the same sines, cosines and others multiply is one factor, where it has common symbols."""
     import sympy
 
     groups: dict[Any, list[Any]] = {}
     for term in sympy.Add.make_args(total):
-        coefficient, wave = term.as_independent(sympy.sin, sympy.cos, as_Add=False)
+        coefficient, wave = term.as_independent(sympy.sin, sympy.cos, *others, as_Add=False)
         groups.setdefault(wave, []).append(coefficient)
     terms = []
     for wave, coefficients in groups.items():
         plain = sympy.Add(*coefficients)
         content, rest = plain.primitive()
-        common = sympy.factor_terms(rest)
-        has_symbols = common.is_Mul and any(not (f.is_Number or f.is_Add) for f in common.args)
+        common = sympy.factor(rest)
+        has_symbols = common.is_Pow or common.is_Mul and any(not (f.is_Number or f.is_Add) for f in common.args)
         terms.append((content * common if has_symbols else plain) * wave)
     return sympy.Add(*terms)
 

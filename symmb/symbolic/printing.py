@@ -14,7 +14,7 @@ _ESCAPES = str.maketrans({c: rf"\{c}" for c in "_%&#${}"} | {"\\": r"\backslash{
 _LOCAL = re.compile(r"(?P<letters>[A-Za-z]+)_?(?P<rest>\w*)(?:\[(?P<index>\d+)\])?")
 _OF_JOINTS = {name + rate: "q" + rate for name in ("angle", "displacement") for rate in ("", "_rate")}
 """Handles of joints are coordinates q, whose rates have a dot."""
-_LARGEST_DENOMINATOR = 1000
+_LARGEST_DENOMINATOR = 10_000
 """Fractions with larger ones are printed as decimals."""
 
 
