@@ -25,9 +25,6 @@ _DENOMINATOR = 1000
 _DEGREES = 360
 """Likewise for multiples of pi: up to half a degree is recognised."""
 
-_LARGEST = 10**6
-"""The largest denominator of fractions that products of such numbers give."""
-
 _SHORT, _LONG = 4, 40
 """Operations from which on an expression that is shared has a name, and from which on every one has."""
 
@@ -43,8 +40,8 @@ def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any
 
     Returns
     -------
-    sympy.Matrix             (n, m); structural zeros are 0; floats that are short decimals or small fractions, or
-                             such multiples of pi, become exact, all others a Float with the same bits
+    sympy.Matrix             (n, m); structural zeros are 0; floats that are small fractions, or such
+                             multiples of pi, become exact, all others a Float with the same bits
 
     Raises
     ------
@@ -66,23 +63,16 @@ def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any
         raise DeclarationError(f"Expression contains symbols that are not listed: {', '.join(missing)}.")
     f = ca.Function("expr", [ca.vertcat(ca.SX(0, 1), *symbols)], [expr])
     values = [sympy.Symbol(name, real=True) for name in names]
-    [nonzeros] = interpret(f, [values], operation, _constant)
-    matrix = sympy.zeros(*expr.shape)
-    for row, column, value in zip(*expr.sparsity().get_triplet(), nonzeros, strict=True):
-        matrix[row, column] = _number(value)
-    return matrix
+    [nonzeros] = interpret(f, [values], _operation, _constant)
+    return _matrix(expr, nonzeros)
 
 
 def with_names(
     parts: Sequence[ca.SX], symbols: Sequence[ca.SX], names: Sequence[str]
 ) -> tuple[dict[Any, Any], list[Any]]:
-    """SymPy matrices of long expressions, in which what they share has names.
+    """SymPy matrices of long expressions, in which what they share has names: symbol -> what it stands for; matrices.
 
-    Arguments are those of `to_sympy`, for several matrices. Tables of many rows become functions.
-
-    Returns
-    -------
-    dict, list of sympy.Matrix       symbol -> what it stands for, made of those before it; and the matrices
+    Arguments are those of `to_sympy`, for several matrices.
 
     Examples
     --------
@@ -106,16 +96,10 @@ def with_names(
 
     interpret(f, [[[0] for _ in names]], count, lambda _: [0])
     definitions: dict[Any, Any] = {}
-    tables: dict[tuple[str, int], Any] = {}
     used = iter(uses)
 
     def named(code: int | Entry, of: tuple[tuple[Any, int], ...]) -> tuple[Any, int]:
-        values, length = tuple(value for value, _ in of), sum((n for _, n in of), 1)
-        if isinstance(code, Entry) and length_of(code) > _LONG:
-            table = tables.setdefault((code.pieces.name, code.column), sympy.Function(f"table{len(tables) + 1}"))
-            value = table(_number(values[1]))
-        else:
-            value = operation(code, values)
+        value, length = _operation(code, tuple(value for value, _ in of)), sum((n for _, n in of), 1)
         is_shared = next(used)[0] > 1 and length >= _SHORT and code != ca.OP_IF_ELSE_ZERO
         if _is_condition(value) or value.is_Atom or not (is_shared or length > _LONG):
             return value, length
@@ -124,55 +108,36 @@ def with_names(
         return symbol, 0
 
     outputs = interpret(f, [[(sympy.Symbol(name, real=True), 0) for name in names]], named, lambda c: (_constant(c), 0))
-    matrices = []
-    for part, entries in zip(parts, outputs, strict=True):
-        matrix = sympy.zeros(*part.shape)
-        for row, column, (value, _) in zip(*part.sparsity().get_triplet(), entries, strict=True):
-            matrix[row, column] = _number(value)
-        matrices.append(matrix)
-    return definitions, matrices
+    return definitions, [_matrix(part, [e for e, _ in of]) for part, of in zip(parts, outputs, strict=True)]
 
 
-def length_of(code: int | Entry) -> int:
-    """Operations that an instruction is written with."""
-    return 2 * len(code.pieces.knots) + 1 if isinstance(code, Entry) else 1
+def _matrix(expr: ca.SX, nonzeros: Sequence[Any]) -> Any:
+    import sympy
 
-
-def exact(value: float) -> tuple[Fraction | None, bool]:
-    """A number as a fraction of 1, or of pi if the second part is true; None if it is infinite."""
-    if math.isnan(value):
-        raise DeclarationError("Expression contains a NaN constant. SX and SymPy do not mix in one expression.")
-    if math.isinf(value):
-        return None, False
-    fraction = Fraction(value).limit_denominator(_DENOMINATOR)
-    if float(fraction) == value:
-        return fraction, False
-    # pi / 6 and pi * (1 / 6) differ in the last bit: that much is allowed.
-    turn = Fraction(value / math.pi).limit_denominator(_DEGREES)
-    if abs(turn * math.pi - value) <= math.ulp(value) and abs(turn.numerator) < 2**20:
-        return turn, True
-    return Fraction(repr(value)), False  # the shortest decimal
+    matrix = sympy.zeros(*expr.shape)
+    for row, column, value in zip(*expr.sparsity().get_triplet(), nonzeros, strict=True):
+        matrix[row, column] = _number(value)
+    return matrix
 
 
 def _constant(value: float) -> Any:
     import sympy
 
-    fraction, times_pi = exact(value)
-    if fraction is None:
+    if math.isnan(value):
+        raise DeclarationError("Expression contains a NaN constant. SX and SymPy do not mix in one expression.")
+    if math.isinf(value):
         return sympy.oo if value > 0 else -sympy.oo
-    return rational(fraction) * sympy.pi if times_pi else rational(fraction)
+    fraction = Fraction(value).limit_denominator(_DENOMINATOR)
+    if float(fraction) == value and abs(fraction.numerator) < 2**53:
+        return sympy.Rational(fraction.numerator, fraction.denominator)
+    # pi / 6 and pi * (1 / 6) differ in the last bit: that much is allowed.
+    turn = Fraction(value / math.pi).limit_denominator(_DEGREES)
+    if abs(turn * math.pi - value) <= math.ulp(value) and abs(turn.numerator) < 2**20:
+        return sympy.Rational(turn.numerator, turn.denominator) * sympy.pi
+    return sympy.Float(value)
 
 
-def rational(fraction: Fraction) -> Any:
-    """A fraction in SymPy, as a Float if it is long."""
-    import sympy
-
-    if fraction.denominator > _LARGEST or abs(fraction.numerator) >= 2**53:
-        return sympy.Float(float(fraction))
-    return sympy.Rational(fraction.numerator, fraction.denominator)
-
-
-def operation(code: int | Entry, arguments: tuple[Any, ...]) -> Any:
+def _operation(code: int | Entry, arguments: tuple[Any, ...]) -> Any:
     if isinstance(code, Entry):
         return _entry(code, _number(arguments[1]))
     if code in _logic():
@@ -216,7 +181,7 @@ def _piecewise(value: Any, condition: Any, otherwise: Any) -> Any:
 
 
 def _cases(pairs: Sequence[tuple[Any, Any]]) -> Any:
-    """Piecewise that is not evaluated: SymPy folds conditions that contain another one, and fails where one is infinite."""
+    """Piecewise as it is: SymPy folds conditions that contain another one, and fails where one is infinite."""
     import sympy
     from sympy.functions.elementary.piecewise import ExprCondPair
 
