@@ -454,7 +454,7 @@ class System:
     def _repr_html_(self) -> str:
         displays = self._as_read.displays
         formulas = {name: tex for name, tex in displays.items() if len(tex) <= _LONGEST}
-        large = ", ".join([*(name for name in displays if name not in formulas), *self._as_read.left_out])
+        large = ", ".join(name for name in displays if name not in formulas)
         note = f"{large}: too large to be read here. system.equations() and system.latex() give all parts."
         text = html.text(repr(self))
         return html.page(text, *map(html.formula, formulas.values()), html.text(note if large else ""))
