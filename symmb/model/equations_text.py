@@ -58,12 +58,16 @@ class Equations:
         tex = printer(names, "latex").doprint
         displays = {"motion": self.motion} if self.motion else {}
         if self.vectors:
-            displays["vectors"] = _aligned([f"{v} &= ({', '.join(names[n] for n in of)})" for v, of in self.vectors.items()])
+            displays["vectors"] = _aligned(
+                [f"{v} &= ({', '.join(names[n] for n in of)})" for v, of in self.vectors.items()]
+            )
         for name, matrix in self.matrices.items():
             label = rf"\{name}" if name.split("_")[0] in _LETTERS else name
             if name in self.wide:
                 entries = self._entries(name)
-                displays[name] = _aligned([f"{label}[{', '.join(names[n] for n in at)}] &= {tex(e)}" for at, e in entries])
+                displays[name] = _aligned(
+                    [f"{label}[{', '.join(names[n] for n in at)}] &= {tex(e)}" for at, e in entries]
+                )
             else:
                 displays[name] = f"{label} = {tex(matrix)}"
         if self.shared:

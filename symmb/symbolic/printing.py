@@ -75,10 +75,12 @@ def _parts(name: str) -> tuple[str, str, str, str] | None:
     match = _LOCAL.fullmatch(_OF_JOINTS.get(local, local) if owner else local)
     if match is None:
         return None
-    letters, rest = match["letters"], match["rest"]
+    letters, rest = match["letters"], match["rest"] or ""
     if len(letters) == 2 and letters[0] in "vaw" and letters[1] in "xyz":
         letters, rest = letters[0], letters[1] + rest
-    return {"lam": "lambda", "w": "omega"}.get(letters, letters), rest, owner, match["index"] or ""
+    if owner:
+        letters = {"lam": "lambda", "w": "omega"}.get(letters, letters)
+    return letters, rest, owner, match["index"] or ""
 
 
 def _upright(text: str) -> str:

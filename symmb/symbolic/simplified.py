@@ -59,7 +59,9 @@ def _shortest(expression: Any) -> Any:
     harmonics = sympy.expand(TR8(polynomial))
     powers = sympy.expand(sympy.expand_trig(harmonics))
     sums = dict.fromkeys([harmonics, sympy.expand(TR5(powers)), sympy.expand(TR6(powers))])
-    forms = [form.xreplace({new: old for old, new in others.items()}) for s in sums for form in (s, _grouped(s, others))]
+    forms = [
+        form.xreplace({new: old for old, new in others.items()}) for s in sums for form in (s, _grouped(s, others))
+    ]
     shortest = min(forms, key=lambda form: form.count_ops())
     return shortest if shortest.count_ops() <= _MUCH * expression.count_ops() else expression
 

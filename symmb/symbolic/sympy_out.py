@@ -180,7 +180,7 @@ def _piecewise(value: Any, condition: Any, otherwise: Any) -> Any:
     return _cases([(value, condition), *rest])
 
 
-def _cases(pairs: Sequence[tuple[Any, Any]]) -> Any:
+def _cases(pairs: Sequence[Any]) -> Any:
     """Piecewise as it is: SymPy folds conditions that contain another one, and fails where one is infinite."""
     import sympy
     from sympy.functions.elementary.piecewise import ExprCondPair

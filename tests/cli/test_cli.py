@@ -147,7 +147,7 @@ def test_equations(scene, capsys):
     assert main(["equations", scene(PENDULUM)]) == 0
     told = capsys.readouterr().out
     assert "1 Revolute" in told
-    for part in ("[M  Φ_qᵀ; Φ_q  0] [q̈; λ] = [Q; γ]", "M = ", "⎢ 19.62 ", "-damping⋅ω_rod", "Φ = ", "Φ_q = ", "γ = "):
+    for part in ("[M  Φ_qᵀ; Φ_q  0] [q̈; λ] = [Q; γ]", "M = ", "19.62", "-damping⋅ω_rod", "Φ = ", "Φ_q = ", "γ = "):
         assert part in told
     assert "Φ_t" not in told
     assert main(["equations", scene(PENDULUM), "--latex"]) == 0

@@ -40,6 +40,8 @@ def test_names(name, expected):
         ("top.omega_x", "\u03c9x_top", r"\omega_{x,\mathrm{top}}"),
         ("elbow.lam[1]", "\u03bb_elbow[1]", r"\lambda_{\mathrm{elbow},1}"),
         ("mu_s", "\u03bc_s", r"\mu_{s}"),
+        ("w", "w", "w"),
+        ("lam", "lam", r"\mathrm{lam}"),
         ("angle_rate", "angle_rate", r"\mathrm{angle}_{\mathrm{rate}}"),
     ],
 )
@@ -59,13 +61,15 @@ def test_names_differ_where_they_would_be_the_same(set_one):
     [(9.81, "9.81"), (0.1, "0.1"), (2.5, "2.5"), (24.525, "24.525"), (-0.0625 / 5, "-0.0125"), (0.123456, "0.123456")],
 )
 def test_decimals_stay_decimals(kind, value, text):
-    m, l = ca.SX.sym("m"), ca.SX.sym("l")
-    for of in (ca.SX(value), value * m, l + value, ca.sqrt(m) + value * l * m):
-        [entry] = to_sympy(of, [m, l], ["m", "l"])
+    m, a = ca.SX.sym("m"), ca.SX.sym("a")
+    for of in (ca.SX(value), value * m, a + value, ca.sqrt(m) + value * a * m):
+        [entry] = to_sympy(of, [m, a], ["m", "a"])
         assert text.lstrip("-") in printer({}, kind).doprint(entry)
 
 
-@pytest.mark.parametrize(("value", "text"), [(1 / 12, "m/12"), (0.5, "m/2"), (3 / 8, "3*m/8"), (-1 / 3, "-m/3"), (2, "2*m")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(1 / 12, "m/12"), (0.5, "m/2"), (3 / 8, "3*m/8"), (-1 / 3, "-m/3"), (2, "2*m")]
+)
 def test_fractions_of_derivations_stay_fractions(value, text):
     m = ca.SX.sym("m")
     assert printer({}, "str").doprint(to_sympy(value * m, [m], ["m"])[0]) == text
