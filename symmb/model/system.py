@@ -422,8 +422,8 @@ class System:
     def equations(self) -> str:
         """The equations to read: the equation of motion, its unknowns, and M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma.
 
-        Parts are matrices, simplified where this takes few operations. Of wide ones, the entries that are not zero stand
-        in lines, with names for what long ones share. `latex()` has the same content.
+        Parts are matrices, simplified where this takes few operations. Of wide ones, the entries that are not zero
+        stand in lines, with names for what long ones share. `latex()` has the same content.
 
         Examples
         --------

@@ -27,7 +27,6 @@ from symmb.symbolic.geometry import (
 from symmb.symbolic.given import given
 from symmb.symbolic.instructions import interpret, operation_name
 from symmb.symbolic.jets import HIGHEST_ORDER, jet_function, jets
-from symmb.symbolic.printing import plain, printer, set_names, typeset
 from symmb.symbolic.linear import (
     ExplicitSolver,
     MassBlocks,
@@ -43,6 +42,7 @@ from symmb.symbolic.linear import (
 from symmb.symbolic.nodes import with_nodes
 from symmb.symbolic.pickling import reduction
 from symmb.symbolic.pieces import Entry, Pieces, Sides, Smooth, applied, called
+from symmb.symbolic.printing import plain, printer, set_names, typeset
 from symmb.symbolic.ranges import ranges_along
 from symmb.symbolic.simplified import simplified
 from symmb.symbolic.switching import SOFT, Branches, On, branches, has_kinks, laws, switching, with_common_expressions

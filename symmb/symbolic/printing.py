@@ -61,7 +61,7 @@ def plain(name: str, is_full: bool = False) -> str:
     if parts is None:
         return name
     letters, own, owner, index = parts
-    letter = greek_unicode.get(letters, letters)
+    letter = greek_unicode.get(letters) or letters
     if letters == "q" and own == "rate" and owner:
         letter, own = "q\u0307", ""
     if not owner:

@@ -14,7 +14,7 @@ _MOST_OPERATIONS, _MOST_TERMS = 800, 100
 All matrices of a system of three degrees of freedom take less than a second: `test_equations_of_models` measures it.
 """
 _MUCH = 1.25
-"""What was derived is kept if other forms are longer by this factor: products of sums that are not worth multiplying."""
+"""What was derived is kept if other forms are longer by this factor, as products of sums are when they are expanded."""
 
 
 def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
@@ -50,7 +50,7 @@ def _sizes(code: Any, of: tuple[tuple[int, int], ...]) -> tuple[int, int]:
 
 
 def _shortest(expression: Any) -> Any:
-    """Of what was derived, a sum of harmonics and sums of powers of sines or cosines, that with the fewest operations."""
+    """The shortest form: as derived, a sum of harmonics, or a sum of powers of sines or cosines."""
     import sympy
     from sympy.simplify.fu import TR5, TR6, TR8
 
@@ -100,6 +100,6 @@ def _grouped(total: Any, others: dict[Any, Any]) -> Any:
     for wave, coefficients in groups.items():
         content, rest = sympy.Add(*coefficients).primitive()
         common = rest if rest.has(sympy.Float) else sympy.factor(rest)
-        has_symbols = common.is_Pow or common.is_Mul and any(not (f.is_Number or f.is_Add) for f in common.args)
+        has_symbols = common.is_Pow or (common.is_Mul and not all(f.is_Number or f.is_Add for f in common.args))
         terms.append(content * (common if has_symbols else rest) * wave)
     return sympy.Add(*terms)

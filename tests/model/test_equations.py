@@ -1,5 +1,7 @@
 """Equations as they are read: those of textbooks, written here by hand, and those of all models."""
 
+# ruff: noqa: E741  (l is a length in textbooks)
+
 import time
 from dataclasses import dataclass
 
@@ -49,7 +51,7 @@ def compound_pendulum():
 
 
 def double_pendulum():
-    """Two point masses, in the angle of the first and the relative one: Craig, Introduction to Robotics, section 6.7."""
+    """Two point masses, by the angle of the first and the relative one: Craig, Introduction to Robotics, 6.7."""
     p = mb.Parameters(m1=1.0, m2=1.3, l1=0.9, l2=0.7, g=9.81)
     first, second = mb.Body("first", p.m1, 0.0), mb.Body("second", p.m2, 0.0)
     one = mb.Revolute("one", GROUND.point(0, 0), first.point(0, p.l1))
