@@ -72,7 +72,7 @@ def test_no_cell_fails_or_writes_noise(notebook):
 
 def test_equations_are_typeset(shown):
     page = shown("system")["text/html"]
-    assert page.count("$$") == 2 * 7  # the equation of motion, its unknowns, M, Q, Phi, Phi_q, gamma
+    assert page.count("$$") == 2 * 8  # the equation of motion, its unknowns, M, Q, Phi, Phi_q, gamma, and names
     assert r"\theta_{\mathrm{rod}}" in page
     assert "1 Revolute" in page
 

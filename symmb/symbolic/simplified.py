@@ -101,5 +101,6 @@ def _grouped(total: Any, others: dict[Any, Any]) -> Any:
         content, rest = sympy.Add(*coefficients).primitive()
         common = rest if rest.has(sympy.Float) else sympy.factor(rest)
         has_symbols = common.is_Pow or (common.is_Mul and not all(f.is_Number or f.is_Add for f in common.args))
-        terms.append(content * (common if has_symbols else rest) * wave)
+        is_round = content.p > 1 or content.q % 5  # 0.005 (981 m - 200 k) is no short form of 4.905 m - k
+        terms.append(content * (common if has_symbols and is_round else rest) * wave)
     return sympy.Add(*terms)
