@@ -98,7 +98,8 @@ def _grouped(total: Any, others: dict[Any, Any]) -> Any:
         groups.setdefault(wave, []).append(coefficient)
     terms = []
     for wave, coefficients in groups.items():
-        content, rest = sympy.Add(*coefficients).primitive()
+        plain: Any = sympy.Add(*coefficients)
+        content, rest = plain.primitive()
         common = rest if rest.has(sympy.Float) else sympy.factor(rest)
         has_symbols = common.is_Pow or (common.is_Mul and not all(f.is_Number or f.is_Add for f in common.args))
         is_round = content.p > 1 or content.q % 5  # 0.005 (981 m - 200 k) is no short form of 4.905 m - k
