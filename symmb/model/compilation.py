@@ -183,9 +183,10 @@ def _redundancy_equations(system: System, reduced: System, nullities: tuple[int,
     }
     if not any(nullities):
         return every
-    N = N_c = vanishing_rows(reduced.G, nullities[0])
+    n_c, usual = reduced.Phi.numel(), 1 / reduced.collected.units
+    N = N_c = vanishing_rows(reduced.G, nullities[0], usual)
     if reduced.Psi.numel():
-        N_c = vanishing_rows(reduced.G[: reduced.Phi.numel(), :], nullities[1])
+        N_c = vanishing_rows(reduced.G[:n_c, :], nullities[1], usual[:n_c])
     return {"vanishing": {"of_all": N, "of_positions": N_c}, **every}
 
 

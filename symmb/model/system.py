@@ -310,7 +310,8 @@ class System:
         if self._joints is not None and not self.G.shape[0]:
             return self._joints.solve
         coupled = any(body.nearly_singular for body in self.bodies)
-        return saddle_solver(self.M, self.G, self.block_sizes, coupled, self.nullity, self.collected.gates)
+        c = self.collected
+        return saddle_solver(self.M, self.G, self.block_sizes, coupled, self.nullity, c.gates, 1 / c.units)
 
     @cached_property
     def accelerations(self) -> ca.SX:

@@ -71,21 +71,23 @@ _LIFT = 1e-10
 """Share of the diagonal added to a singular matrix: far above the rounding of its factors, far below its other
 eigenvalues. The solution is refined once, so errors are of its square. tests/symbolic/test_linear.py"""
 
-_VANISHED = 1e-28
-"""Square of a row over those of all rows below which the row is rounding. It keeps a row that vanishes at some states
-from a division by 0. tests/symbolic/test_linear.py"""
+_VANISHED = 1e-3
+"""Least square of a row over that of its usual size, so that it is measured by this where it vanishes in passing. Rows
+that depend on each other do so up to the drift of a run, which a division by less would magnify: Bennett's linkage
+needs 1e-4, at 1e-6 its drift grows by a thousand. tests/start/test_overconstrained.py"""
 
 _TINY = 1e-300
 """A square that keeps velocities without rows from a division by 0."""
 
 
-def singular_solver(S: ca.SX, nullity: int) -> Callable[[ca.SX], ca.SX]:
+def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Callable[[ca.SX], ca.SX]:
     """Solver of S z = r for a semidefinite S (n, n) of rank n - nullity, or close to such a one, at that rank.
 
     The combinations that vanish come from inverse iteration, and are taken out of right sides and solutions. Rows are
-    measured by the diagonal, so that units have no effect. One of them may vanish at some states.
+    measured by the diagonal, so that units have no effect. Some of them may vanish at some states: `usual` (n,) are
+    sizes of the rows to each other, by default equal ones.
     """
-    size = ca.sqrt(ca.diag(S) + _VANISHED * ca.trace(S))
+    size = _row_sizes(ca.diag(S), usual)
     scaled = ca.sparsify(ca.diag(1 / size) @ S @ ca.diag(1 / size))
     lifted = symmetric_solver(scaled + _LIFT * ca.SX.eye(S.shape[0]))
     N = _vanishing(lifted, S.shape[0], nullity)
@@ -101,10 +103,12 @@ def singular_solver(S: ca.SX, nullity: int) -> Callable[[ca.SX], ca.SX]:
     return solve
 
 
-def vanishing_rows(G: ca.SX, nullity: int) -> ca.SX:
-    """Combinations (n_r, nullity) of the rows of G that vanish where its rank is n_r - nullity."""
-    squares = ca.sum2(G * G)
-    size = ca.sqrt(squares + _VANISHED * ca.sum1(squares))
+def vanishing_rows(G: ca.SX, nullity: int, usual: ca.SX | None = None) -> ca.SX:
+    """Combinations (n_r, nullity) of the rows of G that vanish where its rank is n_r - nullity.
+
+    `usual` (n_r,) are sizes of the rows to each other, by default equal ones. Some rows may vanish at some states.
+    """
+    size = _row_sizes(ca.sum2(G * G), usual)
     rows = ca.sparsify(ca.diag(1 / size) @ G)
     lifted = symmetric_solver(ca.sparsify(rows @ rows.T) + _LIFT * ca.SX.eye(G.shape[0]))
     return ca.diag(1 / size) @ _vanishing(lifted, G.shape[0], nullity)
@@ -137,6 +141,12 @@ def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
         return z + lifted(r - S @ z - (1 - gates) * z)
 
     return solve
+
+
+def _row_sizes(squares: ca.SX, usual: ca.SX | None) -> ca.SX:
+    """Sizes (n,) of rows by their squares, which may vanish, and by their usual sizes to each other."""
+    shares = ca.SX.ones(squares.numel()) if usual is None else usual**2
+    return ca.sqrt(squares + _VANISHED * ca.sum1(squares) * shares / ca.sum1(shares))
 
 
 def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:
@@ -249,7 +259,13 @@ def least_factorization(G: ca.Function) -> int:
 
 
 def saddle_solver(
-    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool = False, nullity: int = 0, gates: ca.SX | None = None
+    M: ca.SX,
+    G: ca.SX,
+    sizes: Sequence[int],
+    coupled: bool = False,
+    nullity: int = 0,
+    gates: ca.SX | None = None,
+    usual: ca.SX | None = None,
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
     """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
 
@@ -264,6 +280,7 @@ def saddle_solver(
                            the frame does: M + G'w G is used as well, w what the rows see of the masses
     nullity : int          combinations of the rows of G that vanish wherever the constraints hold
     gates : (n_c,) SX      0 for rows of G that are 0 as their joints are open, 1 for others
+    usual : (n_c,)         sizes of the rows to each other, as far as combinations vanish; by default equal ones
 
     Returns
     -------
@@ -271,12 +288,12 @@ def saddle_solver(
     """
     n_c = G.shape[0]
     if gates is None and (rotors := _rotors(G, sizes)):
-        return _beside_rotors(M, G, sizes, coupled, nullity, rotors)
+        return _beside_rotors(M, G, sizes, coupled, nullity, usual, rotors)
 
     def factorize(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
         if gates is not None:
             return gated_solver(S, gates)
-        return singular_solver(S, nullity) if nullity else symmetric_solver(S)
+        return singular_solver(S, nullity, usual) if nullity else symmetric_solver(S)
 
     singular = is_singular(M, sizes)
     if singular or (coupled and n_c):
@@ -325,7 +342,7 @@ def _rotors(G: ca.SX, sizes: Sequence[int]) -> dict[int, int]:
 
 
 def _beside_rotors(
-    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool, nullity: int, rotors: dict[int, int]
+    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool, nullity: int, usual: ca.SX | None, rotors: dict[int, int]
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
     """`saddle_solver` of the velocities and rows beside those of rotors, whose inertia M + D' J D contains."""
     own, rows = list(rotors), list(rotors.values())
@@ -335,7 +352,8 @@ def _beside_rotors(
     ends = np.cumsum(sizes)
     left = [n for n, end in zip(sizes, ends.tolist(), strict=True) if n != 1 or end - 1 not in rotors]
     heavier = ca.sparsify(M[kept, kept] + D.T @ ca.diag(inertia) @ D)
-    beside = saddle_solver(heavier, G[others, kept], left, coupled, nullity)
+    usual = None if usual is None else usual[others]
+    beside = saddle_solver(heavier, G[others, kept], left, coupled, nullity, usual=usual)
 
     def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
         a, lam = ca.SX(*f.shape), ca.SX(*g.shape)

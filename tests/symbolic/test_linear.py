@@ -39,10 +39,11 @@ def test_a_singular_system_is_solved_at_its_rank(nullity, off):
 @pytest.mark.parametrize("nullity", [1, 3])
 def test_units_of_rows_have_no_effect(nullity):
     G, units = rows_of_rank(9, nullity, 3), 10.0 ** np.random.default_rng(4).uniform(-6, 6, 9)
-    S, r = ca.SX.sym("S", 9, 9), ca.SX.sym("r", 9)
-    solve = ca.Function("solve", [S, r], [singular_solver(S, nullity)(r)])
+    S, r, u = ca.SX.sym("S", 9, 9), ca.SX.sym("r", 9), ca.SX.sym("u", 9)
+    solve = ca.Function("solve", [S, r, u], [singular_solver(S, nullity, u)(r)])
     right = np.random.default_rng(5).normal(size=18)
-    effects = [(H.T @ solve(H @ H.T, H @ right).full()).ravel() for H in (G, units[:, None] * G)]
+    pairs = [(G, np.ones(9)), (units[:, None] * G, units)]
+    effects = [(H.T @ solve(H @ H.T, H @ right, own).full()).ravel() for H, own in pairs]
     assert_allclose(effects[1], effects[0], atol=1e-9)
 
 
