@@ -102,10 +102,15 @@ class Linkage:
 
 
 def _linkage(
-    random: np.random.Generator, points: np.ndarray, axes: np.ndarray, turns: ca.Function, theta: float, least: float
-):
+    random: np.random.Generator,
+    points: np.ndarray,
+    axes: np.ndarray,
+    turns: ca.Function,
+    theta: float,
+    least: float = 0.0,
+) -> Linkage:
     """A linkage of random masses, anywhere in space."""
-    R = Rotation.random(random_state=random).as_matrix()
+    R = Rotation.from_quat(random.normal(size=4)).as_matrix()
     points, axes = points @ R.T, axes @ R.T
     bars = len(points) - 1
     middles = (points[1:] + points[:-1]) / 2
@@ -140,7 +145,7 @@ def bennett(seed: int) -> Linkage:
         points.append(frame[:3, 3])
         axes.append(frame[:3, 2])
         frame = frame @ turn @ along
-    return _linkage(random, np.array(points), np.array(axes), turns, theta, 0.0)
+    return _linkage(random, np.array(points), np.array(axes), turns, theta)
 
 
 def sarrus(seed: int) -> Linkage:
@@ -152,9 +157,8 @@ def sarrus(seed: int) -> Linkage:
     lean = ca.asin(lengths[0] / lengths[1] * ca.sin(symbol))  # that of the longer pair
     turns = ca.Function("turns", [symbol], [ca.vertcat(symbol, -2 * symbol, symbol, -lean, 2 * lean)])
     points, axes = [], []
-    for length, distance, angle, place in zip(
-        lengths, reach, (theta, float(ca.asin(lengths[0] / lengths[1] * np.sin(theta)))), (0.0, apart), strict=True
-    ):
+    leans = theta, np.arcsin(lengths[0] / lengths[1] * np.sin(theta))
+    for length, distance, angle, place in zip(lengths, reach, leans, (0.0, apart), strict=True):
         out, up = np.array([np.cos(place), np.sin(place), 0]), np.array([0.0, 0, 1])
         rise, run = length * np.sin(angle), length * np.cos(angle)
         own = [distance * out, (distance + run) * out + rise * up, distance * out + 2 * rise * up]
@@ -191,7 +195,7 @@ def planar(seed: int) -> Linkage:
     last = np.append(ca.Function("end", [symbol], [ends])(theta).full().ravel(), 0.0)
     points = np.array([np.zeros(3), crank * np.array([np.cos(theta), np.sin(theta), 0]), last, [base, 0, 0]])
     points[:, 2] = random.uniform(-0.3, 0.3, 4)
-    return _linkage(random, points, np.tile([0.0, 0, 1], (4, 1)), turns, theta, 0.0)
+    return _linkage(random, points, np.tile([0.0, 0, 1], (4, 1)), turns, theta)
 
 
 LINKAGES = (bennett, sarrus, parallelogram, planar)

@@ -1,4 +1,4 @@
-"""Linkages that move though their joints have too many rows: runs and their checks, against Lagrange's equation of each."""
+"""Linkages that move though their joints have too many rows: runs and checks against Lagrange's equation."""
 
 from dataclasses import replace
 
