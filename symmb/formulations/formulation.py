@@ -105,6 +105,7 @@ class InBodies:
     ----------
     dae : DAE                 their equations
     states : (x, p)           their states
+    joints : (x, p)           states of the joints, within half a turn, for states x of the bodies
     loads : (x, p, t)         forces Q (n_v,) on them, and the Jacobian G (n_r, n_v) of all rows of the system; None in
                               a copy from a pickle
     carried : joints with the numbers of the bodies that they carry, each one after its carrier
@@ -112,6 +113,7 @@ class InBodies:
 
     dae: DAE
     states: Lazy[ca.Function]
+    joints: Lazy[ca.Function]
     loads: Lazy[ca.Function] | None
     carried: tuple[tuple[str, int], ...]
 
@@ -202,11 +204,15 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     def states() -> ca.Function:
         return common("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))])
 
+    def of_joints() -> ca.Function:
+        x = ca.vertcat(scene.system.q, scene.system.v, scene.system.s)
+        return common("of_joints", [x, scene.system.p], [ca.densify(ca.vertcat(*joints.of_joints))])
+
     def loads() -> ca.Function:
         return common("loads", [x, system.p, time_symbol], joints.expressions([scene.system.Q, scene.system.G]))
 
     carried = tuple((link.carrying.joint.name, link.body) for link in joints.links if link.carrying is not None)
-    in_bodies = InBodies(bodies.dae, Lazy(states), _Loads(loads), carried)
+    in_bodies = InBodies(bodies.dae, Lazy(states), Lazy(of_joints), _Loads(loads), carried)
     return Formulation(_scaled(start.dae, start, scene), start, y, declared, in_bodies)
 
 

@@ -158,10 +158,11 @@ class DAESimulator:
         return min(filter(None, (self.bodies, self._joints, self._spare)), key=lambda form: form.dae.n_r)
 
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
-        """States (1, n_x) at the start and the equations: those without loops, or of bodies that start in states X."""
+        """Equations and their states (m, n_x) where the bodies have states X: those without loops, or of the bodies."""
         tree = self.least_constrained
-        is_tree = tree.bodies is not None and not tree.has_loops
-        return (tree.start.states(p[None])[0], tree.dae) if is_tree else (X, self.dae)
+        if tree.bodies is None or tree.has_loops:
+            return X, self.dae
+        return batch(tree.bodies.joints(), X, p)[0], tree.dae
 
     @property
     def coordinates(self) -> str:

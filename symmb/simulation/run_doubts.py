@@ -193,8 +193,10 @@ def _small_state_doubts(runs: Runs, solver: Solver, run: Trajectory) -> Iterator
     sizes = np.abs(states.x[:, own]).max(axis=0, initial=0.0)
     some = np.unique(np.linspace(0, len(states.t) - 1, _TIMES).astype(int))
     is_small = ((sizes > 0) & (sizes < _INSIDE * absolute[own])).any()
-    if not is_small and stiffness(dae, states.x[some], p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
-        return
+    if not is_small:
+        X, shortest = runs.simulator.shortest_equations(states.x[some], p)
+        if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
+            return
     atol = max(_FINER * float(absolute.min()), _LEAST)
     if atol >= absolute.min() or runs.run(other := replace(solver, atol=atol)).message:  # pyright: ignore
         return
