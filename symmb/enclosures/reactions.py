@@ -101,7 +101,8 @@ def solved_function(
     every = solve(ca.horzcat(bodies.Q - dae.inertia(*bodies.at, a), G[left, :].T))
     lam, N = every[:, 0], every[:, 1:]
     N[left, :] = -ca.SX.eye(len(left))  # G' N = 0
-    of_units = N.T @ ca.diag(1 / c.units**2)
+    units = ca.substitute(c.units, system.p, at[1])
+    of_units = N.T @ ca.diag(1 / units**2)
     least = lam - N @ ExplicitSolver(of_units @ N)(of_units @ lam) if left else lam
     return common("solved", list(at), [ca.densify(least), a])
 

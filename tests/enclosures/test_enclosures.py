@@ -358,3 +358,27 @@ def test_a_box_that_w_leaves_is_not_proved():
 def test_a_contraction_that_is_not_tested_is_found(monkeypatch):
     monkeypatch.setattr(steps, "stays", lambda end, W: True)
     assert steps.prove(_stiff_step(), np.array([1.0]), Control(Choice(), 1.0)).end[0] < np.exp(3.0)
+
+
+@pytest.mark.filterwarnings("ignore:.*share their load:symmb.SymmbWarning")
+def test_shared_reactions_of_bars_of_uncertain_length_are_enclosed():
+    """The unit in which forces and moments compare depends on the length."""
+    p, ground = mb.Parameters(L=0.5), mb.Ground()
+    rod = mb.Body("rod", 1.0, (0.01, 0.1, 0.1), mb.Spatial())
+    hinges = [
+        mb.Revolute(name, ground.point(0, 0, z), rod.point(-p.L, 0, z), axis=(0, 0, 1))
+        for name, z in (("low", -0.2), ("high", 0.3))
+    ]
+    system = mb.System(rod, *hinges, mb.Gravity(0, -9.81, 0), parameters=p)
+    scene = mb.Scene(
+        system,
+        times=np.linspace(0, 0.3, 4),
+        outputs={"low": system.lam("low")[1]},
+        guess={"rod.x": 0.5},
+        box=mb.Box(L=(0.499, 0.501)),
+    )
+    bounds = mb.propagate(scene, mb.TaylorModel(order=4))
+    P = np.random.default_rng(0).uniform(0.499, 0.501, (100, 1))
+    Y = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-11)).run(P).Y
+    assert (bounds.lower - 1e-8 < Y).all() and (bounds.upper + 1e-8 > Y).all()
+    assert (bounds.upper - bounds.lower).max() < 2 * np.ptp(Y, axis=0).max()
