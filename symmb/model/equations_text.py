@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from symmb.symbolic import is_zero, plain, printer, set_names, simplified, typeset, with_names
-
-if TYPE_CHECKING:
-    from symmb.model.system import System
 
 _WIDTH = 110
 """Columns of text up to which a matrix is printed as such. Of wider ones the entries that are not zero are printed."""
@@ -81,8 +78,8 @@ class Equations:
         return [([axis[k] for axis, k in zip(self.axes[name], at, strict=False)], e) for at, e in kept]
 
 
-def equations_of(system: "System") -> Equations:
-    """The equations of a system, in short forms where these are found with few operations."""
+def equations_of(system: Any) -> Equations:
+    """The equations of a System, whose module imports this one, in short forms where few operations find them."""
     c, symbols = system.collected, system.names
     of = [*symbols.values()], [*symbols]
     q, v, rows, n_c = [*c.q_names], [*c.v_names], [*c.row_names], system.Phi.numel()
