@@ -21,7 +21,7 @@ for _subject, _names in public_names().items():
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__", "models"]
+    return [*__all__, "__citation__", "__version__", "models"]
 
 
 def __getattr__(name: str) -> Any:
@@ -29,6 +29,10 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version  # it takes as long to load as all else here
 
         return version("symmb")
+    if name == "__citation__":
+        from symmb._citation import citation  # as above
+
+        return citation()
     if name == "models":
         return import_module("symmb.models")
     try:

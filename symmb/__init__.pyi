@@ -1,6 +1,7 @@
 """The public names by subject: the only list of them. `__init__.py` reads it to load names and to list them."""
 
 __version__: str
+__citation__: str
 
 # Models
 from .mechanics.parameter import Parameters as Parameters

@@ -68,6 +68,11 @@ class Browser:
             raise RuntimeError(str(done["exceptionDetails"]))
         return done["result"].get("value")
 
+    def resize(self, width: int, height: int, ratio: float = 1.0) -> None:
+        """Set the size of the window [pixels], and how many of the screen's pixels are one of the page."""
+        size = {"width": width, "height": height, "deviceScaleFactor": ratio, "mobile": False}
+        self._call("Emulation.setDeviceMetricsOverride", **size)
+
     def screenshot(self, path: Path) -> None:
         """Write a picture of the page."""
         path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot")["data"]))

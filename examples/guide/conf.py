@@ -88,7 +88,7 @@ GROUPS = {
     "Nodes and polynomials": "methods",
     "Answers": "tolerances comparisons calibration",
     "Linearisation": "linear",
-    "Black boxes": "simulators black_boxes external_programs fmus stored_runs",
+    "Black boxes": "black_boxes fmus stored_runs",
     "Scenes for other programs": "fmus",
     "Results": "results contributions",
     "Errors": "starting",

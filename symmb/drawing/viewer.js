@@ -473,9 +473,10 @@ function play(on) {
 }
 
 // The person in front of it
-function follow() {  // the address: #t=4.2
-  const t = Number(new URLSearchParams(location.hash.slice(1)).get("t") ?? NaN);
+function follow() {  // the address: #t=4.2, or #play
+  const address = new URLSearchParams(location.hash.slice(1)), t = Number(address.get("t") ?? NaN);
   if (Number.isFinite(t)) { play(false); seek(nearest(first, t)); }
+  if (address.has("play")) play(true);
 }
 
 function resize() {

@@ -1,0 +1,46 @@
+"""A rod hangs in a hinge and on a spring. Does its tip stay below 18 cm, whatever its length and the spring are?
+
+The first example of README. All corners of the tolerances lie inside the bounds, and one of them attains the largest
+height. `python examples/rod_on_a_spring.py FOLDER` draws the rod there, with the runs that attain the bounds.
+
+Source: own values.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import symmb as mb
+
+p = mb.Parameters(length=1.0, stiffness=40.0)  # nominal values [m, N/m]
+ground = mb.Ground()
+rod = mb.Body("rod", mass=p.length, inertia=p.length**3 / 12)  # 1 kg/m
+tip = rod.point(p.length / 2, 0)
+hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(-p.length / 2, 0))
+spring = mb.Spring("spring", ground.point(1, 1), tip, p.stiffness, length=0.8)
+system = mb.System(rod, hinge, spring, mb.Gravity(0, -9.81), parameters=p)
+scene = mb.Scene(
+    system,
+    start={"rod.theta": 0.0},  # the rest follows from the joints
+    times=np.linspace(0, 2, 201),
+    outputs={"tip_y": tip.y},
+    box=mb.Box.plus_minus(p, length="2%", stiffness="10%"),
+    name="rod on a spring",
+)
+run = mb.simulate(scene)  # one run: run["tip_y"] is an array over time
+bounds = mb.propagate(scene, mb.PolynomialChaos())  # bounds["tip_y"] is lower and upper
+limits = {"tip_y": (None, 0.18)}
+print(bounds.check(limits))  # does the tip stay below 0.18 m?
+factor = mb.tolerances(scene, limits).factor  # the widest tolerances that keep it there
+print(f"{factor:.2f} times these tolerances keep it.")
+
+corners = mb.propagate(scene, mb.Vertex())
+lower, upper = bounds["tip_y"]
+assert (lower <= corners.lower[:, 0] + 1e-4).all() and (corners.upper[:, 0] <= upper + 1e-4).all()
+assert abs(corners.upper.max() - upper.max()) < 1e-4
+
+if len(sys.argv) > 1:
+    folder = Path(sys.argv[1])
+    mb.view(bounds, folder / "rod_on_a_spring.html", output="tip_y", time=1.9, point=tip)
+    bounds.plot(folder / "rod_on_a_spring.png")

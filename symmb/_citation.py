@@ -1,0 +1,33 @@
+"""How to cite symmb: the data of `CITATION.cff`, and the address of the project where it has one."""
+
+import re
+from importlib.metadata import metadata
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent
+_FILE = "CITATION.cff"
+ADDRESSES = "Repository", "Homepage"
+"""Names in `[project.urls]` of `pyproject.toml` whose address a citation has: the first one that is there."""
+
+
+def citation() -> str:
+    """The entry in BibTeX. A wheel holds the file; a checkout has it beside the package."""
+    file = _PACKAGE / _FILE
+    text = (file if file.exists() else _PACKAGE.parent / _FILE).read_text(encoding="utf-8")
+    text = text.partition("\nreferences:")[0]
+
+    def entry(name: str) -> str:
+        found = re.search(rf"^(?:  - )?{name}: *\"?(.*?)\"?$", text, re.MULTILINE)
+        assert found is not None, f"{_FILE} has no {name}"
+        return found[1]
+
+    fields = {
+        "author": f"{{{entry('name')}}}",  # the inner braces keep the name of a group whole
+        "title": entry("title").replace("symmb", "{symmb}", 1),
+        "year": entry("date-released")[:4],
+        "version": entry("version"),
+        "license": entry("license"),
+    }
+    named = dict(line.split(", ", 1) for line in metadata("symmb").get_all("Project-URL") or [])
+    fields |= {"url": named[name] for name in ADDRESSES[::-1] if name in named}
+    return "@software{symmb,\n" + "".join(f"  {name} = {{{value}}},\n" for name, value in fields.items()) + "}"

@@ -1,0 +1,57 @@
+"""The pictures of README, as large as they are shown, so that their letters are as large as those of the text.
+
+PYTHONPATH=.:tests python tests/benchmarks/readme_pictures.py FOLDER
+
+The first one is the page of `examples/rod_on_a_spring.py`, as Chromium shows it. The second one is drawn of what
+README's comparison writes.
+"""
+
+import runpy
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from browser import Browser
+from matplotlib.figure import Figure
+
+import symmb as mb
+
+ROOT = Path(__file__).parents[2]
+WIDTH, HEIGHT = 830, 430
+"""Of the page [pixels], as wide as the column of code hosts."""
+INCHES = 6.4, 5.2
+"""Of the comparison: letters of 8 points are 14 pixels high if it is as wide as the column."""
+
+
+def page(folder: Path) -> None:
+    sys.argv = ["rod_on_a_spring.py", str(folder)]
+    runpy.run_path(str(ROOT / "examples" / "rod_on_a_spring.py"))
+    with Browser() as browser:
+        browser.resize(WIDTH, HEIGHT, ratio=2)
+        browser.open(folder / "rod_on_a_spring.html", "t=1.9")
+        time.sleep(1)  # for the fonts
+        browser.screenshot(folder / "rod.png")
+
+
+def comparison(folder: Path) -> None:
+    numbers = folder / "out.json"
+    subprocess.run([sys.executable, "-m", "symmb", "compare", "double_pendulum", "--json", numbers], check=True)
+    figure = Figure(INCHES, dpi=200, layout="constrained")
+    above, below = figure.subplots(2, 1, height_ratios=(2, 3))
+    found = mb.Comparison.load(numbers)
+    found.plot(outputs="theta2_dot", ax=above)
+    above.xaxis.label.set_size(8.5)
+    above.yaxis.label.set_size(8.5)
+    above.tick_params(labelsize=8.5)
+    above.get_legend().remove()  # colours are those below
+    found.plot(ax=below)
+    handles, labels = below.get_legend_handles_labels()
+    below.get_legend().remove()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    figure.savefig(folder / "compare.png")
+
+
+if __name__ == "__main__":
+    page(Path(sys.argv[1]))
+    comparison(Path(sys.argv[1]))
