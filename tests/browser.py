@@ -73,6 +73,10 @@ class Browser:
         size = {"width": width, "height": height, "deviceScaleFactor": ratio, "mobile": False}
         self._call("Emulation.setDeviceMetricsOverride", **size)
 
+    def prefer(self, scheme: str) -> None:
+        """Make the page light or dark."""
+        self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
     def screenshot(self, path: Path) -> None:
         """Write a picture of the page."""
         path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot")["data"]))

@@ -11,7 +11,9 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
+from html import escape
 from itertools import takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +21,7 @@ from urllib.request import urlopen
 
 import symmb
 from symmb._names import public_names
+from symmb.cli.scene_file import shipped_names
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent
@@ -39,12 +42,20 @@ nb_execution_timeout = 1800  # [s] of one cell: seconds on a machine at rest, an
 nb_execution_raise_on_error = True
 exclude_patterns = ["_build", "gallery/site/**.png"]
 html_extra_path = ["gallery/site"]
+html_static_path = ["site.css", "../figures/mechanisms"]
+html_css_files = ["site.css"]
 default_role = "code"
 html_theme = "furo"
 html_title = "symmb"
 html_copy_source = False
 html_show_sphinx = False
 html_search_scorer = str(HERE / "scorer.js")
+ADDRESSES = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"].get("urls", {})
+"""Of the project, by name: empty as long as there are none."""
+html_baseurl = ADDRESSES.get("Documentation", "")
+html_theme_options = {
+    "footer_icons": [{"name": name, "url": url, "html": name, "class": ""} for name, url in ADDRESSES.items()]
+}
 add_module_names = False
 autosummary_generate = False
 autodoc_member_order = "bysource"
@@ -229,41 +240,93 @@ def shown(script: Path, title: str, drawn: bool) -> list[str]:
     return [*said, *pages, *pictures, *printed]
 
 
+CARDS = {"paper_section_4_2": "double_pendulum", "weave_speed": "bicycle"}
+"""Examples whose card shows the mechanism of a shipped scene."""
+
+
+def card(page: str, title: str, text: str) -> str:
+    """A part of the gallery that links to a page: a picture of the mechanism, if there is one, title and a sentence."""
+    name = page.removeprefix("model_")
+    picture = f"{CARDS.get(name, name)}.png"
+    there = (EXAMPLES / "figures" / "mechanisms" / picture).exists()
+    image = f'<img src="../_static/{picture}" alt="">' if there else ""
+    sentence = re.split(r"(?<=[.?!])\s", " ".join(text.split()), maxsplit=1)[0]
+    return f'<a class="card" href="{page}.html"><div>{image}</div><b>{escape(title)}</b> {escape(sentence)}</a>'
+
+
+def cards(entries: list[str]) -> str:
+    return directive("raw", "html", "", '<div class="cards">', *entries, "</div>")
+
+
+def write_models() -> tuple[set[str], list[str]]:
+    """A page for each shipped scene, and its card."""
+    written, entries = set(), []
+    for name in shipped_names():
+        code = (ROOT / "models" / f"{name}.py").read_text(encoding="utf-8")
+        tree, title = ast.parse(code), f"{name.replace('_', ' ').capitalize()}, a model"
+        text = ast.get_docstring(tree) or ""
+        picture = f"figures/mechanisms/{name}.png"
+        drawn = [directive("image", f"/../{picture}", f":alt: {title}")] if (EXAMPLES / picture).exists() else []
+        about = f"`models/{name}.py`. `symmb view {name} -o {name}.html` draws its motion, and other commands know the name.\n"
+        body = directive("literalinclude", f"/../../models/{name}.py", f":lines: {(tree.body[0].end_lineno or 0) + 2}-")
+        said = directive("code-block", "none", "", *text.splitlines())
+        written.add(write(f"gallery/model_{name}", heading(title), about, *drawn, said, body))
+        entries.append(card(f"model_{name}", title.removesuffix(", a model"), text))
+    return written, entries
+
+
 def write_gallery() -> set[str]:
     """A page for each script in examples, with what it draws and prints, and one that lists all."""
-    written, rows = set(), []
+    written, entries = set(), []
     scripts = sorted(EXAMPLES.glob("*.py"))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         drawn_now = list(pool.map(lambda script: script.stem not in LONG and run_example(script), scripts))
     for script, now in zip(scripts, drawn_now, strict=True):
         tree = ast.parse(script.read_text(encoding="utf-8"))
         text, title = ast.get_docstring(tree) or "", re.sub(r"(\d)_(\d)", r"\1.\2", script.stem)
-        first, title = " ".join(text.split("\n\n")[0].split()), title.replace("_", " ").capitalize()
+        title = title.replace("_", " ").capitalize()
         code = directive("literalinclude", f"/../{script.name}", f":lines: {(tree.body[0].end_lineno or 0) + 2}-")
         page = [heading(title), f"`examples/{script.name}`\n", text, "", *shown(script, title, now), code]
         written.add(write(f"gallery/{script.stem}", *page))
-        rows += [f":doc:`{title} </gallery/{script.stem}>`", f"   {first}"]
-    about = "These scripts are in `examples`. Each runs by itself, and checks its results against others."
-    pages = directive("toctree", "", ":hidden:", "", *sorted(f"/{page}" for page in written))
-    drawn = directive("image", "/../figures/mechanisms.png", ":alt: The mechanisms of the examples, drawn")
-    return written | {write("gallery/index", heading("Examples"), about, "", drawn, *rows, "", pages)}
+        entries.append(card(script.stem, title, text))
+    about = "These scripts are in `examples`. Each runs by itself, and checks its results against others.\n"
+    models, of_models = write_models()
+    scenes = "These scenes are in `models`, with their sources. Commands know them by name, as `symmb view four_bar`.\n"
+    pages = directive("toctree", "", ":hidden:", "", *sorted(f"/{page}" for page in written | models))
+    sections = [heading("Examples and models"), about, cards(entries), heading("Models", "-"), scenes, cards(of_models)]
+    return written | models | {write("gallery/index", *sections, pages)}
 
 
 def write_pages(app) -> None:
     """Write the pages of names and examples, and remove those of names and examples that are gone."""
     written = write_names() | write_gallery()
-    readme = (EXAMPLES.parent / "README.md").read_text(encoding="utf-8").replace("](examples/guide/", "](../")
-    readme = re.sub("</?p>", "", readme).replace('src="examples/', 'src="../../')
-    (HERE / "gallery" / "readme.md").write_text(readme, encoding="utf-8")
-    for path in [*(HERE / "api").glob("*.rst"), *(HERE / "gallery").glob("*.rst")]:
+    for path in [*(HERE / "api").glob("*.*"), *(HERE / "gallery").glob("*.*")]:
         if f"{path.parent.name}/{path.stem}" not in written:
             path.unlink()
 
 
+MOVING = "drawn/rod_on_a_spring/rod_on_a_spring.html"
+"""The page of README's example. It takes the place of README's first picture, and plays."""
+
+
+def home() -> str:
+    """README as the first page of the site."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("(examples/guide/index.md)", "(#guide)")
+    readme = re.sub("</?p>", "", readme.replace("](examples/guide/", "](")).replace('src="examples/', 'src="../')
+    readme = readme.replace("`models/` with twenty-five mechanisms", "[twenty-five mechanisms](gallery/index.rst)")
+    if not (HERE / "gallery" / "site" / MOVING).exists():
+        return readme
+    picture = re.search(r'<img [^>]*alt="(.*)">', readme)
+    assert picture is not None
+    frame = f'<iframe class="moving" src="{MOVING}#play" title="{picture[1]}"></iframe>'
+    return readme.replace(picture[0], frame, 1)
+
+
 def add_contents(app, page: str, source: list[str]) -> None:
-    """Build the side bar from the lists of links on the first page."""
+    """Begin the first page with README, and build the side bar from its lists of links."""
     if page == "index":
-        source[0] = source[0].replace("(../../README.md)", "(gallery/readme.md)")
+        guide = re.sub(r"^\[README\].*\n\n", "", source[0], flags=re.MULTILINE)
+        source[0] = f"{home()}\n#{guide}"
         lists = re.findall(r"^(\S.*):\n\n((?:- .*\n)+)", source[0], re.MULTILINE)
         links = [(caption, re.findall(r"\]\(([\w/]+)\.md\)", text)) for caption, text in lists]
         links.append(("Reference", ["api/index", "gallery/index"]))
