@@ -220,23 +220,21 @@ def shown(script: Path, title: str, drawn: bool) -> list[str]:
         code = script.read_text(encoding="utf-8")
         kept = [file.name for file in sorted((EXAMPLES / "figures").iterdir()) if f'"{file.name}"' in code]
         said.append("These pictures are of an earlier run.\n" if kept else "Run it to see its pictures.\n")
-        return said + [directive("image", f"/../figures/{file}", f":alt: {title}") for file in kept]
+        return said + [directive("image", f"/../figures/{file}", ":width: 100%", f":alt: {title}") for file in kept]
     if not drawn:
         said.append("What it drew and printed is of an earlier run.\n")
     files = sorted(folder.iterdir())
     pictures = [
-        directive("image", f"/gallery/site/drawn/{name}/{file.name}", f":alt: {title}")
+        directive("image", f"/gallery/site/drawn/{name}/{file.name}", ":width: 100%", f":alt: {title}")
         for file in files
         if file.suffix == ".png"
     ]
-    frame = (
-        '<iframe src="../drawn/{}/{}" title="{}" loading="lazy" style="width: 100%; height: 480px; border: 0"></iframe>'
-    )
+    frame = '<iframe src="../drawn/{}/{}" title="{}" loading="lazy"></iframe>'
     pages = [
         directive("raw", "html", "", frame.format(name, file.name, title)) for file in files if file.suffix == ".html"
     ]
     text = (folder / "printed.txt").read_text(encoding="utf-8")
-    printed = ["It prints\n", directive("code-block", "none", "", *text.splitlines())] if text.strip() else []
+    printed = ["It prints\n", directive("code-block", "text", "", *text.splitlines())] if text.strip() else []
     return [*said, *pages, *pictures, *printed]
 
 
@@ -251,7 +249,7 @@ def card(page: str, title: str, text: str) -> str:
     there = (EXAMPLES / "figures" / "mechanisms" / picture).exists()
     image = f'<img src="../_static/{picture}" alt="">' if there else ""
     sentence = re.split(r"(?<=[.?!])\s", " ".join(text.split()), maxsplit=1)[0]
-    return f'<a class="card" href="{page}.html"><div>{image}</div><b>{escape(title)}</b> {escape(sentence)}</a>'
+    return f'<a class="card" href="{page}.html">{image}<b>{escape(title)}</b> {escape(sentence)}</a>'
 
 
 def cards(entries: list[str]) -> str:
@@ -269,7 +267,7 @@ def write_models() -> tuple[set[str], list[str]]:
         drawn = [directive("image", f"/../{picture}", f":alt: {title}")] if (EXAMPLES / picture).exists() else []
         about = f"`models/{name}.py`. `symmb view {name} -o {name}.html` draws its motion, and other commands know the name.\n"
         body = directive("literalinclude", f"/../../models/{name}.py", f":lines: {(tree.body[0].end_lineno or 0) + 2}-")
-        said = directive("code-block", "none", "", *text.splitlines())
+        said = directive("code-block", "text", "", *text.splitlines())
         written.add(write(f"gallery/model_{name}", heading(title), about, *drawn, said, body))
         entries.append(card(f"model_{name}", title.removesuffix(", a model"), text))
     return written, entries
@@ -318,7 +316,7 @@ def home() -> str:
         return readme
     picture = re.search(r'<img [^>]*alt="(.*)">', readme)
     assert picture is not None
-    frame = f'<iframe class="moving" src="{MOVING}#play" title="{picture[1]}"></iframe>'
+    frame = f'<iframe src="{MOVING}#play" title="{picture[1]}"></iframe>'
     return readme.replace(picture[0], frame, 1)
 
 
