@@ -30,9 +30,7 @@ def __getattr__(name: str) -> Any:
 
         return version("symmb")
     if name == "__citation__":
-        from symmb._citation import citation  # as above
-
-        return citation()
+        return import_module("symmb._citation").citation()
     if name == "models":
         return import_module("symmb.models")
     try:

@@ -29,5 +29,7 @@ def citation() -> str:
         "license": entry("license"),
     }
     named = dict(line.split(", ", 1) for line in metadata("symmb").get_all("Project-URL") or [])
-    fields |= {"url": named[name] for name in ADDRESSES[::-1] if name in named}
+    for name in reversed(ADDRESSES):
+        if name in named:
+            fields["url"] = named[name]
     return "@software{symmb,\n" + "".join(f"  {name} = {{{value}}},\n" for name, value in fields.items()) + "}"

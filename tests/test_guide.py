@@ -28,6 +28,19 @@ def test_links(page):
         assert "://" in target or (page.parent / target).exists(), target
 
 
+COLUMNS = 95
+"""Of code: more do not fit into the site's column of text."""
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.stem)
+def test_code_fits_into_its_column(page):
+    text = page.read_text(encoding="utf-8")
+    blocks = re.findall(r"^```.*\n([\s\S]*?)^```|^((?: {4}.*\n)+)", text, re.MULTILINE)
+    lines = [line for block in blocks for line in "".join(block).splitlines()]
+    # README's commands are one line each, for one copy; the site breaks them where its column ends.
+    assert not [line for line in lines if len(line) > COLUMNS and "python3 -m venv" not in line]
+
+
 LISTS = "index", "changes"
 
 

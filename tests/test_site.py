@@ -9,8 +9,11 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+from browser import PROGRAM, Browser
+from page_fit import misfits
 
 import symmb
+from symmb.cli.scene_file import shipped_names
 
 pytest.importorskip("furo")
 pytest.importorskip("myst_nb")
@@ -40,7 +43,7 @@ QUESTIONS = [
     ("How do I get derivatives with respect to parameters?", "derivatives parameters", "sweeps"),
     ("Which torque does the motor need?", "inverse dynamics", "inverse"),
     ("How do I make a beam that bends?", "flexible beam", "flexible"),
-    ("How do I bound a program of my own?", "external program", "external_programs"),
+    ("How do I bound a program of my own?", "external program", "black_boxes"),
     ("How do I bound a Python function?", "python function bounds", "black_boxes"),
     ("Which method for many parameters?", "choose method", "methods"),
     ("How do I use it without Python?", "command line", "command_line"),
@@ -52,7 +55,7 @@ QUESTIONS = [
     ("How do I go from a drawing's tolerances to limits?", "tolerances drawing", "tolerances"),
     ("What if the mechanism is a URDF?", "my mechanism is a URDF", "urdf"),
     ("What if a parameter is measured?", "one parameter is measured", "calibration"),
-    ("How do I give tolerances of ISO 2768?", "ISO 2768", "limits"),
+    ("How do I give tolerances of ISO 2768?", "ISO 2768", "tolerances"),
     ("Where are natural frequencies?", "natural frequency", "linear"),
     ("How do I make runs in parallel?", "parallel", "executors"),
     ("How do I make a PID controller?", "PID controller", "joints"),
@@ -70,7 +73,7 @@ QUESTIONS = [
 """What a new user asks, the words that they type, and a page that must be among the first three answers."""
 NOTEBOOKS = {
     "tolerances": ["<iframe srcdoc=", "<table", "data:image/png;base64,", "The largest box that keeps the limits"],
-    "simulators": [
+    "black_boxes": [
         "<table",
         "data:image/png;base64,",
         "runs of the FMU; its bounds differ from those of the program by",
@@ -133,6 +136,27 @@ def broken_links(site):
                 yield f"{path.relative_to(site)}: {file}#{place}"
 
 
+def cards_without_pictures(text):
+    """Pages whose card has no picture: they have no mechanism."""
+    cards = re.findall(r'<a class="card" href="(\w+)\.html">(<img [^>]*>)?<b>[^<]+</b> [^<]+</a>', text)
+    assert {name for name, _ in cards} == {path.stem for path in (ROOT / "examples").glob("*.py")} | {
+        f"model_{name}" for name in shipped_names()
+    }
+    return {name for name, picture in cards if not picture}
+
+
+def pages_that_do_not_fit(site):
+    """Pages of the guide and the gallery that are wider than screens or telephones, and what is too wide on them."""
+    with Browser() as browser:
+        for path in [*sorted(site.glob("*.html")), site / "gallery" / "index.html", site / "api" / "System.html"]:
+            if path.stem not in ("search", "genindex"):
+                browser.open(path)
+                for width in (1280, 390):
+                    browser.resize(width, 900)
+                    for fault in misfits(browser, width == 1280 and path.parent == site):
+                        yield f"{path.name} at {width}: {fault}"
+
+
 def test_site(tmp_path):
     """One test, so that one process builds it."""
     command = [sys.executable, "-m", "sphinx", "-Wqb", "html", "--keep-going", ROOT / "examples" / "guide", tmp_path]
@@ -151,6 +175,10 @@ def test_site(tmp_path):
     assert "artillery" in late and len(late) < len(scripts) / 2  # a busy machine has others
     assert {name for name in scripts - late if not drawn[name]} == {"cubic"} - late  # it draws nothing
     assert sum("iframe" in drawn[name] for name in scripts) >= 14 - len(late - {"artillery"})
+
+    assert cards_without_pictures(gallery["index"]) == {"black_box", "cluster", "cubic", "model_cubic"}
+    if PROGRAM:
+        assert not list(pages_that_do_not_fit(tmp_path))
 
     text = (tmp_path / "searchindex.js").read_text(encoding="utf-8")
     index = json.loads(text.removeprefix("Search.setIndex(").removesuffix(")"))

@@ -103,6 +103,13 @@ def test_the_address_sets_the_time(browser, shown):
     assert not browser.errors
 
 
+def test_an_address_plays(browser, shown):
+    """Pages of bounds stand still by themselves."""
+    browser.open(shown[1], "play")
+    assert browser.run("document.getElementById('play').textContent") == "\u275a\u275a"
+    assert not browser.errors
+
+
 def planted(path: Path, true: str, false: str) -> Path:
     text = path.read_text()
     assert true in text

@@ -1,0 +1,28 @@
+"""Whether pages of the site fit into a window."""
+
+from browser import Browser
+
+_FIND = """(code => {
+  const faults = [], whole = document.documentElement, article = document.querySelector("article");
+  const column = article.getBoundingClientRect(), scrolls = e => /auto|scroll/.test(getComputedStyle(e).overflowX);
+  if (whole.scrollWidth > innerWidth) faults.push(`the page is ${whole.scrollWidth} wide`);
+  for (const e of article.querySelectorAll("*")) {
+    const box = e.getBoundingClientRect(), style = getComputedStyle(e), name = `${e.tagName}.${e.className}`;
+    if (!box.width || style.position === "absolute" || e.closest("svg, mjx-container")) continue;
+    let inside = false;
+    for (let a = e.parentElement; a !== article; a = a.parentElement) inside ||= scrolls(a);
+    const beyond = Math.round(box.right - column.right), more = e.scrollWidth - e.clientWidth;
+    if (!inside && beyond > MARGIN) faults.push(`${name} ends ${beyond} beyond its column`);
+    if (style.overflowX === "hidden" && more > 1) faults.push(`${name} is cut`);
+    if (code && e.tagName === "PRE" && more > 1) faults.push(`code is ${more} too wide: ${e.textContent.slice(0, 60)}`);
+    if (e.tagName === "IMG" && e.loading !== "lazy" && !e.naturalWidth) faults.push(`${e.src} is missing`);
+  }
+  return faults;
+})"""
+_MARGIN = 9
+"""How far headings and tables of the theme reach beyond the column [pixels]."""
+
+
+def misfits(browser: Browser, code: bool) -> list[str]:
+    """What of the open page is wider than its place, and nothing around it scrolls. Code is not to scroll either."""
+    return browser.run(f"{_FIND.replace('MARGIN', str(_MARGIN))}({str(code).lower()})")
