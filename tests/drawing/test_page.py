@@ -103,13 +103,6 @@ def test_the_address_sets_the_time(browser, shown):
     assert not browser.errors
 
 
-def test_an_address_plays(browser, shown):
-    """Pages of bounds stand still by themselves."""
-    browser.open(shown[1], "play")
-    assert browser.run("document.getElementById('play').textContent") == "\u275a\u275a"
-    assert not browser.errors
-
-
 def planted(path: Path, true: str, false: str) -> Path:
     text = path.read_text()
     assert true in text
@@ -153,6 +146,13 @@ def picked(browser: Browser, run: mb.Trajectory, k: int) -> list[str]:
         assert 0 <= x < width and 0 <= y < height
         names.append(browser.run(f"symmb.pick({round(x)}, {round(y)})?.shape.name ?? ''"))
     return names
+
+
+@pytest.mark.parametrize(("address", "sign"), [("play", "\u275a\u275a"), ("t=0", "\u25b6")])
+def test_an_address_plays_or_stands(browser, pendulum, address, sign):
+    browser.open(pendulum[1], address)
+    assert browser.run("document.getElementById('play').textContent") == sign
+    assert not browser.errors
 
 
 def test_pixels_show_what_is_there(browser, pendulum):
