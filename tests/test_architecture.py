@@ -18,8 +18,8 @@ FLOORS = {
     unit: floor
     for floor, units in enumerate(
         (
-            "_errors _types _names _options _specs _table _doubt _html _labelled _progress _cleanup _interrupts _limits _citation"
-            " _threads",
+            "_errors _types _names _options _specs _table _doubt _html _labelled _progress _cleanup _interrupts _limits"
+            " _threads _citation",
             "files plot structures symbolic",
             "mechanics",
             "model",
