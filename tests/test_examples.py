@@ -31,7 +31,7 @@ def test_code_of_the_readme(capsys, tmp_path, monkeypatch):
     assert blocks[0].removeprefix("import numpy as np\n") in script
     namespace = {}
     exec(blocks[0], namespace)
-    (said,), printed = re.findall(r"It prints\n\n```\n(.*?)```", README, re.DOTALL), capsys.readouterr().out
+    (said,), printed = re.findall(r"It prints\n\n```text\n(.*?)```", README, re.DOTALL), capsys.readouterr().out
     assert NUMBER.sub("#", said).split() == NUMBER.sub("#", printed).split()
     for a, b in zip(NUMBER.findall(said), NUMBER.findall(printed), strict=True):
         assert a == b or float(a) == pytest.approx(float(b), rel=0.02)

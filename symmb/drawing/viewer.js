@@ -457,7 +457,7 @@ function show() {
 
 function tick(now) {
   if (!playing) return;
-  clock += Math.min(now - previous, 100) / 1000 * Number($("speed").value);
+  clock += Math.min(Math.max(now - previous, 0), 100) / 1000 * Number($("speed").value);  // a first frame can be older than its order
   previous = now;
   if (clock > times0() + span()) clock = times0();
   picture = nearest(first, clock);
