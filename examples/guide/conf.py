@@ -33,20 +33,12 @@ DRAWN.mkdir(parents=True, exist_ok=True)
 os.environ["TQDM_DISABLE"] = "1"  # notebooks show results alone
 
 project, author, copyright = "symmb", "The symmb authors", "The symmb authors"
-extensions = [
-    "myst_nb",
-    "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
-    "sphinx.ext.intersphinx",
-    "numpydoc",
-]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.intersphinx", "numpydoc"]
 myst_enable_extensions = ["html_image"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
 nb_execution_in_temp = True
-nb_execution_timeout = (
-    1800  # [s] of one cell: seconds on a machine at rest, and longer only if it hangs
-)
+nb_execution_timeout = 1800  # [s] of one cell: seconds on a machine at rest, and longer only if it hangs
 nb_execution_raise_on_error = True
 exclude_patterns = ["_build", "gallery/site/**.png"]
 html_extra_path = ["gallery/site"]
@@ -58,16 +50,11 @@ html_title = "symmb"
 html_copy_source = False
 html_show_sphinx = False
 html_search_scorer = str(HERE / "scorer.js")
-ADDRESSES = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
-    "project"
-].get("urls", {})
+ADDRESSES = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"].get("urls", {})
 """Of the project, by name: empty as long as there are none."""
 html_baseurl = ADDRESSES.get("Documentation", "")
 html_theme_options = {
-    "footer_icons": [
-        {"name": name, "url": url, "html": name, "class": ""}
-        for name, url in ADDRESSES.items()
-    ]
+    "footer_icons": [{"name": name, "url": url, "html": name, "class": ""} for name, url in ADDRESSES.items()]
 }
 add_module_names = False
 autosummary_generate = False
@@ -141,9 +128,7 @@ PATIENCE = 300.0
 
 def page_of(name: str) -> str:
     """Where a public name has its page. Pages of `sweep` and `Sweep` differ on all file systems."""
-    twin = name.islower() and any(
-        other != name and other.lower() == name for other in dir(symmb)
-    )
+    twin = name.islower() and any(other != name and other.lower() == name for other in dir(symmb))
     return f"api/{name}_function" if twin else f"api/{name}"
 
 
@@ -177,11 +162,7 @@ def write_names() -> set[str]:
         value = getattr(symmb, name)
         options, kind = [], "autodata"
         if inspect.isclass(value):
-            others = ",".join(
-                base.__name__
-                for base in value.__mro__
-                if not base.__module__.startswith("symmb")
-            )
+            others = ",".join(base.__name__ for base in value.__mro__ if not base.__module__.startswith("symmb"))
             options, kind = ["   :members:", f"   :inherited-members: {others}"], "autoclass"
             if hidden := FOR_CONTRIBUTORS.get(title):
                 options.append(f"   :exclude-members: {', '.join(hidden.split())}")
@@ -193,17 +174,10 @@ def write_names() -> set[str]:
             options = ["   :no-value:"]
         body = "\n".join([f".. {kind}:: symmb.{name}", *options])
         written.add(write(page_of(name), heading(name), explained(title), body))
-    sections = [
-        heading("Names"),
-        "All public names, by subject. `import symmb as mb` gives them as `mb.Name`.\n",
-    ]
+    sections = [heading("Names"), "All public names, by subject. `import symmb as mb` gives them as `mb.Name`.\n"]
     for title, names in groups.items():
         sections += [heading(title, "-"), explained(title)]
-        sections += [
-            directive(
-                "autosummary", "", ":nosignatures:", "", *(f"~symmb.{name}" for name in names)
-            )
-        ]
+        sections += [directive("autosummary", "", ":nosignatures:", "", *(f"~symmb.{name}" for name in names))]
     pages = [f"/{page_of(name)}" for names in groups.values() for name in names]
     sections.append(directive("toctree", "", ":hidden:", "", *pages))
     return written | {write("api/index", *sections)}
@@ -227,14 +201,7 @@ def run_example(script: Path) -> bool:
     with TemporaryDirectory(ignore_cleanup_errors=True) as new:
         command = [sys.executable, str(script), new]
         try:
-            done = subprocess.run(
-                command,
-                capture_output=True,
-                text=True,
-                env=environment,
-                cwd=new,
-                timeout=PATIENCE,
-            )
+            done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=new, timeout=PATIENCE)
         except subprocess.TimeoutExpired:
             return False
         if done.returncode:
@@ -248,53 +215,27 @@ def run_example(script: Path) -> bool:
 def shown(script: Path, title: str, drawn: bool) -> list[str]:
     """What a script drew and printed, now or in an earlier build; else what the repository has of its pictures."""
     folder, name = DRAWN / script.stem, script.stem
-    said = (
-        []
-        if drawn
-        else ["It takes long, and the build of this page did not wait for its end.\n"]
-    )
+    said = [] if drawn else ["It takes long, and the build of this page did not wait for its end.\n"]
     if not (folder / "printed.txt").exists():
         code = script.read_text(encoding="utf-8")
-        kept = [
-            file.name
-            for file in sorted((EXAMPLES / "figures").iterdir())
-            if f'"{file.name}"' in code
-        ]
-        said.append(
-            "These pictures are of an earlier run.\n"
-            if kept
-            else "Run it to see its pictures.\n"
-        )
-        return said + [
-            directive("image", f"/../figures/{file}", ":width: 100%", f":alt: {title}")
-            for file in kept
-        ]
+        kept = [file.name for file in sorted((EXAMPLES / "figures").iterdir()) if f'"{file.name}"' in code]
+        said.append("These pictures are of an earlier run.\n" if kept else "Run it to see its pictures.\n")
+        return said + [directive("image", f"/../figures/{file}", ":width: 100%", f":alt: {title}") for file in kept]
     if not drawn:
         said.append("What it drew and printed is of an earlier run.\n")
     files = sorted(folder.iterdir())
     pictures = [
-        directive(
-            "image",
-            f"/gallery/site/drawn/{name}/{file.name}",
-            ":width: 100%",
-            f":alt: {title}",
-        )
+        directive("image", f"/gallery/site/drawn/{name}/{file.name}", ":width: 100%", f":alt: {title}")
         for file in files
         if file.suffix == ".png"
     ]
     frame = '<iframe src="../drawn/{}/{}" title="{}" loading="lazy"></iframe>'
     pages = [
-        directive("raw", "html", "", frame.format(name, file.name, title))
-        for file in files
-        if file.suffix == ".html"
+        directive("raw", "html", "", frame.format(name, file.name, title)) for file in files if file.suffix == ".html"
     ]
     text = (folder / "printed.txt").read_text(encoding="utf-8")
-    printed = (
-        ["It prints\n", directive("code-block", "text", "", *text.splitlines())]
-        if text.strip()
-        else []
-    )
-    return [*said, *pages, *pictures, *printed]
+    printed = ["It prints\n", directive("code-block", "text", ":class: whole", "", *text.splitlines())]
+    return [*said, *pages, *pictures, *(printed if text.strip() else [])]
 
 
 CARDS = {"paper_section_4_2": "double_pendulum", "weave_speed": "bicycle"}
@@ -315,6 +256,12 @@ def cards(entries: list[str]) -> str:
     return directive("raw", "html", "", '<div class="cards">', *entries, "</div>")
 
 
+def included(file: str, tree: ast.Module) -> str:
+    """The code of a file, by its path in `examples`, below its docstring."""
+    lines = f":lines: {(tree.body[0].end_lineno or 0) + 2}-"
+    return directive("literalinclude", f"/../{file}", ":class: whole", lines)
+
+
 def write_models() -> tuple[set[str], list[str]]:
     """A page for each shipped scene, and its card."""
     written, entries = set(), []
@@ -323,18 +270,10 @@ def write_models() -> tuple[set[str], list[str]]:
         tree, title = ast.parse(code), f"{name.replace('_', ' ').capitalize()}, a model"
         text = ast.get_docstring(tree) or ""
         picture = f"figures/mechanisms/{name}.png"
-        drawn = (
-            [directive("image", f"/../{picture}", f":alt: {title}")]
-            if (EXAMPLES / picture).exists()
-            else []
-        )
+        drawn = [directive("image", f"/../{picture}", f":alt: {title}")] if (EXAMPLES / picture).exists() else []
         about = f"`models/{name}.py`. `symmb view {name} -o {name}.html` draws it.\n"
-        body = directive(
-            "literalinclude",
-            f"/../../models/{name}.py",
-            f":lines: {(tree.body[0].end_lineno or 0) + 2}-",
-        )
-        said = directive("code-block", "text", "", *text.splitlines())
+        body = included(f"../models/{name}.py", tree)
+        said = directive("code-block", "text", ":class: prose", "", *text.splitlines())
         written.add(write(f"gallery/model_{name}", heading(title), about, *drawn, said, body))
         entries.append(card(f"model_{name}", title.removesuffix(", a model"), text))
     return written, entries
@@ -345,45 +284,20 @@ def write_gallery() -> set[str]:
     written, entries = set(), []
     scripts = sorted(EXAMPLES.glob("*.py"))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        drawn_now = list(
-            pool.map(lambda script: script.stem not in LONG and run_example(script), scripts)
-        )
+        drawn_now = list(pool.map(lambda script: script.stem not in LONG and run_example(script), scripts))
     for script, now in zip(scripts, drawn_now, strict=True):
         tree = ast.parse(script.read_text(encoding="utf-8"))
-        text, title = (
-            ast.get_docstring(tree) or "",
-            re.sub(r"(\d)_(\d)", r"\1.\2", script.stem),
-        )
+        text, title = ast.get_docstring(tree) or "", re.sub(r"(\d)_(\d)", r"\1.\2", script.stem)
         title = title.replace("_", " ").capitalize()
-        code = directive(
-            "literalinclude",
-            f"/../{script.name}",
-            f":lines: {(tree.body[0].end_lineno or 0) + 2}-",
-        )
-        page = [
-            heading(title),
-            f"`examples/{script.name}`\n",
-            text,
-            "",
-            *shown(script, title, now),
-            code,
-        ]
+        code = included(script.name, tree)
+        page = [heading(title), f"`examples/{script.name}`\n", text, "", *shown(script, title, now), code]
         written.add(write(f"gallery/{script.stem}", *page))
         entries.append(card(script.stem, title, text))
     about = "These scripts are in `examples`. Each runs by itself, and checks its results against others.\n"
     models, of_models = write_models()
     scenes = "These scenes are in `models`, with their sources. Commands know them by name, as `symmb view four_bar`.\n"
-    pages = directive(
-        "toctree", "", ":hidden:", "", *sorted(f"/{page}" for page in written | models)
-    )
-    sections = [
-        heading("Examples and models"),
-        about,
-        cards(entries),
-        heading("Models", "-"),
-        scenes,
-        cards(of_models),
-    ]
+    pages = directive("toctree", "", ":hidden:", "", *sorted(f"/{page}" for page in written | models))
+    sections = [heading("Examples and models"), about, cards(entries), heading("Models", "-"), scenes, cards(of_models)]
     return written | models | {write("gallery/index", *sections, pages)}
 
 
@@ -401,17 +315,9 @@ MOVING = "drawn/rod_on_a_spring/rod_on_a_spring.html"
 
 def home() -> str:
     """README as the first page of the site."""
-    readme = (
-        (ROOT / "README.md")
-        .read_text(encoding="utf-8")
-        .replace("(examples/guide/index.md)", "(#guide)")
-    )
-    readme = re.sub("</?p>", "", readme.replace("](examples/guide/", "](")).replace(
-        'src="examples/', 'src="../'
-    )
-    readme = readme.replace(
-        "`models/` with twenty-five mechanisms", "[twenty-five mechanisms](gallery/index.rst)"
-    )
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("(examples/guide/index.md)", "(#guide)")
+    readme = re.sub("</?p>", "", readme.replace("](examples/guide/", "](")).replace('src="examples/', 'src="../')
+    readme = readme.replace("`models/` with twenty-five mechanisms", "[twenty-five mechanisms](gallery/index.rst)")
     if not (HERE / "gallery" / "site" / MOVING).exists():
         return readme
     picture = re.search(r'<img [^>]*alt="(.*)">', readme)
@@ -430,13 +336,7 @@ def add_contents(app, page: str, source: list[str]) -> None:
         links.append(("Reference", ["api/index", "gallery/index"]))
         for caption, pages in links:
             options = f":caption: {caption}\n" + ":hidden:\n" * (caption != "Reference")
-            source[0] += (
-                "\n```{toctree}\n"
-                + options
-                + ":maxdepth: 1\n\n"
-                + "\n".join(pages)
-                + "\n```\n"
-            )
+            source[0] += "\n```{toctree}\n" + options + ":maxdepth: 1\n\n" + "\n".join(pages) + "\n```\n"
 
 
 ENTRIES = {"Parameters", "Attributes", "Returns", "Raises"}
@@ -448,18 +348,13 @@ def escaped(found: re.Match[str]) -> str:
     return rf"{code}\ {letter}" if letter else code or {"|": r"\|", "...": "…"}[found[0]]
 
 
-def two_lines(
-    app, what: str, name: str, value: object, options: object, lines: list[str]
-) -> None:
+def two_lines(app, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
     """Put what docstrings say of a parameter below its name and type, as numpydoc wants it.
 
     They write `name : type      what it is`, or `name : what it is`, and go on in lines that are indented.
     """
     if name == "symmb.t":
-        lines[:] = [
-            "Time [s], the one independent variable of every law: a symbol of CasADi.",
-            "",
-        ]
+        lines[:] = ["Time [s], the one independent variable of every law: a symbol of CasADi.", ""]
         lines += [
             "Examples",
             "--------",
