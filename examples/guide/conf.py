@@ -290,7 +290,8 @@ def write_gallery() -> set[str]:
         text, title = ast.get_docstring(tree) or "", re.sub(r"(\d)_(\d)", r"\1.\2", script.stem)
         title = title.replace("_", " ").capitalize()
         code = included(script.name, tree)
-        page = [heading(title), f"`examples/{script.name}`\n", text, "", *shown(script, title, now), code]
+        said = text.replace("\n\n    ", "\n\n::\n\n    ")  # commands
+        page = [heading(title), f"`examples/{script.name}`\n", said, "", *shown(script, title, now), code]
         written.add(write(f"gallery/{script.stem}", *page))
         entries.append(card(script.stem, title, text))
     about = "These scripts are in `examples`. Each runs by itself, and checks its results against others.\n"
