@@ -2,10 +2,10 @@
 
 from browser import Browser
 
-_FIND = """(code => {
-  const faults = [], whole = document.documentElement, article = document.querySelector("article");
+_FIND = """(whole => {
+  const faults = [], page = document.documentElement, article = document.querySelector("article");
   const column = article.getBoundingClientRect(), scrolls = e => /auto|scroll/.test(getComputedStyle(e).overflowX);
-  if (whole.scrollWidth > innerWidth) faults.push(`the page is ${whole.scrollWidth} wide`);
+  if (page.scrollWidth > innerWidth) faults.push(`the page is ${page.scrollWidth} wide`);
   for (const e of article.querySelectorAll("*")) {
     const box = e.getBoundingClientRect(), style = getComputedStyle(e), name = `${e.tagName}.${e.className}`;
     if (!box.width || style.position === "absolute" || e.closest("svg, mjx-container")) continue;
@@ -14,7 +14,7 @@ _FIND = """(code => {
     const beyond = Math.round(box.right - column.right), more = e.scrollWidth - e.clientWidth;
     if (!inside && beyond > MARGIN) faults.push(`${name} ends ${beyond} beyond its column`);
     if (style.overflowX === "hidden" && more > 1) faults.push(`${name} is cut`);
-    if (code && e.tagName === "PRE" && more > 1) faults.push(`code is ${more} too wide: ${e.textContent.slice(0, 60)}`);
+    if (whole && more > 1 && e.matches("pre, :has(> table)")) faults.push(`${more} too wide: ${e.innerText.slice(0, 50)}`);
     if (e.tagName === "IMG" && e.loading !== "lazy" && !e.naturalWidth) faults.push(`${e.src} is missing`);
   }
   return faults;
@@ -23,6 +23,9 @@ _MARGIN = 9
 """How far headings and tables of the theme reach beyond the column [pixels]."""
 
 
-def misfits(browser: Browser, code: bool) -> list[str]:
-    """What of the open page is wider than its place, and nothing around it scrolls. Code is not to scroll either."""
-    return browser.run(f"{_FIND.replace('MARGIN', str(_MARGIN))}({str(code).lower()})")
+def misfits(browser: Browser, whole: bool) -> list[str]:
+    """What of the open page is wider than its place, and nothing around it scrolls.
+
+    Where code and tables are to be seen whole, they are not to scroll either.
+    """
+    return browser.run(f"{_FIND.replace('MARGIN', str(_MARGIN))}({str(whole).lower()})")
