@@ -14,7 +14,8 @@ _FIND = """(whole => {
     const beyond = Math.round(box.right - column.right), more = e.scrollWidth - e.clientWidth;
     if (!inside && beyond > MARGIN) faults.push(`${name} ends ${beyond} beyond its column`);
     if (style.overflowX === "hidden" && more > 1) faults.push(`${name} is cut`);
-    if (whole && more > 1 && e.matches("pre, :has(> table)")) faults.push(`${more} too wide: ${e.innerText.slice(0, 50)}`);
+    if (whole && more > 1 && e.matches("pre, :has(> table)"))
+      faults.push(`${more} too wide: ${e.innerText.slice(0, 60)}`);
     if (e.tagName === "IMG" && e.loading !== "lazy" && !e.naturalWidth) faults.push(`${e.src} is missing`);
   }
   return faults;

@@ -3,8 +3,8 @@
 PYTHONPATH=.:tests python tests/benchmarks/site_pages.py SITE [PICTURES]
 
 SITE is the folder of the built site. A page is at fault if it scrolls sideways, or if something stands out of its
-column and nothing around it scrolls. Code and tables of the guide must fit on screens without scrolling. With a folder for
-PICTURES, each page is drawn there.
+column and nothing around it scrolls. Code and tables of the guide must fit on screens without scrolling. With a folder
+for PICTURES, each page is drawn there.
 """
 
 import sys
