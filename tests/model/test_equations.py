@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import ALL_MODELS
+from conftest import ALL_MODELS, but_long
 from numpy.testing import assert_allclose
 from sympy import cos, sin
 
@@ -291,16 +291,20 @@ def test_what_long_entries_share_has_names():
         assert_allclose(mine, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("model", ALL_MODELS, ids=lambda module: module.__name__.rpartition(".")[2])
+@pytest.mark.parametrize(
+    "model",
+    but_long(ALL_MODELS, *(m for m in ALL_MODELS if m.__name__.endswith(("_platform", "excavator", "_axis_arm")))),
+    ids=lambda module: module.__name__.rpartition(".")[2],
+)
 @pytest.mark.parametrize("in_joints", [False, True])
 def test_equations_of_models(model, in_joints):
-    """All are printed in ten seconds, and in three with LaTeX if they have up to three degrees of freedom."""
+    """All are printed, in LaTeX too, in ten seconds of processor time."""
     system = model.scene().system
     if in_joints:
         system = system.joint_space()
     start = time.process_time()
     text, latex = system.equations(), system.latex()
     seconds = time.process_time() - start
-    assert seconds < (10 if system.v.numel() - system.G.shape[0] > 3 else 3)
+    assert seconds < 10
     assert all(len(line) <= 110 for line in text.splitlines() if " " in line.strip() and "⎢" not in line)
     assert latex.count(r"\[ ") == latex.count(r" \]") == len(system._as_read.displays)
