@@ -11,7 +11,7 @@ from symmb.symbolic.sympy_out import to_sympy
 _MOST_OPERATIONS, _MOST_TERMS = 800, 100
 """Operations of a matrix, and terms of an entry that is expanded, up to which it is simplified.
 
-All matrices of a system of three degrees of freedom take less than a second: `test_equations_of_models` measures it.
+All matrices of a system of three degrees of freedom take about a second: more takes longer, less leaves long entries.
 """
 _MUCH = 1.25
 """What was derived is kept if other forms are longer by this factor, as products of sums are when they are expanded."""
