@@ -5,7 +5,7 @@ The method that chooses its own runs is in `bounds.adaptive`.
 
 from symmb.bounds.contributions import Contributions
 from symmb.bounds.doubts import checked, doubted
-from symmb.bounds.limits import LimitCheck, Limits, limit_pairs
+from symmb.bounds.limits import KeptLimit, LimitCheck, Limits, limit_pairs
 from symmb.bounds.method import Method, parameter_samples, require_method, units_of
 from symmb.bounds.optimization import Optimization
 from symmb.bounds.polynomial_chaos import PolynomialChaos

@@ -202,21 +202,24 @@ class Bounds(Answers, Result, Saved):
         )
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 
-    def report(self, path: str | Path, limits: Limits | None = None) -> None:
+    def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:
         """Write a report: one .html file that opens offline, and prints.
 
-        It tells doubts, whether limits are kept, the bounds, worst cases and curves, what they assume and cost, and
-        how to repeat them; of a scene also the mechanism and its equations; by adaptive methods also contributions.
+        It tells first in sentences whether limits are kept, and what to do next: which tolerance to tighten, and by how
+        much. Curves and the mechanism follow. An annex holds warnings, tables, worst cases, contributions by adaptive
+        methods, the equations, what is assumed, what it cost, and how to repeat it.
 
         Parameters
         ----------
         path : of the file
         limits : those of `check`; default: none
+        company, author, date, drawing, revision :
+            the title block; parts that are not given are left out
 
         Raises
         ------
         DeclarationError
-            If the name has another suffix, an output is unknown, or limits cross.
+            If the name has another suffix, an output or a part of the title block is unknown, or limits cross.
         FileError
             If the file cannot be written; the previous one is kept.
 
@@ -227,12 +230,12 @@ class Bounds(Answers, Result, Saved):
         >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
         >>> bounds = mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0)))
         >>> path = pathlib.Path(tempfile.mkdtemp()) / "report.html"
-        >>> bounds.report(path, {"x": (0.1, None)})
-        >>> "Limits by PolynomialChaos(): kept" in path.read_text()
+        >>> bounds.report(path, {"x": (0.1, None)}, author="A. Miller", drawing="D-17")
+        >>> "x stays at least 0.1 in all cases" in path.read_text()
         True
         """
         # Reports stand on drawings, which stand on bounds. Only who asks for one loads them.
-        import_module("symmb.report").write_bounds(self, path, limits)
+        import_module("symmb.report").write_bounds(self, path, limits, block)
 
     def _about(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"

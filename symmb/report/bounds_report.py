@@ -1,8 +1,10 @@
 """The report of bounds."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -16,7 +18,8 @@ from symmb.files import require_suffix
 from symmb.model import Scene
 from symmb.report import document
 from symmb.report.document import assumed, called, section, seed
-from symmb.simulation import SceneSimulator, simulate
+from symmb.report.verdict import by_urgency, next_steps, verdict
+from symmb.simulation import DAESimulator, SceneSimulator, simulate
 
 _NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
@@ -27,44 +30,62 @@ def write_bounds(
     bounds: Bounds,
     path: str | Path,
     limits: Limits | None = None,
+    block: Mapping[str, object] = MappingProxyType({}),
     *,
     command: str = "",
     contributions: Contributions | None = None,
 ) -> None:
     """Write the report of bounds; see `Bounds.report`.
 
-    A `command` repeats the bounds, in the place of lines of Python. Contributions that are not known may take runs.
+    The title block has texts by their names. A `command` repeats the bounds, in the place of lines of Python.
+    Contributions that are not known may take runs.
     """
     require_suffix(path, ".html")
     check = None if limits is None else bounds.check(limits)
     title = f"Bounds of {bounds.subject or ', '.join(bounds.names)}"
-    document.write(path, title, _parts(bounds, check, command, contributions))
+    document.write(path, title, _parts(bounds, check, command, contributions), block)
 
 
 def _parts(
     bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
 ) -> Iterator[str]:
-    study, prepared = bounds.study, None
-    if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator):
-        prepared = study.prepared
+    shares = contributions
+    with suppress(SymmbError):  # the annex tells why they are not known
+        shares = contributions or (bounds._known_contributions() if bounds.range_of else None)
+    yield section("Result", document.sentences(verdict(bounds, check, shares)), style="verdict")
+    steps = next_steps(bounds, check, shares)
+    yield section("What to do next", document.sentences(("", step) for step in steps), style="steps")
+    yield section("Curves", _curves(bounds, check))
+    if prepared := _prepared(bounds):
+        yield section("The mechanism", _part_or_reason(lambda: _motion(bounds, prepared.scene, check)))
+    yield document.annex(*_annex(bounds, check, command, contributions))
+
+
+def _prepared(bounds: Bounds) -> DAESimulator | None:
+    """The scene of the study, prepared, if it is one."""
+    study = bounds.study
+    return study.prepared if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator) else None
+
+
+def _annex(
+    bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
+) -> Iterator[str]:
+    prepared = _prepared(bounds)
     scene = None if prepared is None else prepared.scene
-    yield document.warnings(bounds.doubts, bounds.remarks)
+    yield section("Warnings", document.warnings(bounds.doubts, bounds.remarks))
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
-        drawn = _pictures([limit.output for limit in check.limits], lambda name: check.plot(outputs=name))
-        yield section("Limits", check._tabulated(), drawn, *worst, style="limits")
+        yield section("Limits", check._tabulated(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
-    cases = _part_or_reason(lambda: _worst(bounds))
-    yield section("Worst cases", cases, _part_or_reason(lambda: _motion(bounds, scene, check)) if scene else "")
+    yield section("Worst cases", _part_or_reason(lambda: _worst(bounds)))
     if bounds.range_of or contributions is not None:  # other methods would be followed by a study of their own
         asked = _ASKED_BY_COMMAND if command else _ASKED
         shares = _part_or_reason(lambda: _contributions(bounds, check, contributions, asked))
         yield section("What each parameter contributes", shares, style="contributions")
-    yield section("Curves", _curves(bounds, check))
     if prepared is not None and scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
         start = _part_or_reason(lambda: html.picture(start_picture(prepared)))
-        yield section("The mechanism", at_start, start, style="still")
+        yield section("The start", at_start, start, style="still")
         equations = f"{scene.system}\n\n{scene.system.equations()}".rstrip()
         yield document.folded("Equations", equations)
     yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
@@ -76,7 +97,7 @@ def _parts(
 
 def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
     """Numbers of the outputs that pictures and tables of parameters show: those with limits first."""
-    names = [*([] if check is None else (limit.output for limit in check.limits)), *bounds.names]
+    names = [*([] if check is None else (limit.output for limit in by_urgency(check))), *bounds.names]
     return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
 
 
@@ -93,7 +114,9 @@ def _pictures(names: Sequence[str], draw: Callable[[str], Figure]) -> str:
 def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
     shown = [bounds.names[k] for k in _shown(bounds, check)]
     part = f"{len(shown)} of {len(bounds.names)} outputs." if len(shown) < len(bounds.names) else ""
-    return (document.note(part) if part else "") + _pictures(shown, lambda name: bounds.plot(outputs=name))
+    limited = () if check is None else check.names
+    note = document.note(part) if part else ""
+    return note + _pictures(shown, lambda name: (check if check and name in limited else bounds).plot(outputs=name))
 
 
 def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None, asked: str) -> str:

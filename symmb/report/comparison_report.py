@@ -13,7 +13,7 @@ from symmb.study import Comparison
 def write_comparison(comparison: Comparison, path: str | Path, command: str = "") -> None:
     """Write the report of a comparison; see `Comparison.report`."""
     require_suffix(path, ".html")
-    document.write(path, f"Comparison of {comparison.scene}", _parts(comparison, command))
+    document.write(path, f"Comparison of {comparison.scene}", _parts(comparison, command), {})
 
 
 def _parts(comparison: Comparison, command: str) -> Iterator[str]:

@@ -10,72 +10,41 @@ from pathlib import Path
 import numpy as np
 
 from symmb import _html as html
+from symmb._options import require_names
 from symmb.bounds import METHODS
 from symmb.files import replacement
 from symmb.model import Box
 
 _PACKAGES = "symmb", "numpy", "casadi"
+_BLOCK = "company", "author", "date", "drawing", "revision"
 _LARGE = 1e6
 _CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
 """A call of a class in the text of a method, a box or a solver."""
-_STYLE = """
-:root { color-scheme: light dark; --ink: #20262d; --soft: #5d6773; --line: #d5dbe1; --paper: #fff; --warn: #fff4dc;
-  --edge: #c98a00; --even: #64748b12; --shade: #0003; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e4e8ec; --soft: #a3adb8; --line: #3b444e; --paper: #171b20;
-  --warn: #3a2d0c; --edge: #d9a227; --even: #94a3b814; --shade: #fff3; } }
-@media print { :root { color-scheme: light; --ink: #000; --soft: #444; --line: #bbb; --paper: #fff; --warn: #fff4dc;
-  --edge: #c98a00; --even: #64748b12; --shade: #0000; } }
-@page { size: A4; margin: 14mm 13mm; }
-* { box-sizing: border-box; }
-body { max-width: 1100px; margin: 0 auto; padding: 20px 24px 48px; font: 15px/1.5 system-ui, sans-serif;
-  color: var(--ink); background: var(--paper); overflow-wrap: anywhere; }
-h1 { font-size: 25px; line-height: 1.25; margin: 8px 0 12px; }
-h2 { font-size: 18px; margin: 32px 0 8px; padding-bottom: 3px; border-bottom: 1px solid var(--line); }
-pre { font-size: 13px; line-height: 1.45; }
-table { border-collapse: collapse; margin: 8px 0; font-size: 13.5px; font-variant-numeric: tabular-nums; }
-th, td { padding: 4px 10px; border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: normal; }
-[style*="right"] { white-space: nowrap; } thead [style*="right"] { white-space: normal; }
-th { color: var(--soft); font-weight: 600; vertical-align: bottom; }
-tbody tr:nth-child(even) { background: var(--even); }
-div[style*="overflow-x"] { background: linear-gradient(90deg, var(--paper) 30%, #0000) 0 / 30px 100% local,
-  linear-gradient(270deg, var(--paper) 30%, #0000) 100% / 30px 100% local,
-  linear-gradient(90deg, var(--shade), #0000) 0 / 10px 100%,
-  linear-gradient(270deg, var(--shade), #0000) 100% / 10px 100%; background-repeat: no-repeat; }
-img { display: block; height: auto; margin: 8px 0; background: #fff; border-radius: 4px; }
-iframe { display: block; width: 100%; height: 560px; margin: 8px 0; border: 1px solid var(--line); border-radius: 4px;
-  background: #fff; color-scheme: light; }
-.note { color: var(--soft); font-size: 13.5px; margin: 4px 0; }
-.doubt, .remark { margin: 8px 0; padding: 8px 12px; border-left: 4px solid var(--edge); background: var(--warn); }
-.remark { border-color: var(--line); background: var(--even); }
-details { margin: 28px 0 0; } summary { cursor: pointer; font-weight: 600; font-size: 18px; }
-.printed { display: none; } .limits pre { font-weight: 600; font-size: 15px; }
-.still img { max-height: 440px; width: auto !important; }
-.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 330px), 1fr)); gap: 6px 14px; }
-figure { margin: 0; break-inside: avoid; } figure img { width: 100% !important; max-width: 560px !important; }
-.contributions table { display: inline-table; margin-right: 28px; vertical-align: top; }
-@media (max-width: 640px) { body { padding: 12px 14px 32px; } th, td { padding: 3px 6px; } iframe { height: 640px; }
-  .methods img { max-width: none !important; } .limits td:first-child { min-width: 9em; }
-  .limits td:nth-child(3) { min-width: 16em; } }
-@media print { body { max-width: none; padding: 0; font-size: 10pt; print-color-adjust: exact; }
-  h1 { font-size: 17pt; } h2 { font-size: 12.5pt; margin-top: 14pt; }
-  h2, .note:not(:last-child), pre:not(:last-child) { break-after: avoid; }
-  pre { font-size: 7.5pt; } table { font-size: 6.8pt; } th, td { padding: 2pt 3pt; }
-  tr, img, .still, .contributions table, .contributions pre, .doubt { break-inside: avoid; }
-  .contributions table { font-size: 6.2pt; margin-right: 8pt; }
-  .note { font-size: 8.5pt; } details { display: none; }
-  .limits pre { font-size: 10pt; } .still img { max-height: 105mm; }
-  div { overflow: visible !important; } iframe { display: none; } .printed { display: block; } }
-"""
 
 
-def write(path: str | Path, title: str, parts: Iterable[str]) -> None:
-    """Write a file with a title above parts."""
+def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str, object]) -> None:
+    """Write a file with a title block, and a title above parts."""
     head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
-    head += f"<title>{escape(title)}</title><style>{_STYLE}</style>"
-    body = f"<h1>{escape(title)}</h1>\n" + "\n".join(parts)
+    style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
+    head += f"<title>{escape(title)}</title><style>{style}</style>"
+    require_names("report", "part of the title block", [*block], _BLOCK)
+    cells = [f"<div><dt>{name}</dt><dd>{escape(str(block[name]))}</dd></div>" for name in _BLOCK if block.get(name)]
+    body = f'<dl class="block">{"".join(cells)}</dl>' if cells else ""
+    body += f"<h1>{escape(title)}</h1>\n" + "\n".join(parts)
     text = f'<!DOCTYPE html>\n<html lang="en">\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n'
     with replacement(path) as file:
         file.write(text.encode(errors="replace"))
+
+
+def annex(*parts: str) -> str:
+    """Parts behind a heading of their own, on a new page where they are printed."""
+    return f'<div class="annex" id="annex"><h1>Annex: methods, warnings and details</h1>{"".join(parts)}</div>'
+
+
+def sentences(texts: Iterable[tuple[str, str]]) -> str:
+    """A list of sentences, each with its style."""
+    items = "".join(f'<li class="{style}">{escape(text)}</li>' for style, text in texts)
+    return f"<ul>{items}</ul>"
 
 
 def section(heading: str, *parts: str, style: str = "") -> str:
@@ -84,8 +53,8 @@ def section(heading: str, *parts: str, style: str = "") -> str:
 
 
 def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
-    """Doubts and remarks, each in a box."""
-    boxes = [("doubt", f"Doubtful: {doubt}") for doubt in doubts]
+    """Warnings and remarks, each in a box."""
+    boxes = [("doubt", f"Warning: {doubt}") for doubt in doubts]
     boxes += [("remark", f"Remark: {remark}") for remark in remarks]
     return "".join(f'<p class="{kind}">{escape(text)}</p>' for kind, text in boxes)
 
