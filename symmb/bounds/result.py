@@ -109,9 +109,7 @@ class Bounds(Answers, Result, Saved):
         Limits are the same at all times, so that it is the worst case over all times, which files hold.
         """
         limit = min(limits, key=lambda limit: float(limit.margin.min()))
-        i, k = limit.row, self._column(limit.output)
-        side = "lower" if self.lower[i, k] - limit.low < limit.high - self.upper[i, k] else "upper"
-        side = limit.further.side if limit.further else side
+        i, k, side = limit.row, self._column(limit.output), self._side(limit)
         if self.attaining is None:
             return next((case for case in self.worst_cases if (case.output, case.side) == (limit.output, side)), None)
         case, further = self._cases(self.attaining, [(side, i, k)])[0], limit.further
@@ -119,6 +117,12 @@ class Bounds(Answers, Result, Saved):
             return case
         case = self._closer(case, further.side, further.place, float(further.values[i]))
         return replace(case, value=case.attained) if np.isfinite(further.error) else case
+
+    def _side(self, limit: KeptLimit) -> str:
+        """The side of a limit that is closest."""
+        i, k = limit.row, self._column(limit.output)
+        nearest = "lower" if self.lower[i, k] - limit.low < limit.high - self.upper[i, k] else "upper"
+        return limit.further.side if limit.further else nearest
 
     @classmethod
     def _of_record(cls, record: Record) -> "Bounds":

@@ -1,7 +1,6 @@
 """The report of bounds."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
@@ -19,7 +18,7 @@ from symmb.model import Scene
 from symmb.report import document
 from symmb.report.document import assumed, called, section, seed
 from symmb.report.verdict import by_urgency, next_steps, verdict
-from symmb.simulation import DAESimulator, SceneSimulator, simulate
+from symmb.simulation import SceneSimulator, simulate
 
 _NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
@@ -49,39 +48,31 @@ def write_bounds(
 def _parts(
     bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
 ) -> Iterator[str]:
-    shares = contributions
-    with suppress(SymmbError):  # the annex tells why they are not known
+    shares, why = contributions, ""
+    try:
         shares = contributions or (bounds._known_contributions() if bounds.range_of else None)
+    except SymmbError as error:
+        why = document.note(str(error))
     yield section("Result", document.sentences(verdict(bounds, check, shares)), style="verdict")
     steps = next_steps(bounds, check, shares)
     yield section("What to do next", document.sentences(("", step) for step in steps), style="steps")
     yield section("Curves", _curves(bounds, check))
-    if prepared := _prepared(bounds):
-        yield section("The mechanism", _part_or_reason(lambda: _motion(bounds, prepared.scene, check)))
-    yield document.annex(*_annex(bounds, check, command, contributions))
-
-
-def _prepared(bounds: Bounds) -> DAESimulator | None:
-    """The scene of the study, prepared, if it is one."""
-    study = bounds.study
-    return study.prepared if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator) else None
-
-
-def _annex(
-    bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
-) -> Iterator[str]:
-    prepared = _prepared(bounds)
+    study, prepared = bounds.study, None
+    if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator):
+        prepared = study.prepared
     scene = None if prepared is None else prepared.scene
+    yield section("The mechanism", _part_or_reason(lambda: _motion(bounds, scene, check)) if scene else "")
+    yield document.ANNEX
     yield section("Warnings", document.warnings(bounds.doubts, bounds.remarks))
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
         yield section("Limits", check._tabulated(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
     yield section("Worst cases", _part_or_reason(lambda: _worst(bounds)))
-    if bounds.range_of or contributions is not None:  # other methods would be followed by a study of their own
+    if bounds.range_of or shares is not None:  # other methods would be followed by a study of their own
         asked = _ASKED_BY_COMMAND if command else _ASKED
-        shares = _part_or_reason(lambda: _contributions(bounds, check, contributions, asked))
-        yield section("What each parameter contributes", shares, style="contributions")
+        tables = why or _part_or_reason(lambda: _contributions(bounds, check, shares, asked))
+        yield section("What each parameter contributes", tables, style="contributions")
     if prepared is not None and scene is not None:
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
         start = _part_or_reason(lambda: html.picture(start_picture(prepared)))
@@ -119,9 +110,9 @@ def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
     return note + _pictures(shown, lambda name: (check if check and name in limited else bounds).plot(outputs=name))
 
 
-def _contributions(bounds: Bounds, check: LimitCheck | None, known: Contributions | None, asked: str) -> str:
+def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None, asked: str) -> str:
     """Those that are known, or those of the polynomials of the study; at the least margin of outputs with limits."""
-    if (shares := known or bounds._known_contributions()) is None:
+    if shares is None:
         return document.note(_NO_CONTRIBUTIONS.format(asked))
     shown = _shown(bounds, check)
     width = bounds.upper - bounds.lower

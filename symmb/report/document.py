@@ -16,6 +16,7 @@ from symmb.files import replacement
 from symmb.model import Box
 
 _PACKAGES = "symmb", "numpy", "casadi"
+ANNEX = '<h1 class="annex" id="annex">Annex: methods, warnings and details</h1>'
 _BLOCK = "company", "author", "date", "drawing", "revision"
 _LARGE = 1e6
 _CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
@@ -34,11 +35,6 @@ def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str
     text = f'<!DOCTYPE html>\n<html lang="en">\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n'
     with replacement(path) as file:
         file.write(text.encode(errors="replace"))
-
-
-def annex(*parts: str) -> str:
-    """Parts behind a heading of their own, on a new page where they are printed."""
-    return f'<div class="annex" id="annex"><h1>Annex: methods, warnings and details</h1>{"".join(parts)}</div>'
 
 
 def sentences(texts: Iterable[tuple[str, str]]) -> str:

@@ -82,10 +82,12 @@ def test_numbers_are_those_of_the_result(scene_report):
 
 def test_the_order_of_the_parts(scene_report):
     _, path = scene_report
-    answers = ["Limits", "Bounds", "Worst cases", "What each parameter contributes", "Curves", "The mechanism"]
-    assert headings(path) == [*answers, "What is assumed", "What it cost", "To repeat it"]
+    answers = ["Result", "What to do next", "Curves", "The mechanism"]
+    annex = ["Limits", "Bounds", "Worst cases", "What each parameter contributes", "The start"]
+    assert headings(path) == [*answers, *annex, "What is assumed", "What it cost", "To repeat it"]
     page = path.read_text()
-    assert page.index("The mechanism</h2>") < page.index("<summary>Equations") < page.index("What is assumed")
+    assert page.index("The mechanism</h2>") < page.index('id="annex"') < page.index("Limits</h2>")
+    assert page.index("The start</h2>") < page.index("<summary>Equations") < page.index("What is assumed")
     equations = rolling().system.equations()
     assert "M q̈ = Q" in equations
     assert words(equations) in text_of(path)
@@ -173,7 +175,8 @@ def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
     assert re.findall(r"(y\d) at 1 s alone", text) == ["y8", "y0", "y1", "y2", "y3", "y4"]
     assert "3 of 9 outputs are left out: `print(bounds.contributions())` shows them." in text
     assert "Curves 6 of 9 outputs." in text
-    assert [k["outputs"] for k in drawn if k] == ["y8", "y0", "y1", "y2", "y3", "y4"] * 2
+    others = ["y0", "y1", "y2", "y3", "y4"]  # the check draws y8 beside its limit
+    assert [k["outputs"] for k in drawn if k] == [*others, "y8", *others]
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".json", ".csv"])
@@ -208,14 +211,17 @@ def test_methods_without_contributions_or_runs(tmp_path, method):
     assert (f"seed {seed} solver" in text) if seed else "seed" not in text
 
 
-def test_doubts_stand_above_the_answers(tmp_path):
+def test_the_annex_has_the_warnings(tmp_path):
     simulator, box = decay()
     bounds = mb.propagate(simulator, mb.MonteCarlo(2), box)
     assert bounds.doubts and bounds.remarks
     text, _, page = reported(bounds, tmp_path, {"x": (0, None)})
     assert page.count('<p class="doubt">') == len(bounds.doubts)
-    assert page.rindex('<p class="doubt">') < page.index('<p class="remark">') < page.index("Limits</h2>")
-    assert all(f"Doubtful: {words(doubt)}" in text for doubt in bounds.doubts)
+    assert page.index('id="annex"') < page.index('<p class="doubt">') < page.index('<p class="remark">')
+    assert page.index('<p class="remark">') < page.index("Limits</h2>")
+    assert all(f"Warning: {words(doubt)}" in text for doubt in bounds.doubts)
+    n = len(bounds.doubts)
+    assert ("A warning tells what" if n == 1 else f"{n} warnings tell what") in text.partition("Annex")[0]
 
 
 @pytest.mark.parametrize("subject", ["scene", "black box", "loaded", "comparison"])
@@ -275,7 +281,7 @@ def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
     simulator, box = decay()
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
     monkeypatch.setattr(mb.Bounds, "_known_contributions", fails)
-    assert "What each parameter contributes 3 of 4 runs failed. Curves" in reported(bounds, tmp_path)[0]
+    assert "What each parameter contributes 3 of 4 runs failed. What is assumed" in reported(bounds, tmp_path)[0]
 
 
 SCENE = """

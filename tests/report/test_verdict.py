@@ -1,0 +1,187 @@
+"""Sentences of reports: their results and numbers are those of the check, and the tolerances that they name keep limits."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb.report.verdict import next_steps, verdict
+
+pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+SEEDS = range(6)
+T = np.linspace(0.0, 1.0, 9)
+NAMES = ["x", "peak_force", "tip y", "Kraft_µ", "<b>&$z$", "a name that is as long as names of outputs may well be"]
+
+
+def machine(rng):
+    """Two outputs that three parameters change, with a random name and random numbers, and its box."""
+    name, parameters = str(rng.choice(NAMES)), [f"{letter}{rng.integers(100)}" for letter in "pqr"]
+    c, scale = rng.uniform(0.5, 2.0, 3), 10.0 ** rng.integers(-3, 4)
+
+    def own(**p):
+        a, b, d = (p[n] for n in parameters)
+        return scale * np.stack([c[0] * a + c[1] * b * T - 0.1 * d * T**2, 1 + c[2] * d * T], axis=1)
+
+    simulator = mb.FunctionSimulator(own, dict.fromkeys(parameters, 1.0), T, [name, "other"])
+    return simulator, mb.Box(**{n: (1 - w, 1 + w) for n, w in zip(parameters, rng.uniform(0.02, 0.2, 3), strict=True)})
+
+
+def told(bounds, limits):
+    """The check, the sentences of the verdict, and the next steps."""
+    check = None if limits is None else bounds.check(limits)
+    shares = bounds._known_contributions() if bounds.range_of else None
+    return check, verdict(bounds, check, shares), next_steps(bounds, check, shares)
+
+
+def bounded(seed, method=None):
+    rng = np.random.default_rng(seed)
+    simulator, box = machine(rng)
+    bounds = mb.propagate(simulator, method or mb.PolynomialChaos(), box)
+    return rng, simulator, box, bounds, float(bounds.lower[:, 0].min()), float(bounds.upper[:, 0].max())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_kept_limit(seed):
+    rng, _, _, bounds, low, high = bounded(seed)
+    limit = float(high + rng.uniform(0.1, 1) * (high - low))
+    check, ((state, head), (_, text), *_), steps = told(bounds, {bounds.names[0]: (None, limit)})
+    least = check.limits[0].margin[check.limits[0].row]
+    assert state == "kept" and head == "The limit is kept in all cases within the tolerances."
+    assert text.startswith(f"{bounds.names[0]} is at most {limit:.6g} in all cases within the tolerances.")
+    assert f"The smallest margin is {least:.3g}, at {T[check.limits[0].row]:.4g} s" in text
+    assert steps[0] == "No tolerance has to be tightened."
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_violated_limit_and_what_keeps_it(seed, side):
+    """The run in which parameters are high or low attains the excess, and each tolerance that is named keeps the limit."""
+    rng, simulator, box, bounds, low, high = bounded(seed + 10)
+    middle = bounds.nominal[:, 0]
+    inner, outer = (middle.min(), low) if side == "lower" else (middle.max(), high)
+    end = float(outer + rng.uniform(0.05, 0.7) * (inner - outer))
+    ends = (end, None) if side == "lower" else (None, end)
+    check, ((state, head), (own, text), *_), steps = told(bounds, {bounds.names[0]: ends})
+    limit, excess = check.limits[0], abs(end - outer)
+    assert state == own == "violated" and head == "The limit may be violated."
+    verb = "fall below" if side == "lower" else "exceed"
+    start = f"{bounds.names[0]} may {verb} its limit of {end:.6g} by {-limit.margin[limit.row]:.3g}"
+    assert text.startswith(start) and -limit.margin[limit.row] == pytest.approx(excess, rel=1e-3)
+    assert "nominal values violate" not in text
+    when = re.findall(r"(\w+) is (high|low) \(([^)]+)\)", text)
+    assert when
+    for name, word, value in when:
+        assert f"{check.worst.parameters[name]:.4g}" == value
+        assert (check.worst.parameters[name] > 1) == (word == "high")
+    changes = re.findall(r"(\w+) from 1 ± (\S+) to 1 ± ([\d.e-]+\d)", steps[0])
+    assert changes
+    narrowed = [{name: (1 - float(half), 1 + float(half))} for name, _, half in changes]
+    narrowed = narrowed if "tighten" in steps[0] else [{k: v for part in narrowed for k, v in part.items()}]
+    for part in narrowed:
+        if "multiply all" in steps[0]:
+            factor = float(re.search(r"by ([\d.]+):", steps[0])[1]) - 0.005
+            part = {n: (1 + factor * (a - 1), 1 + factor * (b - 1)) for n, (a, b) in zip(box.names, box.bounds)} | part
+        smaller = mb.Box(**(dict(zip(box.names, box.bounds, strict=True)) | part))
+        assert mb.propagate(simulator, mb.PolynomialChaos(), smaller).check({bounds.names[0]: ends}).kept is True
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_nominal_values_beyond_a_limit(seed):
+    rng, _, _, bounds, low, high = bounded(seed + 20)
+    peak = float(bounds.nominal[:, 0].max())
+    limit = float(peak - rng.uniform(0.1, 0.9) * (peak - low))
+    _, sentences, steps = told(bounds, {bounds.names[0]: (None, limit)})
+    assert sentences[1][1].endswith("The nominal values violate it too.")
+    assert steps[0].startswith(f"{bounds.names[0]} misses its limit by {peak - limit:.3g} at the nominal values")
+    assert not any("ighten" in step for step in steps)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_samples_leave_undecided(seed):
+    _, _, _, bounds, low, high = bounded(seed + 30, mb.Vertex())
+    limit = float(2 * high - low)
+    check, sentences, steps = told(bounds, {bounds.names[0]: (None, limit), "other": (-abs(limit) - 1, 1e9)})
+    assert [state for state, _ in sentences[:3]] == ["undecided"] * 3
+    assert sentences[0][1] == "All 2 limits are not decided."
+    least = check.limits[0].margin[check.limits[0].row]
+    start = f"It is not decided whether {bounds.names[0]} is at most {limit:.6g}. The smallest margin is {least:.3g}"
+    assert sentences[1][1].startswith(start)
+    assert f"Only the {bounds.evaluations} cases that were run are known" in sentences[3][1]
+    assert steps[0] == f"{bounds.names[0]}: {check.limits[0].why}"
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_proved_limit(seed):
+    rng = np.random.default_rng(seed + 40)
+    p = mb.Parameters(speed=float(rng.uniform(1, 3)))
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    scene = mb.Scene(mb.System(ball, parameters=p), {"ball.vx": p.speed}, T, {"x": ball.x}, mb.Box.around(p, 0.1))
+    bounds = mb.propagate(scene, mb.TaylorModel(order=2))
+    limit = float(1.2 * 1.1 * p["speed"])
+    check, sentences, _ = told(bounds, {"x": (None, limit)})
+    assert check.kept and sentences[0][0] == "kept"
+    assert f"x is at most {limit:.6g} m in all cases" in sentences[1][1]
+    assert f"The smallest margin is {limit - 1.1 * p['speed']:.3g} m" in sentences[1][1]
+    assert sentences[-1][1] == "The bounds behind these sentences are proved."
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_ranges_without_limits(seed):
+    _, _, _, bounds, low, high = bounded(seed + 50)
+    _, sentences, steps = told(bounds, None)
+    assert sentences[1] == ("", f"{bounds.names[0]} is between {low:.4g} and {high:.4g}.")
+    assert steps[0].startswith("Give limits")
+    assert any(step.startswith(f"The spread of {bounds.names[0]}, ") for step in steps)
+
+
+def test_urgent_limits_come_first_and_the_annex_has_the_rest(tmp_path):
+    names = [f"y{k}" for k in range(30)]
+    simulator = mb.FunctionSimulator(lambda k: np.outer(k * T, np.arange(1.0, 31.0)), {"k": 1.0}, T, names)
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
+    limits = {name: (None, 40.0 if k < 28 else 30.5) for k, name in enumerate(names)}
+    _, sentences, steps = told(bounds, limits)
+    assert sentences[0] == ("violated", "Of 30 limits, 2 may be violated and 28 are kept.")
+    assert [state for state, _ in sentences[1:11]] == ["violated"] * 2 + ["kept"] * 8
+    assert sentences[11] == ("", "The annex tells the other 20.")
+    assert "k from 1 ± 0.1 to 1 ± 0.016" in steps[0]
+    bounds.report(tmp_path / "r.html", limits)
+
+
+def test_runs_that_fail_are_told():
+    simulator = mb.FunctionSimulator(lambda k: T / (k <= 1.05), {"k": 1.0}, T, ["x"])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bounds = mb.propagate(simulator, mb.MonteCarlo(40), mb.Box(k=(0.9, 1.1)))
+    _, sentences, _ = told(bounds, {"x": (None, 2.0)})
+    texts = [text for _, text in sentences]
+    assert f"{len(bounds.failed)} of 40 runs failed: these cases are not known." in texts and bounds.failed
+
+
+def test_a_box_without_widths():
+    simulator = mb.FunctionSimulator(lambda k: k * T, {"k": 2.0}, T, ["x"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(2.0, 2.0)))
+    for limit, state in ((3.0, "kept"), (1.5, "violated")):
+        _, sentences, steps = told(bounds, {"x": (None, limit)})
+        assert sentences[0][0] == state and " when " not in sentences[1][1]
+        assert not any("spread" in step or "ighten one" in step for step in steps)
+
+
+def test_the_title_block(tmp_path):
+    simulator = mb.FunctionSimulator(lambda k: k * T, {"k": 2.0}, T, ["x"])
+    bounds, path = mb.propagate(simulator, mb.Vertex(), mb.Box(k=(1.0, 2.0))), tmp_path / "r.html"
+    bounds.report(path, company="A & B <Ltd>", revision=3)
+    block = path.read_text().partition("<h1>")[0].partition('class="block"')[2]
+    assert "<dt>company</dt><dd>A &amp; B &lt;Ltd&gt;</dd>" in block and "<dt>revision</dt><dd>3</dd>" in block
+    assert "author" not in block
+    with pytest.raises(mb.DeclarationError, match="no part of the title block 'autor'"):
+        bounds.report(path, autor="A. B.")
+
+
+def test_names_in_sentences_are_no_markup(tmp_path):
+    name, path = "<script>x</script>", tmp_path / "r.html"
+    simulator = mb.FunctionSimulator(lambda **p: p[name] * T, {name: 2.0}, T, [name])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**{name: (1.0, 3.0)}))
+    bounds.report(path, {name: (None, 2.5)})
+    assert "<script" not in path.read_text()
+    assert f"{name} may exceed its limit of 2.5 by 0.5, at 1 s, when {name} is high (3)." in html.unescape(path.read_text())
