@@ -68,7 +68,7 @@ def _parts(
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
         yield section("Limits", check._tabulated(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
-    yield section("Worst cases", _part_or_reason(lambda: _worst(bounds)))
+    yield section("Worst cases", _part_or_reason(lambda: _worst(bounds, check)))
     if bounds.range_of or shares is not None:  # other methods would be followed by a study of their own
         asked = _ASKED_BY_COMMAND if command else _ASKED
         tables = why or _part_or_reason(lambda: _contributions(bounds, check, shares, asked))
@@ -92,9 +92,16 @@ def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
     return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
 
 
-def _worst(bounds: Bounds) -> str:
-    cases = bounds._all_worst()
-    return html.page(html.table(worst_rows(cases))) if cases else ""
+def _worst(bounds: Bounds, check: LimitCheck | None) -> str:
+    shown = [bounds.names[k] for k in _shown(bounds, check)]
+    cases = [case for case in bounds._all_worst() if case.output in shown]
+    return _part(bounds, check) + html.page(html.table(worst_rows(cases))) if cases else ""
+
+
+def _part(bounds: Bounds, check: LimitCheck | None) -> str:
+    """A note where not all outputs are shown."""
+    shown, n = len(_shown(bounds, check)), len(bounds.names)
+    return document.note(f"{shown} of {n} outputs.") if shown < n else ""
 
 
 def _pictures(names: Sequence[str], draw: Callable[[str], Figure]) -> str:
@@ -104,10 +111,10 @@ def _pictures(names: Sequence[str], draw: Callable[[str], Figure]) -> str:
 
 def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
     shown = [bounds.names[k] for k in _shown(bounds, check)]
-    part = f"{len(shown)} of {len(bounds.names)} outputs." if len(shown) < len(bounds.names) else ""
-    limited = () if check is None else check.names
-    note = document.note(part) if part else ""
-    return note + _pictures(shown, lambda name: (check if check and name in limited else bounds).plot(outputs=name))
+    of_check = () if check is None else check.names
+    return _part(bounds, check) + _pictures(
+        shown, lambda name: (check if check and name in of_check else bounds).plot(outputs=name)
+    )
 
 
 def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None, asked: str) -> str:

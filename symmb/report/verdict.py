@@ -58,7 +58,7 @@ def _headline(results: Sequence[bool | None]) -> str:
     words = [f"{count} {_SAID[state][count > 1]}" for state, count in counts.items()]
     if len(words) > 1:
         return f"Of {n} limits, {_listed(words)}."
-    subject, (state,) = "The limit" if n == 1 else f"All {n} limits", counts
+    subject, (state,) = ["", "The limit", "Both limits"][n] if n < 3 else f"All {n} limits", counts
     return f"{subject} {_SAID[state][n > 1]}{' in all cases within the tolerances' if state else ''}."
 
 
