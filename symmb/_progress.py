@@ -1,13 +1,13 @@
-"""The progress of long work, shown by tqdm: in a notebook as its bar, in a terminal as a line, elsewhere not at all."""
+"""The progress of long work, shown by tqdm: in terminals and notebooks as one line that is replaced, elsewhere not at
+all."""
 
 import os
 import sys
 import threading
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import TracebackType
-from typing import Any
+from typing import Any, ClassVar
 
 _PATIENCE, _PERIOD = 1.0, 0.2
 """Time before the bar appears, so that short work shows none, and time between two updates of it [s]."""
@@ -107,15 +107,43 @@ def shown_runs(
 
 
 def _new_bar(stream: Any, done: int, unit: str) -> Any:
-    if _in_notebook():
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # without ipywidgets the bar is a line of text
-            from tqdm.auto import tqdm
-    else:
-        from tqdm import tqdm
+    from tqdm import tqdm
+
+    file = _CellLine.of_cell() if _in_notebook() else stream
     tqdm.set_lock(threading.RLock())  # that of tqdm is shared with other processes, which draw no bars
     tqdm.monitor_interval = 0
-    return tqdm(file=stream, initial=done, leave=False, dynamic_ncols=True, unit=f" {unit}", disable=False)
+    return tqdm(file=file, initial=done, leave=False, dynamic_ncols=True, unit=f" {unit}", disable=False)
+
+
+class _CellLine:
+    """A file whose last line stands below a cell of a notebook, one for all bars of the cell.
+
+    Lines of the standard error stay in exports, one below the other. This one is empty at the end.
+    """
+
+    _last: ClassVar["tuple[int, _CellLine] | None"] = None
+
+    def __init__(self) -> None:
+        self._handle: Any = None
+
+    @classmethod
+    def of_cell(cls) -> "_CellLine":
+        """That of the cell which runs."""
+        number = sys.modules["IPython"].get_ipython().execution_count
+        if cls._last is None or cls._last[0] != number:
+            cls._last = number, cls()
+        return cls._last[1]
+
+    def write(self, text: str) -> None:
+        """Replace the line."""
+        data = {"text/plain": text.strip()}
+        if self._handle is None:
+            self._handle = sys.modules["IPython"].display.display(data, raw=True, display_id=True)
+        else:
+            self._handle.update(data, raw=True)
+
+    def flush(self) -> None:
+        """Nothing waits."""
 
 
 def _in_notebook() -> bool:

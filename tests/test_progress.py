@@ -84,3 +84,40 @@ def test_bounds_tell_terminals_unless_the_caller_watches(monkeypatch, impatient,
     mb.propagate(decay, mb.Scanning(20), mb.Box(k=(0.5, 2.0)), progress=watch)
     assert ("Scanning(20)" in terminal.getvalue()) is not own
     assert bool(seen) is own
+
+
+IN_NOTEBOOK = """
+import time
+import numpy as np
+import symmb as mb
+import symmb._progress as progress
+
+progress._PATIENCE, progress._PERIOD = 0.0, 0.05
+
+def slow(k):
+    time.sleep(0.02)
+    return np.exp(-k * np.array([0.0, 1.0]))
+
+decay = mb.FunctionSimulator(slow, {"k": 1.0}, [0.0, 1.0], ["x"])
+for n in (19, 23):
+    mb.propagate(decay, mb.Scanning(n), mb.Box(k=(0.5, 2.0)))
+"""
+
+
+def test_a_cell_of_a_notebook_shows_one_line_which_is_empty_at_the_end():
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
+    lines = []
+
+    class Watching(nbclient.NotebookClient):
+        def process_message(self, msg, *cell):
+            lines.append(msg["content"].get("data", {}).get("text/plain", ""))
+            return super().process_message(msg, *cell)
+
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(IN_NOTEBOOK)])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("TQDM_DISABLE", raising=False)
+        Watching(book, timeout=300).execute()
+    assert all(any(f"Scanning({n}) " in line and f"of {n} runs" in line for line in lines) for n in (19, 23))
+    (output,) = book.cells[0].outputs
+    assert output["output_type"] == "display_data" and output["data"] == {"text/plain": ""}

@@ -196,7 +196,9 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
     others, of_others, lacking = _widths(responses, is_alone=False)
     if not may_run and (missing.any() or lacking.any()):
         return None
-    runs = _by_runs(responses, missing, True, alone, of_alone) + _by_runs(responses, lacking, False, others, of_others)
+    asked = int(missing.any(axis=1).sum()), int(lacking.any(axis=1).sum())
+    runs = _by_runs(responses, missing, True, alone, of_alone, (0, sum(asked)))
+    runs += _by_runs(responses, lacking, False, others, of_others, (asked[0], sum(asked)))
     low, high, _ = responses.range(-np.ones(len(free)), np.ones(len(free)))
     whole = np.where(np.isnan(low), width, high - low)  # differences of its own ranges are more accurate
     saved = np.where(free[:, None, None], np.maximum(whole - others, 0.0), 0.0)
@@ -246,12 +248,19 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
     return widths, error, missing
 
 
-def _by_runs(responses: Responses, missing: Mask, is_alone: bool, widths: Array, error: Array) -> int:
-    """Fill in the widths (d, n_t, n_y) and errors that are missing (d, n_y) by studies; returns how many runs."""
-    runs = 0
-    for i in np.flatnonzero(missing.any(axis=1)):
+def _by_runs(
+    responses: Responses, missing: Mask, is_alone: bool, widths: Array, error: Array, studies: tuple[int, int]
+) -> int:
+    """Fill in the widths (d, n_t, n_y) and errors that are missing (d, n_y) by studies; returns how many runs.
+
+    The progress tells the number of each study of all, of which some were made before.
+    """
+    runs, (before, of_all) = 0, studies
+    for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):
         own, each = missing[i], (np.arange(len(responses.box)) == i) == is_alone
-        low, high, of_range, more = responses.range_by_runs(each & (responses.box.radius > 0))
+        low, high, of_range, more = responses.range_by_runs(
+            each & (responses.box.radius > 0), f"contributions, further study {number} of {of_all}"
+        )
         widths[i][:, own] = np.maximum(high - low, 0.0)[:, own]
         error[i][:, own] = of_range[:, own]
         runs += more

@@ -19,7 +19,7 @@ GOOD = 0.25
 class Runs(Protocol):
     """Further runs: a range with its error and their number, values, and bounds by PolynomialChaos()."""
 
-    def range(self, box: Box) -> tuple[Array, Array, Array, int]: ...
+    def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]: ...
 
     def attempted(self, points: Array) -> tuple[Array, tuple[Any, ...]]: ...
 
@@ -99,8 +99,8 @@ class Responses:
             error[:, good] = own.error
         return np.maximum(low, self.lower), np.minimum(high, self.upper), error
 
-    def range_by_runs(self, free: Mask) -> tuple[Array, Array, Array, int]:
-        """The same by a study in which some parameters (d,) are free and others nominal, and its runs."""
+    def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
+        """The same by a study in which some parameters (d,) are free and others nominal, and its runs; with a label."""
         assert self.runs is not None
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]
@@ -108,4 +108,4 @@ class Responses:
         part = {
             name: ends for name, ends, is_free in zip(self.box.names, self.box.bounds, free, strict=True) if is_free
         }
-        return self.runs.range(Box(**part))
+        return self.runs.range(Box(**part), label)

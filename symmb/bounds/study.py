@@ -55,12 +55,12 @@ class Study:
         with shown_runs(None, "a study with PolynomialChaos()") as progress:
             return PolynomialChaos().bounds(self.simulator, self.box, progress=progress)
 
-    def range(self, box: Box) -> tuple[Array, Array, Array, int]:
+    def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
         """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and how many runs they took.
 
-        Parameters that are not in the box have their nominal values.
+        Parameters that are not in the box have their nominal values. The label says in the progress what it is for.
         """
-        with shown_runs(None, f"range over {', '.join(box.names)}") as progress:
+        with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
             bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)
         assert bounds.estimate is not None
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations

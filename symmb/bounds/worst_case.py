@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError
-from symmb._labelled import Labelled, Result, texts
+from symmb._labelled import Labelled, Result, parameter_names, texts
 from symmb._names import look_up_by_name
 from symmb._options import is_finite_number, shown
 from symmb._table import aligned, at_time, is_timeless, over_times
@@ -218,7 +218,9 @@ class Worst(Result):
         names = [*self.lower.parameters]
         values = np.array([[case.parameters[name] for name in names] for case in cases])
         variables["parameters"] = (("bound", "parameter"), values)
-        coordinates = {"bound": (("bound",), texts(SIDES)), "parameter": (("parameter",), texts(names))}
+        coordinates: dict[str, Any] = {"bound": (("bound",), texts(SIDES)), "parameter": (("parameter",), texts(names))}
+        free = parameter_names(names, [*coordinates, *variables])
+        coordinates |= {name: (("bound",), values[:, i]) for i, name in enumerate(free)}
         return Labelled(coordinates, variables, {"output": self.lower.output})
 
 

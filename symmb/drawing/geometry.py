@@ -40,8 +40,8 @@ class BodyShapes:
         title = f"{Path(mesh.path).name!r} of {self.body.name!r}"
         try:
             triangles = mesh.triangles
-        except DeclarationError:
-            self.notes.append(f"Mesh {title}")
+        except DeclarationError as error:
+            self.notes.append(f"Mesh {title} ({str(error).removeprefix('Mesh: ').removesuffix('.')})")
             return None
         drawn = coarser(triangles, most)
         if len(drawn) < len(triangles):

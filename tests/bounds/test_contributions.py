@@ -7,6 +7,7 @@ from unit_functions import unit_function
 
 import symmb as mb
 from models import double_pendulum
+from symmb.bounds import Study
 
 T = np.array([0.0, 1.0, 2.0])
 
@@ -177,3 +178,13 @@ def test_contributions_of_first_order(method):
     scene = double_pendulum.scene()
     found = mb.propagate(scene, method, mb.Box(l1=(0.999, 1.001))).contributions()
     assert np.allclose(found.alone[..., 0], found.width, atol=2 * found.estimate.max())
+
+
+def test_progress_tells_how_many_further_studies_there_are(monkeypatch):
+    labels, own = [], Study.range
+    monkeypatch.setattr(Study, "range", lambda self, box, label: labels.append(label) or own(self, box, label))
+    stairs, box = unit_function(lambda x: np.floor(3 * sum(x) + 0.01), 3)
+    with pytest.warns(mb.SymmbWarning):
+        bounds = mb.propagate(stairs, mb.MonteCarlo(30), box)
+    bounds.contributions()
+    assert labels == [f"contributions, further study {k + 1} of {len(labels)}" for k in range(len(labels))] and labels

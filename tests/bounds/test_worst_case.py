@@ -60,6 +60,8 @@ def test_worst_cases_of_a_scene_are_runs_of_it(method):
             assert abs(case.shortfall) <= 0.02 * case.width + 1e-9
     assert "l1" in str(worst) and str(worst.upper).startswith("greatest theta2")
     assert worst.to_xarray()["parameters"].dims == ("bound", "parameter")
+    (row,) = worst.to_pandas().to_dict("records")
+    assert (row["l1_lower"], row["l1_upper"]) == (worst.lower.parameters["l1"], worst.upper.parameters["l1"])
 
 
 def test_files_hold_the_worst_cases_over_all_times(tmp_path):

@@ -101,13 +101,16 @@ def test_another_mesh_by_trimesh(with_mesh, monkeypatch, is_own):
     mesh_is_drawn(as_obj(with_mesh), with_mesh.with_suffix(".html"))
 
 
-@pytest.mark.parametrize("how", ["no trimesh", "no file"])
-def test_a_mesh_that_cannot_be_read_is_told(with_mesh, monkeypatch, how):
+@pytest.mark.parametrize(
+    ("how", "why"), [("no trimesh", "install the package trimesh"), ("no file", "there is no file")]
+)
+def test_a_mesh_that_cannot_be_read_is_told(with_mesh, monkeypatch, how, why):
     if how == "no trimesh":
         monkeypatch.setitem(sys.modules, "trimesh", None)
         as_obj(with_mesh)
     else:
         (with_mesh.parent / "meshes" / "hand.stl").unlink()
     drawing = drawing_of(mb.load_urdf(with_mesh))
-    assert [note.split()[0] for note in drawing.notes if "hand" in note] == ["Mesh"]
+    (note,) = (note for note in drawing.notes if "hand" in note)
+    assert note.startswith("Mesh 'hand.") and why in note
     assert "bar" in [shape.form for shape in drawing.shapes if shape.name == "left_hand"]
