@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 
 import symmb as mb
 from symmb._errors import DeclarationError
-from symmb._options import shown
+from symmb._options import require_names, shown
 from symmb.black_boxes import Simulator
 from symmb.bounds import limit_pairs
 from symmb.cli import specs
 from symmb.cli.result_path import result_paths, write_results
 from symmb.cli.scene_file import load_subject
-from symmb.report import write_bounds
+from symmb.report import BLOCK, write_bounds
 
 _NO_CONTRIBUTIONS = "Contributions of parameters take further runs here: --contributions makes them."
 VIOLATED = 1
@@ -37,6 +37,8 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     bound.add_argument("--plot", metavar="F.png", help="draw bounds over time, and limits")
     bound.add_argument("--view", metavar="F", help="draw the mechanism in the runs that attain the bounds")
     bound.add_argument("--report", metavar="F.html", help="write a report of the bounds and limits that prints")
+    text = f"parts of the report's title block: {', '.join(BLOCK)}"
+    bound.add_argument("--title-block", metavar="author=A", nargs="+", action="extend", default=[], help=text)
 
 
 def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
@@ -44,6 +46,8 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     solver = None if options.solver is None else specs.solver(options.solver)
     paths = result_paths(options)
     limits = _limits(options)
+    block = dict(word.partition("=")[::2] for word in options.title_block)
+    require_names("--title-block", "part", [*block], BLOCK)
     subject, own = load_subject(options.scene)
     box = _box(options, subject, own)
     if limits:  # before the study, which may take long
@@ -59,7 +63,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         mb.view(bounds, paths["view"])
     if "report" in paths:
         command = shlex.join(["symmb", *options.words])
-        write_bounds(bounds, paths["report"], limits or None, command=command, contributions=contributions)
+        write_bounds(bounds, paths["report"], limits or None, block, command=command, contributions=contributions)
     if check is None or check.kept:
         return bounds.doubts
     return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")

@@ -5,3 +5,4 @@
 
 from symmb.report.bounds_report import write_bounds
 from symmb.report.comparison_report import write_comparison
+from symmb.report.document import BLOCK

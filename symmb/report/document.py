@@ -17,7 +17,8 @@ from symmb.model import Box
 
 _PACKAGES = "symmb", "numpy", "casadi"
 ANNEX = '<h1 class="annex" id="annex">Annex: methods, warnings and details</h1>'
-_BLOCK = "company", "author", "date", "drawing", "revision"
+BLOCK = "company", "author", "date", "drawing", "revision"
+"""Parts of the title block."""
 _LARGE = 1e6
 _CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
 """A call of a class in the text of a method, a box or a solver."""
@@ -28,8 +29,8 @@ def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str
     head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
     style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     head += f"<title>{escape(title)}</title><style>{style}</style>"
-    require_names("report", "part of the title block", [*block], _BLOCK)
-    cells = [f"<div><dt>{name}</dt><dd>{escape(str(block[name]))}</dd></div>" for name in _BLOCK if block.get(name)]
+    require_names("report", "part of the title block", [*block], BLOCK)
+    cells = [f"<div><dt>{name}</dt><dd>{escape(str(block[name]))}</dd></div>" for name in BLOCK if block.get(name)]
     body = f'<dl class="block">{"".join(cells)}</dl>' if cells else ""
     body += f"<h1>{escape(title)}</h1>\n" + "\n".join(parts)
     text = f'<!DOCTYPE html>\n<html lang="en">\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n'

@@ -347,5 +347,9 @@ def test_the_command_line(tmp_path, monkeypatch, capsys):
     assert "Limits by PolynomialChaos(): kept" in text and "Bounds of roll" in text
     assert "symmb bound roll.py --limit x=:2.3 --report 'my report.html'" in text
     assert main(["bound", "roll.py", "--report", "r.pdf"]) == 2 and "must end in .html" in capsys.readouterr().err
+    block = ["--title-block", "author=A. Miller", "drawing=D=17"]
+    assert main(["bound", "roll.py", "--report", "r.html", *block]) == 0
+    assert "author A. Miller drawing D=17 Bounds of roll" in text_of(tmp_path / "r.html")
+    assert main(["bound", "roll.py", "--title-block", "autor=A"]) == 2 and "no part 'autor'" in capsys.readouterr().err
     assert main(["compare", "roll.py", "--methods", "vertex", "--report", "c.html"]) == 0
     assert "symmb compare roll.py --methods vertex --report c.html" in text_of(tmp_path / "c.html")

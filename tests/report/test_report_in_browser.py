@@ -33,6 +33,14 @@ def black_box():
     return mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0))), {"y": (0.2, None)}
 
 
+def many():
+    """Thirty outputs with long names, of which a third violates its limit."""
+    t, names = np.linspace(0.0, 1.0, 11), [f"a rather long name of the output number {k}" for k in range(30)]
+    growth = mb.FunctionSimulator(lambda k, m: np.outer(t, k * np.arange(30) + m), {"k": 1.0, "m": 1.0}, t, names)
+    bounds = mb.propagate(growth, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
+    return bounds, {name: (None, 20.0) for name in names}
+
+
 def comparison():
     scene = double_pendulum.scene().with_times(np.linspace(0, 1, 51))
     return mb.compare(scene, [mb.PolynomialChaos(), mb.Vertex(), mb.MonteCarlo(10)]), None
@@ -44,7 +52,7 @@ def browser():
         yield browser
 
 
-@pytest.fixture(scope="module", params=[pendulum, black_box, comparison])
+@pytest.fixture(scope="module", params=[pendulum, black_box, many, comparison])
 def path(request, tmp_path_factory):
     result, limits = request.param()
     path = tmp_path_factory.mktemp("report") / "r.html"
