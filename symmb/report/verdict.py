@@ -14,7 +14,7 @@ from symmb.polynomials.ranges import Piecewise
 STATES = {False: "violated", None: "undecided", True: "kept"}
 """Names of results of limits, the most urgent first, and what is said of one limit and of several."""
 _SAID = {False: ("may be violated",) * 2, None: ("is not decided", "are not decided"), True: ("is kept", "are kept")}
-_MANY, _FEW = 10, 3
+_MANY, _FEW = 6, 3
 """Limits or ranges that have a sentence, and parameters that one sentence names."""
 _FAR, _SMALL = 0.5, 0.05
 """Distance from the middle, over the half width, from which a value is high or low; the share of the largest
@@ -67,10 +67,12 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     limits = [] if check is None else by_urgency(check)
     texts = [f"{limit.output}: {limit.why}" for limit in limits if limit.kept is None][:_MANY]
     beyond = [limit for limit in limits if not limit.kept and limit.margin[limit.row] < 0]
-    for limit in [limit for limit in beyond if _nominal_excess(bounds, limit) > 0][:_MANY]:
-        excess = _text(_nominal_excess(bounds, limit), limit.unit)
-        texts.append(f"{limit.output} misses its limit by {excess} at the nominal values: change these, or the limit.")
-    texts += _tighten(bounds, [limit for limit in beyond if _nominal_excess(bounds, limit) <= 0], shares)
+    lost = [limit for limit in beyond if _nominal_excess(bounds, limit) > 0]
+    if lost:
+        words = [f"{limit.output} by {_text(_nominal_excess(bounds, limit), limit.unit)}" for limit in lost[:_MANY]]
+        more = [f"{len(lost) - _MANY} other outputs"] * (len(lost) > _MANY)
+        texts.append(f"The nominal values violate the limit of {_listed([*words, *more])}: change them, or the limit.")
+    texts += _tighten(bounds, [limit for limit in beyond if limit not in lost], shares)
     idle = "No tolerance has to be tightened." if limits else "Give limits of outputs: this page then judges them."
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
 
