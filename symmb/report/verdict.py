@@ -207,7 +207,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit], shares: Contributions 
         return [f"{goal}, {one}: {_listed([change(n, factors[n]) for n in best], 'or')}.", _AGAIN]
     if (factor := largest(box.names)) >= _SMALL:
         changes = _listed([change(n, factor) for n in names[:_FEW]])
-        return [f"{goal}, multiply all tolerances by {factor:.2f}: {changes}.", _AGAIN]
+        return [f"{goal}, multiply all tolerances by {factor:.2f}, such as {changes}.", _AGAIN]
     return [f"{goal}, change the nominal values: they are so close to the limit that tolerances hardly help."]
 
 

@@ -81,7 +81,7 @@ def test_a_violated_limit_and_what_keeps_it(seed, side):
     narrowed = narrowed if "tighten" in steps[0] else [{k: v for part in narrowed for k, v in part.items()}]
     for part in narrowed:
         if "multiply all" in steps[0]:
-            factor = float(re.search(r"by ([\d.]+):", steps[0])[1]) - 0.005
+            factor = float(re.search(r"by ([\d.]+),", steps[0])[1]) - 0.005
             whole = dict(zip(box.names, 1 + factor * (np.array(box.bounds) - 1), strict=True))
             part = {name: tuple(ends) for name, ends in whole.items()} | part
         smaller = mb.Box(**(dict(zip(box.names, box.bounds, strict=True)) | part))
@@ -166,6 +166,15 @@ def test_a_box_without_widths():
         _, sentences, steps = told(bounds, {"x": (None, limit)})
         assert sentences[0][0] == state and " when " not in sentences[1][1]
         assert not any("spread" in step or "ighten one" in step for step in steps)
+
+
+def test_intervals_beside_the_nominal_values_and_fixed_ones():
+    simulator = mb.FunctionSimulator(lambda k, m: (k + m) * T, {"k": 2.0, "m": 1.0}, T, ["x"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(1.9, 2.4), m=(1.0, 1.0)))
+    _, sentences, steps = told(bounds, {"x": (None, 3.2)})
+    assert sentences[1][1] == "x may exceed its limit of 3.2 by 0.2, at 1 s, when k is high (2.4)."
+    above, below = map(float, re.search(r"k from 2 \+0.4 −0.1 to 2 \+(\S+) −(\S+)\.$", steps[0]).groups())
+    assert 0.19 < above < 0.2 and above == pytest.approx(4 * below, rel=0.01)
 
 
 def test_the_title_block(tmp_path):
