@@ -122,7 +122,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
 def sensitivities(
     scene: Scene | Simulator,
     parameters: Sequence[str] | None = None,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,

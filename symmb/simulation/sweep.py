@@ -186,7 +186,7 @@ class Sweep(plot.OverTime, Result, Saved):
 def sweep(
     scene: Scene | Simulator,
     values: Mapping[str, Sequence[float] | Array],
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
