@@ -32,8 +32,8 @@ def propagate(
     Parameters
     ----------
     scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
-    method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., or its text on the command line, such
-        as "pce:4"; default: PolynomialChaos()
+    method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., or its text on the command line,
+        such as "pce:4"; default: PolynomialChaos()
     box : intervals of some or all parameters; the others keep their nominal values; default: that of the scene
     solver : of a Scene, or its text such as "cvodes:1e-9"; default: chosen by pilot runs, mostly DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -170,6 +170,7 @@ class Bounds(Answers, Counted, Result, Saved):
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
         deviation: bool = False,
+        **look: Unpack[plot.Look],
     ) -> "Figure":
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
@@ -182,6 +183,7 @@ class Bounds(Answers, Counted, Result, Saved):
         figsize : (width, height)  of a new figure [inch]
         title : str                of a new figure, in place of its own
         deviation : bool           draw deviations from the nominal run: bands may be too narrow to be seen beside it
+        label, color, legend       of the bounds: a text and a colour; and True or False
 
         Raises
         ------
@@ -204,7 +206,7 @@ class Bounds(Answers, Counted, Result, Saved):
             inner=None if self.kind == "sampled" else self.inner,
             nominal=self.nominal,
             deviation=deviation,
-            ax=ax,
+            style=plot.Style("Bounds.plot", ax, **look),
         )
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 

@@ -84,7 +84,7 @@ class Box:
             spread = share_of(spread)
         if not is_finite_number(spread) or not 0 < spread < 1:
             raise DeclarationError(
-                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 or '5%' for ± 5 %, got {shown(spread)}. "
+                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 or '5%', got {shown(spread)}. "
                 "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
             )
         if not all(map(is_finite_number, parameters.values())):

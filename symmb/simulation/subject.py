@@ -113,7 +113,8 @@ def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     ----------
     scene : Scene
     solver : Solver, optional
-        or its text on the command line, such as "cvodes:1e-9"; default: pilot runs choose one for many runs, mostly DormandPrince()
+        or its text on the command line, such as "cvodes:1e-9"; default: pilot runs choose one for many runs,
+        mostly DormandPrince()
 
     Returns
     -------

@@ -165,10 +165,10 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, Saved):
             rows.append([name, f"{value:.6g}", f"{size:.2g}", share])
         return rows
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> Figure:
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> Figure:
         names = self.names if columns is None else [self.names[k] for k in columns]
         series = [(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in names]
-        return plot.plot_fit(series, ax)
+        return plot.plot_fit(series, style)
 
     def _labelled(self) -> Labelled:
         names, series = texts([*self.parameters]), ("value",)

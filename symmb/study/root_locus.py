@@ -117,10 +117,10 @@ class RootLocus(plot.ThreeDiagrams, Counted, Saved):
             bands = [f"bands over {self.box} by {self.method}, {self.evaluations} evaluations"]
         return [*bands, *self.remarks, *(f"doubtful: {doubt}" for doubt in self.doubts)]
 
-    def _figure(self, ax: Any) -> Figure:
+    def _figure(self, style: plot.Style) -> Figure:
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
         return plot.plot_root_locus(
-            self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, ax=ax
+            self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, style=style
         )
 
     def _record(self) -> dict[str, Any]:
