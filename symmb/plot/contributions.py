@@ -39,7 +39,9 @@ def plot_contributions(
             axes.plot(abscissa(t), along(t, width[:, k]), color="black", linewidth=1.4, label=_OF_ALL)
             for p, (colour, text) in enumerate(zip(colours, texts, strict=True)):
                 dashes = cyclic(DASHES, p // len(COLOURS))
-                axes.plot(abscissa(t), along(t, alone[:, k, p]), color=colour, linestyle=dashes, label=text)
+                axes.plot(
+                    abscissa(t), along(t, alone[:, k, p]), color=colour, linewidth=1.2, linestyle=dashes, label=text
+                )
             axes.set_ylim(bottom=0.0)
             continue
         at = np.arange(len(parameters))

@@ -369,7 +369,7 @@ def own_legend(axes: Axes, style: Style) -> None:
         return
     for width, size in _LEGENDS:
         texts = ["\n".join(wrap(plain(label), width)) for label in handles]
-        look: dict[str, Any] = {"framealpha": 0.8, "edgecolor": "none", "loc": "best"}
+        look: dict[str, Any] = {"framealpha": 0.6, "edgecolor": "none", "loc": "best"}
         legend = axes.legend([*handles.values()], texts, fontsize=size, **look)
         own, room = legend.get_window_extent(), axes.bbox
         if own.width <= room.width and own.height <= room.height:
