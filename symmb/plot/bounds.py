@@ -105,7 +105,7 @@ def plot_bounds(
     if outer is not None:
         pairs.append((outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}))
     if inner is not None:
-        pairs.append((inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}))
+        pairs.append((inner, "attained by runs", {"linewidth": 0.8, "linestyle": DASHES[2]}))
     figure, panels = panels_over_time(style, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
         drawn = np.stack([end[:, i] - origin[:, i] for end in (band.lower, band.upper)])
