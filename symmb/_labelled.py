@@ -103,8 +103,7 @@ class NamedColumns(np.ndarray):
 class Counted:
     """A result that says how many runs it took."""
 
-    if TYPE_CHECKING:
-        evaluations: Any
+    evaluations: Any
 
     @property
     def runs(self) -> int:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -148,7 +148,7 @@ class Contributions(Result, Saved):
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
         ax: "Axes | Sequence[Axes] | None" = None,
-        **look: Unpack[plot.Look],
+        **look: Any,
     ) -> "Figure":
         """Draw the widths of each parameter alone over time, or bars at a time; write the picture to `path` if given.
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -170,7 +170,7 @@ class Bounds(Answers, Counted, Result, Saved):
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
         deviation: bool = False,
-        **look: Unpack[plot.Look],
+        **look: Any,
     ) -> "Figure":
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 

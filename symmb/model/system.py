@@ -43,6 +43,7 @@ class System:
     ----------
     *elements : Body, Constraint, ForceElement or Impact, in the order of coordinates and rows
     parameters : Parameters
+        default: those whose symbols stand in the elements
 
     Raises
     ------
@@ -62,13 +63,14 @@ class System:
 
     @kept_interrupts()
     def __init__(self, *elements: Body | Ground | Element, parameters: Parameters | None = None) -> None:
-        self.parameters = Parameters() if parameters is None else parameters
-        require_instance("System: parameters", self.parameters, Parameters, "Parameters(l1=1.0, ...)")
+        if parameters is not None:
+            require_instance("System: parameters", parameters, Parameters, "Parameters(l1=1.0, ...)")
         self.elements = tuple(e for e in elements if not isinstance(e, Ground))
         for element in self.elements:
             if isinstance(name := getattr(element, "name", ""), str) and name != normal(name):
                 object.__setattr__(element, "name", normal(name))
-        self.collected: Collected = collect(self.elements, self.parameters)
+        self.collected: Collected = collect(self.elements, parameters)
+        self.parameters = self.collected.bind.parameters
         self._added: tuple[Symbol, ...] = ()
         self.nullity = 0
         self._joints: JointSpace | None = None

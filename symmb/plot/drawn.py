@@ -2,12 +2,12 @@
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from symmb import _html as html
 from symmb._table import aligned
 from symmb.plot.layout import MOST_PANELS, columns_of, finish, labels, png
-from symmb.plot.style import Look, Style
+from symmb.plot.style import Style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,7 @@ class Panels:
         ax: "Axes | Sequence[Axes] | None" = None,
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
-        **look: Unpack[Look],
+        **look: Any,
     ) -> "Figure":
         owner = f"{type(self).__name__}.plot"
         figure = self._figure(columns_of(owner, outputs, self.names), Style(owner, ax, **look))
@@ -72,57 +72,20 @@ class OverTime(Panels):
         ax: "Axes | Sequence[Axes] | None" = None,
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
-        **look: Unpack[Look],
+        **look: Any,
     ) -> "Figure":
         """Draw outputs over time, as the class tells; write the picture to `path` if given.
 
         Parameters
         ----------
         outputs : str or list
-            those to draw; default: all
+            those to draw; default: all, or all with limits or data
         ax : matplotlib Axes
             to draw in, in the place of a new figure, one an output; of a trajectory also one for all
         figsize : (width, height)
             of a new figure [inch]
         title : str
             of a new figure, in place of its own
-        label, color, legend
-            of the curves: a text or a colour, or a list with one for each; and True or False
-
-        Raises
-        ------
-        DeclarationError
-            If an option is wrong
-        FileError
-            If the file cannot be written; the previous one is kept
-        """
-        return self._drawn(path, outputs, ax, figsize, title, **look)
-
-
-class OverTimeBesideGiven(Panels):
-    """Outputs over time beside what was given: limits, or data."""
-
-    def plot(
-        self,
-        path: str | Path | None = None,
-        outputs: str | Sequence[str] | None = None,
-        figsize: tuple[float, float] | None = None,
-        title: str | None = None,
-        ax: "Axes | Sequence[Axes] | None" = None,
-        **look: Unpack[Look],
-    ) -> "Figure":
-        """Draw outputs over time, as the class tells; write the picture to `path` if given.
-
-        Parameters
-        ----------
-        outputs : str or list
-            those to draw; default: all with limits, or with data
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure, one an output
         label, color, legend
             of the curves: a text or a colour, or a list with one for each; and True or False
 
@@ -152,7 +115,7 @@ class ThreeDiagrams:
         ax: "Axes | Sequence[Axes] | None" = None,
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
-        **look: Unpack[Look],
+        **look: Any,
     ) -> "Figure":
         """Draw the diagrams that the class tells of; write the picture to `path` if given.
 

@@ -2,32 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import Any
 
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb._types import GivenAxes
 
 
-class Look(TypedDict, total=False):
-    """Options of every `plot`."""
-
-    label: str | Sequence[str] | None
-    color: Any
-    legend: bool | None
-
-
 @dataclass(frozen=True)
 class Style:
-    """Options of a picture; without them it has a figure, labels and colours of its own.
+    """Options of the method `owner`. What is None is left to the picture.
 
-    Attributes
-    ----------
-    owner : str                      the method that is called, for messages
-    ax : the caller's axes
-    label : text, or one for each curve
-    color : a colour of matplotlib, or one for each curve
-    legend : bool or None            whether there is a legend; None leaves it to the picture
+    `label` is a text and `color` a colour of matplotlib, or a list with one for each curve. `legend` is a truth value.
     """
 
     owner: str = "plot"
@@ -42,28 +28,23 @@ class Style:
 
     def labels(self, own: Sequence[str], apart: bool = False) -> list[str | None]:
         """Labels of curves, by default their own. One text is for all in panels apart, else for the first."""
-        if self.label is None:
-            return [*own]
         if isinstance(self.label, str):
             return [self.label if k == 0 or apart else None for k in range(len(own))]
-        return self._each("label", self.label, own, lambda text: isinstance(text, str), "a text")
+        return self._each("label", own, lambda text: isinstance(text, str))
 
-    def colours(self, own: Sequence[str]) -> list[Any]:
-        """Colours of curves, by default their own."""
+    def colours(self, own: Sequence[Any]) -> list[Any]:
+        """Colours of curves, by default their own. One colour is for all."""
         from matplotlib.colors import is_color_like
 
-        if self.color is None:
-            return [*own]
-        if is_color_like(self.color):
-            return [self.color] * len(own)
-        return self._each("color", self.color, own, is_color_like, "a colour of matplotlib")
+        return [self.color] * len(own) if is_color_like(self.color) else self._each("color", own, is_color_like)
 
-    def _each(self, name: str, given: Any, own: Sequence[str], fits: Any, kind: str) -> list[Any]:
+    def _each(self, name: str, own: Sequence[Any], fits: Any) -> list[Any]:
+        given = getattr(self, name)
+        if given is None:
+            return [*own]
         if isinstance(given, list | tuple) and len(given) == len(own) and all(map(fits, given)):
             return [*given]
-        several = f", or a list of {len(own)}" if len(own) > 1 else ""
-        raise DeclarationError(f"{self.owner}: {name} must be {kind}{several}, got {shown(given)}.")
+        raise DeclarationError(f"{self.owner}: {name} must be one, or a list of {len(own)}, got {shown(given)}.")
 
 
 OWN = Style()
-"""No options."""

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -146,13 +146,9 @@ def simulate(
     require_truth("simulate", "check", check)
     if isinstance(scene, DAESimulator):
         require_own(scene, solver, times, outputs)
-    tolerances = {name: value for name, value in (("rtol", rtol), ("atol", atol)) if value is not None}
+    tolerances: dict[str, Any] = {k: x for k, x in (("rtol", rtol), ("atol", atol)) if x is not None}
     if tolerances and (solver is not None or isinstance(scene, DAESimulator)):
-        of = solver or scene.solver  # pyright: ignore[reportAttributeAccessIssue]
-        raise DeclarationError(
-            f"simulate: rtol and atol go to the default solver, and the solver here is {of!r}. Give them to it, as in "
-            "CVODES(rtol=1e-10)."
-        )
+        raise DeclarationError("simulate: rtol and atol are of the default solver. Write solver=CVODES(rtol=1e-10).")
     own = with_options(own, times, outputs)
     if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
         if check:
@@ -170,14 +166,14 @@ def simulate(
         else:
             has_solver = solver is not None or own.system.collected.has_events
             prepared = simulator_with(own, solver) if has_solver else None
-        solver, trajectory = _simulated(_PilotRuns(own, values, prepared, tolerances), check)
+        solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check, tolerances)
         if own.figures:
             trajectory = with_figures_of(trajectory, figure_simulator(own, solver if tolerances else chosen), check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
     return trajectory
 
 
-def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
+def _simulated(runs: "_PilotRuns", check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:
     """The solver that was chosen, and its run with all that is told about it."""
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
@@ -189,7 +185,10 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     else:
         stiff, ends = runs.starts_stiff, runs.simulator.dae.sampling is not None
         switches = ends or runs.simulator.bodies.kinks(runs.simulator.times) is not None
-        solver, reason = choose(partial(for_one_run, stiff, switches, runs.tolerances), runs.judge)
+        solver, reason = choose(
+            partial(for_one_run, stiff, switches), lambda solver: runs.judge(replace(solver, **tolerances))
+        )
+        solver = replace(solver, **tolerances)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
         reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
     run, trajectory = runs.done[solver]
@@ -311,7 +310,6 @@ class _PilotRuns:
     Attributes
     ----------
     simulator : DAESimulator
-    tolerances                  of the default solver, in the place of its own
     solver, reason              those that were prepared; None if a solver is to be chosen here, for one run
     p, x0 : (n_p,), (1, n_x)    parameters, and the state at the start
     start_fault : str           why the scene cannot start; empty if it can
@@ -319,15 +317,9 @@ class _PilotRuns:
     done : dict                 solver -> its run and trajectory
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        parameters: Mapping[str, float],
-        prepared: DAESimulator | None,
-        tolerances: Mapping[str, float],
-    ) -> None:
+    def __init__(self, scene: Scene, parameters: Mapping[str, float], prepared: DAESimulator | None) -> None:
         begin = time.perf_counter()
-        self.scene, self.parameters, self.tolerances = scene, dict(parameters), tolerances
+        self.scene, self.parameters = scene, dict(parameters)
         self.p = np.array(list(parameters.values()))
         self.simulator = self._at(prepared or prepare_equations(scene))
         self.solver, self.reason = (prepared.solver, prepared.reason) if prepared else (None, "")

@@ -1,7 +1,7 @@
 """Choice of the solver by pilot runs, with its reason, if none is given."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -63,11 +63,6 @@ class Candidates(NamedTuple):
     implicit: Solver
     others: tuple[Solver, ...]
 
-    def at(self, tolerances: Mapping[str, float]) -> "Candidates":
-        """The same with other tolerances."""
-        first, implicit, *others = (replace(s, **tolerances) for s in (self.first, self.implicit, *self.others))  # pyright: ignore
-        return Candidates(first, implicit, tuple(others))
-
 
 def for_studies() -> Candidates:
     """Candidates for many runs."""
@@ -76,15 +71,13 @@ def for_studies() -> Candidates:
     return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
 
 
-def for_one_run(stiff: bool, switches: bool, tolerances: Mapping[str, float] | None = None) -> Candidates:
+def for_one_run(stiff: bool, switches: bool) -> Candidates:
     """Candidates for one run. With switches of time or state, steps should end there."""
     if stiff:
-        found = Candidates(_STIFF, _STIFF, (_TIGHTER, *(_COMPILED if has_compiler() else ()), _THROUGH))
-    elif not has_compiler():
-        found = Candidates(_SMOOTH, _STIFF, (CVODES(stabilization=AugmentedLagrangian()), _THROUGH))
-    else:
-        found = Candidates(_SWITCHING if switches else _SMOOTH, _STIFF, (_SWITCHING, *_SINGULAR, _THROUGH))
-    return found.at(tolerances or {})
+        return Candidates(_STIFF, _STIFF, (_TIGHTER, *(_COMPILED if has_compiler() else ()), _THROUGH))
+    if not has_compiler():
+        return Candidates(_SMOOTH, _STIFF, (CVODES(stabilization=AugmentedLagrangian()), _THROUGH))
+    return Candidates(_SWITCHING if switches else _SMOOTH, _STIFF, (_SWITCHING, *_SINGULAR, _THROUGH))
 
 
 def another(solver: Solver, finest: bool) -> Solver:
