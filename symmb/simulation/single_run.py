@@ -154,7 +154,7 @@ def simulate(
         if check:
             raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
         if tolerances:
-            solver = replace(simulator_with(own).solver, **tolerances)
+            solver = simulator_with(own).solver.at(**tolerances)
         return swept(simulator_for("simulate", scene, solver, times, outputs), parameters, "simulate")
     if tolerances and own.system.collected.has_events:
         solver = EventDriven(**tolerances)
@@ -186,9 +186,9 @@ def _simulated(runs: "_PilotRuns", check: bool, tolerances: Mapping[str, Any]) -
         stiff, ends = runs.starts_stiff, runs.simulator.dae.sampling is not None
         switches = ends or runs.simulator.bodies.kinks(runs.simulator.times) is not None
         solver, reason = choose(
-            partial(for_one_run, stiff, switches), lambda solver: runs.judge(replace(solver, **tolerances))
+            partial(for_one_run, stiff, switches), lambda solver: runs.judge(solver.at(**tolerances))
         )
-        solver = replace(solver, **tolerances)
+        solver = solver.at(**tolerances)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
         reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
     run, trajectory = runs.done[solver]
