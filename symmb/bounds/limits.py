@@ -119,7 +119,7 @@ class KeptLimit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LimitCheck(plot.OverTime, Result):
+class LimitCheck(plot.OverTimeBesideGiven, Result):
     """Which limits are kept. `print` shows them, `plot` draws the bounds of outputs with limits, and these as lines.
 
     Attributes

@@ -8,7 +8,7 @@ from symmb.plot.colours import COLOURS, colour_of
 from symmb.plot.comparison import plot_comparison
 from symmb.plot.contributions import plot_contributions
 from symmb.plot.curves import plot_family, plot_fit, plot_trajectory
-from symmb.plot.drawn import OverTime, ThreeDiagrams
+from symmb.plot.drawn import OverTime, OverTimeBesideGiven, ThreeDiagrams
 from symmb.plot.layout import MOST_PANELS, PICTURES, columns_of, finish, labels, narrow_png, png, save
 from symmb.plot.root_locus import plot_root_locus
 from symmb.plot.stability import plot_stability

@@ -79,7 +79,7 @@ class OverTime(Panels):
         Parameters
         ----------
         outputs : str or list
-            those to draw; default: all, or all with limits or data
+            those to draw; default: all
         ax : matplotlib Axes
             to draw in, in the place of a new figure, one an output; of a trajectory also one for all
         figsize : (width, height)
@@ -96,6 +96,22 @@ class OverTime(Panels):
         FileError
             If the file cannot be written; the previous one is kept
         """
+        return self._drawn(path, outputs, ax, figsize, title, **look)
+
+
+class OverTimeBesideGiven(Panels):
+    """Outputs over time beside what was given: limits, or data."""
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        **look: Any,
+    ) -> "Figure":
+        """Draw outputs over time, as the class tells; options and errors are those of `Trajectory.plot`."""
         return self._drawn(path, outputs, ax, figsize, title, **look)
 
 

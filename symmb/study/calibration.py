@@ -35,7 +35,7 @@ _PART = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(plot.OverTime, Counted, Result, Saved):
+class Calibration(plot.OverTimeBesideGiven, Counted, Result, Saved):
     """Estimates of parameters from data, and how far they can be trusted.
 
     `print` shows them, `plot` draws the data and the fitted run, `save` and `load` keep them.
