@@ -83,11 +83,11 @@ def test_runs_are_evaluations():
     bounds = mb.propagate(DECAY, "scan:6", BOX)
     assert bounds.runs == bounds.evaluations == 6
     assert [row.runs for row in mb.compare(DECAY, ["mc:9", "vertex"], BOX).rows] == [9, 2]
-    found = mb.tolerances(DECAY, {"y": (0.0, 1.7)}, BOX)
+    found = mb.tolerances(DECAY, {"y": (None, 1.7)}, BOX)
     assert found.runs == found.evaluations > 0
 
 
-@pytest.mark.parametrize("tolerances", [{"rtol": 1e-4}, {"rtol": 1e-11}, {"atol": 1e-7}, {"rtol": 1e-6, "atol": 1e-9}])
+@pytest.mark.parametrize("tolerances", [{"rtol": 1e-6}, {"rtol": 1e-11}, {"atol": 1e-7}, {"rtol": 1e-6, "atol": 1e-9}])
 def test_tolerances_go_to_the_default_solver(tolerances):
     default, given = mb.simulate(scene()), mb.simulate(scene(), **tolerances)
     assert default.solver == "CVODES()"
@@ -107,7 +107,7 @@ def test_tolerances_of_impacts_figures_and_several_runs():
     assert mb.simulate(falls, rtol=1e-7).solver == repr(mb.EventDriven(rtol=1e-7))
     mass, spring = oscillator()
     peak = mb.Scene(mb.System(mass, spring), {"mass.x": 0.4}, [0.0, 2.0], {"peak": mb.maximum(mass.vx)})
-    assert float(mb.simulate(peak, rtol=1e-10)["peak"][0]) == pytest.approx(0.4 * np.sqrt(5.3 / 0.7), rel=1e-6)
+    assert mb.simulate(peak, rtol=1e-10)["peak"] == pytest.approx(0.4 * np.sqrt(5.3 / 0.7), rel=1e-6)
     rough, fine = (mb.simulate(scene(), parameters=[{"mass": 0.5}], rtol=rtol)["x"][0] for rtol in (1e-4, 1e-11))
     exact = 0.4 * np.cos(np.sqrt(5.3 / 0.5) * np.linspace(0.0, 2.0, 5))
     assert np.abs(fine - exact).max() < 1e-9 < np.abs(rough - exact).max()
@@ -188,7 +188,7 @@ def test_blocks_within_each_other_and_those_that_end_by_an_error():
 def test_machines_of_files_belong_to_the_system_once(tmp_path):
     (tmp_path / "arm.urdf").write_text(
         """<robot name="arm"><link name="wall"/><link name="rod"><inertial><mass value="2"/>
-        <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.9"/></inertial></link>
+        <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.21"/></inertial></link>
         <joint name="hinge" type="continuous"><parent link="wall"/><child link="rod"/></joint></robot>"""
     )
     with pytest.warns(mb.SymmbWarning, match="inertia"), mb.System() as system:
