@@ -11,7 +11,7 @@ from symmb.mechanics.constraint import Constraint, Motion, VelocityConstraint
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
 from symmb.mechanics.curve import Curve
 from symmb.mechanics.curve_contact import CurveContact, PointOnCurve
-from symmb.mechanics.declaration import declaring
+from symmb.mechanics.declaration import Block
 from symmb.mechanics.element import Element, law_value
 from symmb.mechanics.figure import Figure, maximum, mean
 from symmb.mechanics.flexible_body import FlexibleBody

@@ -21,7 +21,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._names import normal
 from symmb._options import require_instance, require_name, require_names
 from symmb._types import Expr
-from symmb.mechanics import Body, Element, Ground, Input, Joint, Parameters, declaring
+from symmb.mechanics import Block, Body, Element, Ground, Input, Joint, Parameters
 from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
@@ -36,7 +36,7 @@ _LONGEST = 6000
 """Characters of the LaTeX of a part up to which notebooks typeset it: longer ones cannot be read."""
 
 
-class System:
+class System(Block):
     """Bodies, constraints and forces with their equations of motion.
 
     `with System() as system:` takes the elements that are made inside. The system is complete where the block ends.
@@ -61,14 +61,6 @@ class System:
     >>> system = mb.System(mass, spring, parameters=p)
     >>> system.Q
     SX([(-(k*mass.x)), (-(k*mass.y)), (-(k*mass.z))])
-
-    The same, without listing elements and parameters:
-
-    >>> with mb.System() as system:
-    ...     mass = mb.Body("mass", mass=p.m, pose=mb.Particle())
-    ...     spring = mb.Spring("spring", mb.Ground().point(0, 0), mass.point(0, 0), p.k)
-    >>> [e.name for e in system.elements], system.parameters
-    (['mass', 'spring'], Parameters(m=2, k=50))
     """
 
     @kept_interrupts()
@@ -86,16 +78,11 @@ class System:
         self._joints: JointSpace | None = None
         self._is_driven = bool(self.inputs)
 
-    def __enter__(self) -> "System":
-        self._block = declaring()
-        self._made = self._block.__enter__()
-        return self
-
-    def __exit__(self, kind: object, *error: object) -> None:
-        self._block.__exit__(None, None, None)
+    def __exit__(self, *error: object) -> None:
+        super().__exit__(*error)
         elements, parameters = (*self.elements, *self._made), self.parameters or None
-        vars(self).clear()
-        if kind is None:
+        vars(self).clear()  # what was derived without the elements
+        if error[0] is None:
             self.__init__(*elements, parameters=parameters)
 
     def __reduce__(self) -> tuple:
