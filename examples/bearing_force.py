@@ -16,8 +16,8 @@ SPEED = 2 * np.pi  # one turn a second
 
 p = mb.Parameters(crank=0.1, rod=0.3, slider_mass=2.0)
 ground = mb.Ground()
-crank = mb.Body("crank", mass=0.5, inertia=0.5 * p.crank**2 / 12, pose=mb.Planar())
-rod = mb.Body("rod", mass=0.8, inertia=0.8 * p.rod**2 / 12, pose=mb.Planar())
+crank = mb.Body("crank", mass=0.5, inertia=0.5 * p.crank**2 / 12)
+rod = mb.Body("rod", mass=0.8, inertia=0.8 * p.rod**2 / 12)
 slider = mb.Body("slider", mass=p.slider_mass, pose=mb.Particle())
 system = mb.System(
     crank,

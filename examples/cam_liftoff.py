@@ -37,7 +37,7 @@ def profile(s: ca.SX) -> list[ca.SX]:
 
 p = mb.Parameters(mass=1.2, spring=5000.0, preload=150.0, rpm=FAST)
 ground = mb.Ground()
-cam, rod = mb.Body("cam", 2.5, 1e-3, mb.Planar()), mb.Body("rod", p.mass, 1e-4, mb.Planar())
+cam, rod = mb.Body("cam", 2.5, 1e-3), mb.Body("rod", p.mass, 1e-4)
 shaft = mb.Revolute("shaft", ground.point(0, 0), cam.point(0, 0))
 guide = mb.Prismatic("guide", ground.point(0, 0), rod.point(0, 0), axis=(0, 1, 0))
 parts = (

@@ -16,7 +16,7 @@ import symmb as mb
 
 p = mb.Parameters(crank=1.0, coupler=3.0, rocker=2.5, base=3.0)
 ground = mb.Ground()
-crank, coupler, rocker = (mb.Body(name, 1.0, 0.1, pose=mb.Planar()) for name in ("crank", "coupler", "rocker"))
+crank, coupler, rocker = (mb.Body(name, 1.0, 0.1) for name in ("crank", "coupler", "rocker"))
 system = mb.System(
     crank,
     coupler,

@@ -36,8 +36,8 @@ def ways(q: np.ndarray) -> np.ndarray:
 TAUT = ways(np.array([ANGLE, X, 0.0]))
 p = mb.Parameters(load=3000.0, slack=0.12, stiffness=6e5, gain=0.5)
 ground = mb.Ground()
-boom = mb.Body("boom", MASS, MASS * BOOM**2 / 12, mb.Planar(), com=(BOOM / 2, 0))
-load = mb.Body("load", p.load, 500.0, mb.Planar())
+boom = mb.Body("boom", MASS, MASS * BOOM**2 / 12, com=(BOOM / 2, 0))
+load = mb.Body("load", p.load, 500.0)
 tip, hook = boom.point(BOOM, 0), load.point(0, 0)
 wound = p.gain * mb.t**2 / 2
 system = mb.System(

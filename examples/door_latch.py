@@ -27,8 +27,8 @@ DAMPING, END = 40.0, 0.6  # of the seal [N m s/rad], and of the run [s]
 
 p = mb.Parameters(speed=1.5, seal=2000.0, thickness=0.06, friction=3.0)
 ground = mb.Ground()
-door = mb.Body("door", MASS, INERTIA, mb.Planar(), com=(WIDTH / 2, 0))
-striker = mb.Body("striker", STRIKER, 1e-3, mb.Planar())
+door = mb.Body("door", MASS, INERTIA, com=(WIDTH / 2, 0))
+striker = mb.Body("striker", STRIKER, 1e-3)
 hinge = mb.Revolute("hinge", ground.point(0, 0), door.point(0, 0))
 lock = door.point(WIDTH, 0)
 bolt = mb.PointOnLine("bolt", striker.point(0, 0), lock, axis=(1, 0, 0))

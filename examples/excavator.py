@@ -20,10 +20,9 @@ MASS = {"boom": 1900.0, "stick": 1100.0, "bucket": 700.0}
 p = mb.Parameters(load=1000.0)
 ground = mb.Ground()
 boom, stick = (
-    mb.Body(name, MASS[name], MASS[name] * length**2 / 12, pose=mb.Planar())
-    for name, length in (("boom", BOOM), ("stick", STICK))
+    mb.Body(name, MASS[name], MASS[name] * length**2 / 12) for name, length in (("boom", BOOM), ("stick", STICK))
 )
-bucket = mb.Body("bucket", MASS["bucket"] + p.load, 300.0, pose=mb.Planar())
+bucket = mb.Body("bucket", MASS["bucket"] + p.load, 300.0)
 share = mb.t / TIME
 lift = share**3 * (10 - 15 * share + 6 * share**2)  # from 0 to 1, at rest at both ends
 elbow, wrist = boom.point(BOOM / 2, 0), stick.point(STICK / 2, 0)

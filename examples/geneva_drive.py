@@ -32,8 +32,8 @@ before, drives, behind = (
     for share in (angle < -QUARTER, ca.fabs(angle) < QUARTER, angle > QUARTER)
 )
 ground = mb.Ground()
-crank = mb.Body("crank", 1.0, 1e-3, mb.Planar())
-wheel = mb.Body("wheel", 5.0, p.inertia, mb.Planar())
+crank = mb.Body("crank", 1.0, 1e-3)
+wheel = mb.Body("wheel", 5.0, p.inertia)
 shaft = mb.Revolute("shaft", ground.point(0, 0), crank.point(0, 0))
 table = mb.Revolute("table", ground.point(APART, 0), wheel.point(0, 0))
 system = mb.System(

@@ -30,12 +30,12 @@ def motor(speed, pull_out):
 
 p = mb.Parameters(pull_out=6.0, load=8.0, drum=0.3)  # [N m], [N m], [kg m^2]
 ground = mb.Ground()
-sun = mb.Body("sun", MASS["sun"], INERTIA["sun"], pose=mb.Planar())
-carrier = mb.Body("carrier", MASS["carrier"], INERTIA["carrier"] + p.drum, pose=mb.Planar())
+sun = mb.Body("sun", MASS["sun"], INERTIA["sun"])
+carrier = mb.Body("carrier", MASS["carrier"], INERTIA["carrier"] + p.drum)
 elements = [sun, carrier, mb.Revolute("input", ground.point(0, 0), sun.point(0, 0))]
 elements.append(mb.Revolute("output", ground.point(0, 0), carrier.point(0, 0)))
 for i, angle in enumerate(2 * np.pi * np.arange(3) / 3):
-    planet = mb.Body(f"planet{i}", MASS["planet"], INERTIA["planet"], pose=mb.Planar())
+    planet = mb.Body(f"planet{i}", MASS["planet"], INERTIA["planet"])
     pin = carrier.point(ARM * np.cos(angle), ARM * np.sin(angle))
     elements += [planet, mb.Revolute(f"pin{i}", pin, planet.point(0, 0))]
     # The teeth of both wheels meet at the same speed, seen from the carrier. The ring's teeth stand still.

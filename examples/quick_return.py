@@ -18,8 +18,8 @@ SPEED = 2 * np.pi  # one turn a second
 
 p = mb.Parameters(crank=0.1, distance=0.25)
 ground = mb.Ground()
-crank = mb.Body("crank", mass=1.0, inertia=1.0 * p.crank**2 / 3, pose=mb.Planar())
-arm = mb.Body("arm", mass=2.0, inertia=2.0 * 0.4**2 / 12, pose=mb.Planar())
+crank = mb.Body("crank", mass=1.0, inertia=1.0 * p.crank**2 / 3)
+arm = mb.Body("arm", mass=2.0, inertia=2.0 * 0.4**2 / 12)
 system = mb.System(
     crank,
     arm,

@@ -21,7 +21,7 @@ STIFFNESS, DAMPING = np.array([600.0, 250.0]), (60.0, 20.0)
 
 p = mb.Parameters(load=1.0)
 ground = mb.Ground()
-upper, lower = (mb.Body(name, M, M * L**2 / 12, pose=mb.Planar()) for name in ("upper", "lower"))
+upper, lower = (mb.Body(name, M, M * L**2 / 12) for name in ("upper", "lower"))
 tip = lower.point(L / 2, 0)
 load = mb.Body("load", p.load, pose=mb.Particle())
 joints = [

@@ -19,8 +19,8 @@ L, BEGIN, END, TIME, G = 2.0, 1.95, 1.2, 20.0, 9.81
 
 p = mb.Parameters(load=300.0, length=L)
 ground = mb.Ground()
-rising, falling = (mb.Body(name, 1.0, 1.0 * L**2 / 12, pose=mb.Planar()) for name in ("rising", "falling"))
-table = mb.Body("table", p.load, 10.0, pose=mb.Planar())
+rising, falling = (mb.Body(name, 1.0, 1.0 * L**2 / 12) for name in ("rising", "falling"))
+table = mb.Body("table", p.load, 10.0)
 half = p.length / 2
 system = mb.System(
     rising,

@@ -19,7 +19,7 @@ LIMIT = 1.5e-4
 
 p = mb.Parameters(crank=0.05, rod=0.15, offset=0.01)
 ground = mb.Ground()
-crank, rod, slider = (mb.Body(name, 1.0, 1e-3, pose=mb.Planar()) for name in ("crank", "rod", "slider"))
+crank, rod, slider = (mb.Body(name, 1.0, 1e-3) for name in ("crank", "rod", "slider"))
 turn = 10.0 * mb.t
 system = mb.System(
     crank,

@@ -20,8 +20,8 @@ CAR, WHEEL = 350.0, 35.0
 
 p = mb.Parameters(spring=25e3, damper=2.0e3, tyre=200e3)
 ground = mb.Ground()
-car = mb.Body("car", CAR, 100.0, pose=mb.Planar())
-arm = mb.Body("arm", WHEEL, 1.5, pose=mb.Planar())
+car = mb.Body("car", CAR, 100.0)
+arm = mb.Body("arm", WHEEL, 1.5)
 pin, hub = car.point(-0.5, -0.3), arm.point(0, 0)
 way = SPEED * mb.t - 1.0  # of the wheel along the road, from the foot of the bump [m]
 bump = ca.if_else(ca.logic_and(way > 0, way < LENGTH), HEIGHT * ca.sin(np.pi * way / LENGTH) ** 2, 0)

@@ -23,7 +23,7 @@ INERTIA, CENTRE, BEGIN = BEAM * (LONG + SHORT) ** 2 / 12, (LONG - SHORT) / 2, np
 
 p = mb.Parameters(weight=6000.0, stone=90.0, sling=7.0, hook=30.0)  # the hook's angle in degrees
 ground = mb.Ground()
-beam = mb.Body("beam", BEAM, INERTIA, mb.Planar(), com=(CENTRE, 0))
+beam = mb.Body("beam", BEAM, INERTIA, com=(CENTRE, 0))
 weight, stone = mb.Body("weight", p.weight, pose=mb.Particle()), mb.Body("stone", p.stone, pose=mb.Particle())
 tip = beam.point(LONG, 0)
 sling = mb.Distance("sling", tip, stone.point(0, 0), p.sling, unilateral=True)

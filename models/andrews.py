@@ -38,15 +38,15 @@ def scene() -> mb.Scene:
         l0=0.07785, c0=4530.0, mom=0.033,                                     # spring [m], [N/m], torque [N m]
     )
     # fmt: on
-    ground, plane = mb.Ground(), mb.Planar()
+    ground = mb.Ground()
     # Points of a body are declared from the joint it hangs on; `com` is the eccentricity of its mass centre.
-    k1 = mb.Body("K1", mass=p.m1, inertia=p.i1, pose=plane, com=(p.ra, 0))
-    k2 = mb.Body("K2", mass=p.m2, inertia=p.i2, pose=plane, com=(-p.da, 0))
-    k3 = mb.Body("K3", mass=p.m3, inertia=p.i3, pose=plane, com=(p.sb, -p.sa))
-    k4 = mb.Body("K4", mass=p.m4, inertia=p.i4, pose=plane, com=(0, p.ea - p.e))
-    k5 = mb.Body("K5", mass=p.m5, inertia=p.i5, pose=plane, com=(p.ta, p.tb))
-    k6 = mb.Body("K6", mass=p.m6, inertia=p.i6, pose=plane, com=(p.zf - p.fa, 0))
-    k7 = mb.Body("K7", mass=p.m7, inertia=p.i7, pose=plane, com=(p.ub, -p.ua))
+    k1 = mb.Body("K1", mass=p.m1, inertia=p.i1, com=(p.ra, 0))
+    k2 = mb.Body("K2", mass=p.m2, inertia=p.i2, com=(-p.da, 0))
+    k3 = mb.Body("K3", mass=p.m3, inertia=p.i3, com=(p.sb, -p.sa))
+    k4 = mb.Body("K4", mass=p.m4, inertia=p.i4, com=(0, p.ea - p.e))
+    k5 = mb.Body("K5", mass=p.m5, inertia=p.i5, com=(p.ta, p.tb))
+    k6 = mb.Body("K6", mass=p.m6, inertia=p.i6, com=(p.zf - p.fa, 0))
+    k7 = mb.Body("K7", mass=p.m7, inertia=p.i7, com=(p.ub, -p.ua))
     a, b, f = ground.point(p.xa, p.ya), ground.point(p.xb, p.yb), k2.point(-p.d, 0)
     system = mb.System(
         k1,

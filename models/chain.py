@@ -24,7 +24,7 @@ def scene(n: int = 5) -> mb.Scene:
     """
     p = mb.Parameters(length=1.0, mass=1.0)
     L, m = p.length / n, p.mass / n
-    rods = [mb.Body(f"rod{i}", mass=m, inertia=m * L**2 / 12, pose=mb.Planar()) for i in range(1, n + 1)]
+    rods = [mb.Body(f"rod{i}", mass=m, inertia=m * L**2 / 12) for i in range(1, n + 1)]
     ends = [mb.Ground().point(0, 0), *(rod.point(0, -L / 2) for rod in rods)]
     joints = [mb.Revolute(f"joint{i}", ends[i - 1], rod.point(0, L / 2)) for i, rod in enumerate(rods, 1)]
     return mb.Scene(

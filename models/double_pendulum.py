@@ -20,8 +20,8 @@ def scene() -> mb.Scene:
     """The paper's scene with its twelve states over ten seconds."""
     p = mb.Parameters(l1=1.0, l2=1.0)
     ground = mb.Ground()
-    rod1 = mb.Body("rod1", mass=p.l1, inertia=p.l1**3 / 12, pose=mb.Planar())
-    rod2 = mb.Body("rod2", mass=p.l2, inertia=p.l2**3 / 12, pose=mb.Planar())
+    rod1 = mb.Body("rod1", mass=p.l1, inertia=p.l1**3 / 12)
+    rod2 = mb.Body("rod2", mass=p.l2, inertia=p.l2**3 / 12)
     system = mb.System(
         rod1,
         rod2,

@@ -34,7 +34,7 @@ def scene(*, count: int = 2, angle: float = np.pi / 2) -> mb.Scene:
     mesh = mb.FiniteElements.beams(mb.Beam([(0, 0, 0), (0, -LENGTH, 0)], mb.Section.circle(RADIUS), STEEL, elements=16))
     modes = mesh.modes(clamped=0, interfaces=[16], count=count, planar=True, damping=0.002, stiffening=True)
     rod = mb.FlexibleBody("rod", modes, mb.Planar())
-    bob = mb.Body("bob", mass=p.bob, inertia=p.bob * 0.03**2 / 2, pose=mb.Planar())
+    bob = mb.Body("bob", mass=p.bob, inertia=p.bob * 0.03**2 / 2)
     hinge = rod.point(0, 0)
     system = mb.System(
         rod,

@@ -41,7 +41,7 @@ def scene(
     ground = mb.Ground()
     lengths = {"crank": p.crank, "coupler": p.coupler, "rocker": p.rocker}
     first, middle, last = (
-        mb.Body(name, mass=mass, inertia=mass * length**2 / 12, pose=mb.Planar())
+        mb.Body(name, mass=mass, inertia=mass * length**2 / 12)
         for (name, length), mass in zip(lengths.items(), masses, strict=True)
     )
     system = mb.System(

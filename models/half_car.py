@@ -36,11 +36,11 @@ def scene(*, speed: float = 10.0, height: float = 0.08, length: float = 0.6) -> 
     p = mb.Parameters(speed=speed, height=height, suspension=22e3, tyre=190e3)
     mass, axle, g = 690.0, 40.0, 9.81
     ground = mb.Ground()
-    body = mb.Body("body", mass=mass, inertia=1200.0, pose=mb.Planar())
+    body = mb.Body("body", mass=mass, inertia=1200.0)
     shape = mb.Table(length * np.linspace(0, 1, 9), np.sin(np.pi * np.linspace(0, 1, 9)) ** 2)
     elements, start, outputs = [], {}, {}
     for name, x, distance in (("front", WHEELBASE / 2, 0.0), ("rear", -WHEELBASE / 2, WHEELBASE)):
-        wheel = mb.Body(name, mass=axle, inertia=0.9, pose=mb.Planar())
+        wheel = mb.Body(name, mass=axle, inertia=0.9)
         road = ground.point(0, p.height * shape(p.speed * mb.t - distance))
         elements += [
             wheel,

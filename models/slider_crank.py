@@ -38,9 +38,9 @@ def scene(
     p = mb.Parameters(l1=l1, l2=l2, **{name: m for name, m in {"m1": m1, "m2": m2, "m3": m3}.items() if m})
     of_crank, of_rod, of_slider = (getattr(p, name) if name in p else 0.0 for name in ("m1", "m2", "m3"))
     ground = mb.Ground()
-    crank = mb.Body("crank", mass=of_crank, inertia=of_crank * p.l1**2 / 12, pose=mb.Planar())
-    rod = mb.Body("rod", mass=of_rod, inertia=of_rod * p.l2**2 / 12, pose=mb.Planar())
-    slider = mb.Body("slider", mass=of_slider, inertia=of_slider * p.l1**2, pose=mb.Planar())  # it never turns
+    crank = mb.Body("crank", mass=of_crank, inertia=of_crank * p.l1**2 / 12)
+    rod = mb.Body("rod", mass=of_rod, inertia=of_rod * p.l2**2 / 12)
+    slider = mb.Body("slider", mass=of_slider, inertia=of_slider * p.l1**2)  # it never turns
     system = mb.System(
         crank,
         rod,

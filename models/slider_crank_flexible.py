@@ -94,9 +94,9 @@ def scene(
     modes, shapes = rod_modes(published=published)
     back = np.linalg.inv(shapes)
     ground = mb.Ground()
-    crank = mb.Body("crank", mass=M1, inertia=J1 - M1 * L1**2 / 4, pose=mb.Planar())
+    crank = mb.Body("crank", mass=M1, inertia=J1 - M1 * L1**2 / 4)
     rod = mb.FlexibleBody("rod", modes, mb.Planar())
-    slider = mb.Body("slider", mass=p.m3, inertia=p.m3 * HEIGHT**2, pose=mb.Planar())  # it never turns
+    slider = mb.Body("slider", mass=p.m3, inertia=p.m3 * HEIGHT**2)  # it never turns
     system = mb.System(
         crank,
         rod,

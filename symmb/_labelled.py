@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb._names import look_up_by_name
-from symmb._options import optional_package
+from symmb._options import optional_package, require_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -72,6 +72,43 @@ class Labelled:
 
     def _attributes_of(self, name: str) -> dict[str, str]:
         return {"units": self.units[name]} if self.units.get(name) else {}
+
+
+class NamedColumns(np.ndarray):
+    """Values (n_t, n_y) of outputs, whose columns are also found by names. What is computed from them has none."""
+
+    names: tuple[str, ...] = ()
+
+    def __new__(cls, values: np.ndarray, names: Sequence[str]) -> "NamedColumns":
+        columns = np.asarray(values).view(cls)
+        columns.names = tuple(names)
+        return columns
+
+    def __getitem__(self, key: Any) -> Any:
+        values = self.view(np.ndarray)
+        if isinstance(key, str) and self.names:
+            return values[:, self.names.index(require_name("Bounds", "output", key, self.names))]
+        return values[key]
+
+    def __array_wrap__(self, array: np.ndarray, context: Any = None, return_scalar: bool = False) -> Any:
+        return array[()] if return_scalar else array
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return NamedColumns, (self.view(np.ndarray), self.names)
+
+    def __deepcopy__(self, memo: Any) -> "NamedColumns":
+        return NamedColumns(self.view(np.ndarray).copy(), self.names)
+
+
+class Counted:
+    """A result that says how many runs it took."""
+
+    evaluations: Any
+
+    @property
+    def runs(self) -> int:
+        """Another name of `evaluations`."""
+        return self.evaluations
 
 
 class Result:

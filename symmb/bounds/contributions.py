@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from symmb.polynomials import moments
 from symmb.polynomials.ranges import Piecewise
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _POOR, _SMALL = 0.5, 0.05
@@ -146,8 +147,10 @@ class Contributions(Result, Saved):
         time: float | None = None,
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        **look: Any,
     ) -> "Figure":
-        """Draw the widths of each parameter alone, stacked over time, or bars at a time; write it to `path` if given.
+        """Draw the widths of each parameter alone over time, or bars at a time; write the picture to `path` if given.
 
         Parameters
         ----------
@@ -156,9 +159,13 @@ class Contributions(Result, Saved):
         time : float
             the output time [s] that is closest is drawn as bars of `alone` and `saved`
         figsize : (width, height)
-            of the figure [inch]
+            of a new figure [inch]
         title : str
-            of the figure
+            of a new figure
+        ax : matplotlib Axes
+            to draw in, in the place of a new figure, one an output
+        label, color, legend
+            of the curves: a text or a colour, or a list with one for each; and True or False
         """
         figure = plot.plot_contributions(
             self.t,
@@ -170,8 +177,9 @@ class Contributions(Result, Saved):
             units=self.units,
             chosen=plot.columns_of("Contributions.plot", outputs, self.names),
             row=None if time is None else row_of("Contributions.plot", self.t, time),
+            style=plot.Style("Contributions.plot", ax, **look),
         )
-        return plot.finish(figure, "Contributions.plot", path, None, figsize, title)
+        return plot.finish(figure, "Contributions.plot", path, ax, figsize, title)
 
     def _labelled(self) -> Labelled:
         coordinates, units = over_outputs(self.t, self.names, self.units)

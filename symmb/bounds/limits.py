@@ -134,7 +134,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
     t: Array
     method: str
     limits: tuple[KeptLimit, ...]
-    draw: "Callable[[list[str], Any], Figure]"
+    draw: "Callable[..., Figure]"
     worst: WorstCase | None
 
     _left = (0, 1, 2)
@@ -191,10 +191,11 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         worst = [f"  worst case: {self.worst}"] if self.worst else []
         return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), self._left)), *worst])
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         some = self.limits if columns is None else [self.limits[k] for k in columns]
-        figure = self.draw([limit.output for limit in some], ax)
-        plot.add_limits(figure, ax, [(limit.low, limit.high) for limit in some])
+        look = {"label": style.label, "color": style.color, "legend": style.legend}
+        figure = self.draw([limit.output for limit in some], style.ax, **look)
+        plot.add_limits(figure, style.ax, [(limit.low, limit.high) for limit in some])
         return figure
 
     def _labelled(self) -> Labelled:

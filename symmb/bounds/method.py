@@ -110,14 +110,15 @@ class Method(ABC):
     ) -> Bounds: ...
 
 
-def require_method(owner: str, method: object) -> None:
-    """DeclarationError unless it is a Method."""
+def require_method(owner: str, method: object) -> Method:
+    """The method. It raises DeclarationError if it is none."""
     if isinstance(method, type):
         raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
     if not isinstance(method, Method):
         raise DeclarationError(f"{owner}: expected a method such as PolynomialChaos(order=4), got {shown(method)}.")
     if not repr(method).isprintable():
         raise DeclarationError(f"{owner}: the text of a method must be printable and on one line, got {shown(method)}.")
+    return method
 
 
 def units_of(simulator: Simulator) -> tuple[str, ...]:

@@ -9,7 +9,9 @@ from symmb._progress import shown_runs
 from symmb._types import Executor
 from symmb.black_boxes import Noisy, Progress, Simulator
 from symmb.bounds.doubts import checked, doubted
-from symmb.bounds.method import Method, require_method
+from symmb.bounds.method import Method
+from symmb.bounds.polynomial_chaos import PolynomialChaos
+from symmb.bounds.registry import method_of
 from symmb.bounds.result import Bounds
 from symmb.bounds.study import Study
 from symmb.integrate import Solver
@@ -19,9 +21,9 @@ from symmb.simulation import SceneSimulator, prepare_equations, simulator_of
 
 def propagate(
     scene_or_simulator: Scene | Simulator,
-    method: Method,
+    method: Method | str | None = None,
     box: Box | None = None,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Bounds:
@@ -30,9 +32,10 @@ def propagate(
     Parameters
     ----------
     scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
-    method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ...
+    method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., or its text on the command line,
+        such as "pce:4"; default: PolynomialChaos()
     box : intervals of some or all parameters; the others keep their nominal values; default: that of the scene
-    solver : of a Scene; default: chosen by pilot runs, mostly DormandPrince()
+    solver : of a Scene, or its text such as "cvodes:1e-9"; default: chosen by pilot runs, mostly DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
     progress : called with the finished runs and all runs; adaptive methods plan more as they go, and call its method
@@ -60,7 +63,7 @@ def propagate(
     >>> result.upper[:, 0].round(3)
     array([1.   , 0.607])
     """
-    require_method("propagate", method)
+    method = PolynomialChaos() if method is None else method_of("propagate", method)
     with kept_interrupts(), shown_runs(progress, repr(method), method.unit_of_work) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
         try:

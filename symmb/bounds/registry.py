@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from symmb._specs import Spec, read_spec
 from symmb.bounds.interval_arithmetic import IntervalArithmetic
-from symmb.bounds.method import Method
+from symmb.bounds.method import Method, require_method
 from symmb.bounds.optimization import Optimization
 from symmb.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
@@ -127,3 +127,8 @@ def read_method(text: str) -> Method:
     (PolynomialChaos.paper(order=2), MonteCarlo(100))
     """
     return read_spec(text, METHODS, "method")
+
+
+def method_of(owner: str, method: object) -> Method:
+    """The method that is given, or that its text on the command line stands for; DeclarationError if it is neither."""
+    return read_method(method) if isinstance(method, str) else require_method(owner, method)

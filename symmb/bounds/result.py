@@ -12,7 +12,8 @@ import numpy as np
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError
-from symmb._labelled import Labelled, Result
+from symmb._labelled import Counted, Labelled, NamedColumns, Result
+from symmb._names import look_up_by_name
 from symmb._options import require_truth
 from symmb._progress import shown_runs
 from symmb._table import aligned, over_times
@@ -32,7 +33,7 @@ _ZERO = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bounds(Answers, Result, Saved):
+class Bounds(Answers, Counted, Result, Saved):
     """Lower and upper bounds of every output at every time.
 
     `print` shows their kind, extremes and widths, `plot` draws them, `save` and `load` keep them in a file.
@@ -41,11 +42,11 @@ class Bounds(Answers, Result, Saved):
     ----------
     t : (n_t,) times [s]
     names : n_y outputs
-    lower, upper : (n_t, n_y) best estimate of the bounds
+    lower, upper : (n_t, n_y) best estimate of the bounds; `lower["x"]` is that of one output
     kind : "enclosure" (proved to contain the responses), "estimate" (of a surrogate: may miss either way) or
         "sampled" (attained by runs: the responses reach at least these values)
     method : text of the method's constructor
-    evaluations : runs; a run with derivatives counts as many as they cost
+    evaluations, runs : number of runs; a run with derivatives counts as many as they cost
     estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
     noise : (n_y,) how far runs may be off by noise or rounding, or None where it is not known
     inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
@@ -75,6 +76,11 @@ class Bounds(Answers, Result, Saved):
     >>> Bounds(t, ("x",), np.array([[0.0], [1.0]]), np.array([[0.0], [3.0]]), "sampled", "Vertex()", 4)["x"]
     (array([0., 1.]), array([0., 3.]))
     """
+
+    def __post_init__(self) -> None:
+        look_up_by_name(self)
+        for side in ("lower", "upper"):
+            object.__setattr__(self, side, NamedColumns(getattr(self, side), self.names))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "study": None, "attaining": None}
@@ -168,6 +174,7 @@ class Bounds(Answers, Result, Saved):
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
         deviation: bool = False,
+        **look: Any,
     ) -> "Figure":
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
@@ -180,6 +187,7 @@ class Bounds(Answers, Result, Saved):
         figsize : (width, height)  of a new figure [inch]
         title : str                of a new figure, in place of its own
         deviation : bool           draw deviations from the nominal run: bands may be too narrow to be seen beside it
+        label, color, legend       of the bounds: a text and a colour; and True or False
 
         Raises
         ------
@@ -202,7 +210,7 @@ class Bounds(Answers, Result, Saved):
             inner=None if self.kind == "sampled" else self.inner,
             nominal=self.nominal,
             deviation=deviation,
-            ax=ax,
+            style=plot.Style("Bounds.plot", ax, **look),
         )
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 

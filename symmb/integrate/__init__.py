@@ -11,7 +11,7 @@ from symmb.integrate.explicit import DormandPrince
 from symmb.integrate.implicit import NSTIFFSI2, Rosenbrock
 from symmb.integrate.integration import Integration, Run
 from symmb.integrate.projection import project
-from symmb.integrate.registry import SOLVERS, WORDS, read_solver
+from symmb.integrate.registry import SOLVERS, WORDS, read_solver, solver_of
 from symmb.integrate.solver import Solver
 from symmb.integrate.stabilization import AugmentedLagrangian
 from symmb.integrate.stiffness import STIFF, Stiffness, stiffness

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb._specs import Spec, read_spec
 from symmb.integrate.casadi_solvers import CVODES, IDAS, Collocation, StabilizedIndex2
 from symmb.integrate.event_driven import EventDriven
@@ -90,6 +91,17 @@ WORDS: dict[str, tuple[str, Any]] = {
     "lagrangian": ("stabilization", AugmentedLagrangian()),
 }
 """Words that set an option of the solver in front of them: name of the option, and its value."""
+
+
+def solver_of(solver: object) -> Solver | None:
+    """The solver that is given, or that its text on the command line stands for; DeclarationError if it is neither."""
+    if isinstance(solver, str):
+        return read_solver(solver)
+    if isinstance(solver, type):
+        raise DeclarationError(f"solver: got the class {solver.__name__}; call it, as in CVODES() or HHT(step=1e-3).")
+    if solver is not None and not isinstance(solver, Solver):
+        raise DeclarationError(f"solver: {shown(solver)} is not a Solver; give an object such as CVODES(rtol=1e-9).")
+    return solver
 
 
 def read_solver(text: str) -> Solver:

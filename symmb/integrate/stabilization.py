@@ -22,7 +22,7 @@ class Baumgarte:
     Examples
     --------
     >>> import symmb as mb
-    >>> rod = mb.Body("rod", 1.0, 1 / 3, mb.Planar())
+    >>> rod = mb.Body("rod", 1.0, 1 / 3)
     >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-1, 0))
     >>> scene = mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), {"rod.theta": 0.0}, [0.0, 0.5, 1.0])
     >>> mb.simulate(scene, mb.CVODES(stabilization=mb.Baumgarte(10.0, 10.0)))["rod.theta"].round(3)
@@ -51,7 +51,7 @@ class Projection:
     Examples
     --------
     >>> import symmb as mb
-    >>> rod = mb.Body("rod", 1.0, 1 / 3, mb.Planar())
+    >>> rod = mb.Body("rod", 1.0, 1 / 3)
     >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-1, 0))
     >>> scene = mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), {"rod.theta": 0.0}, [0.0, 0.5, 1.0])
     >>> mb.simulate(scene, mb.DormandPrince(stabilization=mb.Projection()))["rod.theta"].round(3)
@@ -81,7 +81,7 @@ class AugmentedLagrangian:
     Examples
     --------
     >>> import symmb as mb
-    >>> rod = mb.Body("rod", 1.0, 1 / 3, mb.Planar())
+    >>> rod = mb.Body("rod", 1.0, 1 / 3)
     >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-1, 0))
     >>> scene = mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), {"rod.theta": 0.0}, [0.0, 0.5, 1.0])
     >>> mb.simulate(scene, mb.DormandPrince(stabilization=mb.AugmentedLagrangian()))["rod.theta"].round(3)

@@ -11,6 +11,7 @@ from symmb.mechanics.constraint import Constraint, Motion, VelocityConstraint
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
 from symmb.mechanics.curve import Curve
 from symmb.mechanics.curve_contact import CurveContact, PointOnCurve
+from symmb.mechanics.declaration import Block
 from symmb.mechanics.element import Element, law_value
 from symmb.mechanics.figure import Figure, maximum, mean
 from symmb.mechanics.flexible_body import FlexibleBody
@@ -48,7 +49,7 @@ from symmb.mechanics.joint_event import JointEvent, Latch, closed_at_start, row_
 from symmb.mechanics.load import GasSpring, NonlinearSpring, Orifice, Soil
 from symmb.mechanics.mesh_file import coarser
 from symmb.mechanics.motor import Motor
-from symmb.mechanics.parameter import Parameters
+from symmb.mechanics.parameter import Parameters, declared_with
 from symmb.mechanics.pose import Frame, Particle, Planar, Spatial
 from symmb.mechanics.rope import Rope
 from symmb.mechanics.rotation import Rotation, rotation

@@ -11,6 +11,7 @@ from symmb._errors import DeclarationError, NoHandleError
 from symmb._interrupts import kept_interrupts
 from symmb._options import shown
 from symmb._types import Expr
+from symmb.mechanics.declaration import declared
 from symmb.mechanics.geometry import Geometry, shapes_of
 from symmb.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, Spatial
 from symmb.symbolic import ddt, is_zero, vector
@@ -133,6 +134,7 @@ class Body(AbstractBody):
         name = self.name if isinstance(self.name, str) else shown(self.name)  # System tells that this is no name
         object.__setattr__(self, "shapes", shapes_of(f"Body {shown(self.name)}", self.shapes))
         object.__setattr__(self, "frame", self.pose.frame(name))
+        declared(self)
 
     @property
     def center(self) -> AbstractBody:

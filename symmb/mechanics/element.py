@@ -5,7 +5,7 @@ from abc import ABC
 from collections.abc import Callable, Iterator
 from dataclasses import Field, fields, replace
 from functools import partial
-from typing import Any, ClassVar, Protocol, TypeVar, get_args, get_origin
+from typing import Any, ClassVar, Protocol, Self, TypeVar, get_args, get_origin
 
 import casadi as ca
 
@@ -13,6 +13,7 @@ from symmb._errors import DeclarationError, text_of
 from symmb._options import is_real, number_text, python_number, shown
 from symmb._types import Array, Expr
 from symmb.mechanics.body import AbstractBody, Ground, Point
+from symmb.mechanics.declaration import declared
 from symmb.mechanics.pose import Fixed, Planar, Pose
 from symmb.mechanics.table import Table
 from symmb.symbolic import has_irregular_constant, is_zero, vector
@@ -39,6 +40,11 @@ class Element(ABC):
     poses: ClassVar[tuple[tuple[type[Pose], ...], ...]] = ()
 
     name: str
+
+    def __new__(cls, *_: Any, **__: Any) -> Self:
+        element = super().__new__(cls)
+        declared(element)
+        return element
 
     @property
     def kind(self) -> str:

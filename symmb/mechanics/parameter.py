@@ -1,6 +1,7 @@
 """Parameters: named symbols with nominal values."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from weakref import WeakValueDictionary
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,13 @@ from symmb._names import did_you_mean, name_fault, normal, normal_keys
 from symmb._options import is_finite_number, shown
 from symmb._types import Array
 from symmb.symbolic import Kind, Symbol, declare
+
+_DECLARED: "WeakValueDictionary[int, Parameters]" = WeakValueDictionary()
+
+
+def declared_with(symbol: ca.SX) -> "Parameters | None":
+    """The parameters that a symbol was declared with, as long as they are in use."""
+    return _DECLARED.get(symbol.element_hash())
 
 
 class Parameters(Mapping[str, float]):
@@ -52,6 +60,8 @@ class Parameters(Mapping[str, float]):
         self._nominal = {name: float(value) for name, value in nominal.items()}
         self._symbols = ca.vertcat(*[ca.SX.sym(name) for name in nominal]) if nominal else ca.SX(0, 1)
         self._records = declare(nominal, Kind.PARAMETER, self._symbols)
+        for record in self._records:
+            _DECLARED[record.sx.element_hash()] = self
 
     def with_more(self, **nominal: float) -> "Parameters":
         """These parameters, with the same symbols, and more behind them."""

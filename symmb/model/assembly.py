@@ -162,9 +162,13 @@ class Collected:
         return replace(self, states=(*self.states, *states))
 
 
-def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Collected:
-    """Validate the declaration and derive its equations. A DeclarationError has one line for each fault."""
+def collect(elements: Sequence[Body | Element], parameters: Parameters | None) -> Collected:
+    """Validate the declaration and derive its equations. A DeclarationError has one line for each fault.
+
+    Without parameters they are those whose symbols the elements hold.
+    """
     collected = driven = _with_all_coordinates(elements, parameters)
+    parameters = collected.bind.parameters
     inputs = [u.symbol for u in _of_kind(Input, elements) if u.name not in parameters]
     if inputs and any(isinstance(body.pose, Particle) for body in collected.bodies):
         # Inputs are 0 here. What they drive stays, as in the equations that contain them.
@@ -172,8 +176,9 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     return _without(collected, _untouched(driven))
 
 
-def _with_all_coordinates(elements: Sequence[Body | Element], parameters: Parameters) -> Collected:
+def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters | None) -> Collected:
     """The equations in all coordinates of particles, also those that stand in none."""
+    parameters = Parameters() if given is None else given
     faults, sound = _Faults(name_faults(elements, parameters)), []
     bodies = tuple(e for e in elements if isinstance(e, Body))
     known = {id(element) for element in elements}
@@ -188,6 +193,8 @@ def _with_all_coordinates(elements: Sequence[Body | Element], parameters: Parame
     some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
     inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind, parameters)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, parameters, faults)
+    if given is None and bind.missing is not None:
+        return _with_all_coordinates(elements, bind.missing)
     faults.raise_any()
     collected = _assemble(inertial, bind, equations)
     for name in bind.inputs_in([ca.vec(collected.M), collected.Q, collected.Phi, collected.Psi]):

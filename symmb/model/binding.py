@@ -9,7 +9,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean, shown
 from symmb._types import Array, Expr
-from symmb.mechanics import Body, Input, OwnState, Parameters
+from symmb.mechanics import Body, Input, OwnState, Parameters, declared_with
 from symmb.symbolic import Kind, Symbol, from_sympy, given, has_irregular_constant, is_sympy, lookup, symbols_in, t
 
 
@@ -23,7 +23,8 @@ class Binding:
         states: Sequence[OwnState] = (),
         inputs: Sequence[Input] = (),
     ) -> None:
-        self._parameters = parameters
+        self.parameters = parameters
+        self.missing: Parameters | None = None  # parameters whose symbols stand in expressions and are not known
         self._inputs = ca.vertcat(ca.SX(0, 1), *(u.value for u in inputs if u.name not in parameters))
         self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
         for i, name in enumerate(parameters):
@@ -93,6 +94,7 @@ class Binding:
         record = lookup(symbol)
         if symbol.element_hash() in self._known or symbol.element_hash() in also:
             return ""
+        self.missing = self.missing or declared_with(symbol)
         if record is not None and record.owner:
             return f"{record.owner} is not part of the System. Add it to System(...)."
         if record is not None and record.kind is Kind.STATE:
@@ -106,6 +108,11 @@ class Binding:
             return (
                 f"{symbol.name()!r} is a reaction, which follows from the equations: no law can depend on it. Outputs "
                 "and conditions of Release can, if it is one of their own System."
+            )
+        if declared_with(symbol) is not None:
+            return (
+                f"symbol {symbol.name()!r} is of Parameters that the System does not have. Declare all parameters "
+                "together, and name them by System(..., parameters=p) if no element depends on them."
             )
         return (
             f"symbol {symbol.name()!r} belongs to no parameter and no body of the System."
@@ -131,8 +138,8 @@ class Binding:
 
     def nominal(self, expression: ca.SX) -> Array:
         """Values of an expression of parameters at the nominal ones."""
-        f = ca.Function("nominal", [self._parameters.symbols], [expression])
-        return f(self._parameters.nominal).full()
+        f = ca.Function("nominal", [self.parameters.symbols], [expression])
+        return f(self.parameters.nominal).full()
 
     def _kind(self, symbol: ca.SX) -> Kind | None:
         return self._known.get(symbol.element_hash(), ("", None, symbol))[1]

@@ -14,7 +14,7 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean, normal, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
 from symmb._types import Array
-from symmb.model.tolerance_list import interval_of, intervals_in_file
+from symmb.model.tolerance_list import interval_of, intervals_in_file, share_of
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -57,14 +57,14 @@ class Box:
 
     @classmethod
     def around(
-        cls, parameters: Mapping[str, SupportsFloat], spread: float, names: Iterable[str] | None = None
+        cls, parameters: Mapping[str, SupportsFloat], spread: float | str, names: Iterable[str] | None = None
     ) -> "Box":
         """Intervals nominal (1 ± spread) around nominal values.
 
         Parameters
         ----------
         parameters : mapping of name to nominal value
-        spread : share of the nominal value, 0.05 for ± 5 %
+        spread : share of the nominal value, 0.05 or "5%" for ± 5 %
         names : the parameters with intervals; all of them if left out
 
         Raises
@@ -80,9 +80,11 @@ class Box:
         """
         if not isinstance(parameters, Mapping):
             raise DeclarationError(f"Box.around: parameters must be nominal values by name, got {shown(parameters)}.")
+        if isinstance(spread, str):
+            spread = share_of(spread)
         if not is_finite_number(spread) or not 0 < spread < 1:
             raise DeclarationError(
-                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 for ± 5 %, got {shown(spread)}. "
+                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 or '5%', got {shown(spread)}. "
                 "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
             )
         if not all(map(is_finite_number, parameters.values())):

@@ -21,7 +21,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._names import normal
 from symmb._options import require_instance, require_name, require_names
 from symmb._types import Expr
-from symmb.mechanics import Body, Element, Ground, Input, Joint, Parameters
+from symmb.mechanics import Block, Body, Element, Ground, Input, Joint, Parameters
 from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
@@ -36,13 +36,16 @@ _LONGEST = 6000
 """Characters of the LaTeX of a part up to which notebooks typeset it: longer ones cannot be read."""
 
 
-class System:
+class System(Block):
     """Bodies, constraints and forces with their equations of motion.
+
+    `with System() as system:` takes the elements that are made inside. The system is complete where the block ends.
 
     Parameters
     ----------
     *elements : Body, Constraint, ForceElement or Impact, in the order of coordinates and rows
     parameters : Parameters
+        default: those whose symbols stand in the elements
 
     Raises
     ------
@@ -62,17 +65,25 @@ class System:
 
     @kept_interrupts()
     def __init__(self, *elements: Body | Ground | Element, parameters: Parameters | None = None) -> None:
-        self.parameters = Parameters() if parameters is None else parameters
-        require_instance("System: parameters", self.parameters, Parameters, "Parameters(l1=1.0, ...)")
+        if parameters is not None:
+            require_instance("System: parameters", parameters, Parameters, "Parameters(l1=1.0, ...)")
         self.elements = tuple(e for e in elements if not isinstance(e, Ground))
         for element in self.elements:
             if isinstance(name := getattr(element, "name", ""), str) and name != normal(name):
                 object.__setattr__(element, "name", normal(name))
-        self.collected: Collected = collect(self.elements, self.parameters)
+        self.collected: Collected = collect(self.elements, parameters)
+        self.parameters = self.collected.bind.parameters
         self._added: tuple[Symbol, ...] = ()
         self.nullity = 0
         self._joints: JointSpace | None = None
         self._is_driven = bool(self.inputs)
+
+    def __exit__(self, *error: object) -> None:
+        super().__exit__(*error)
+        elements, parameters = (*self.elements, *self._made), self.parameters or None
+        vars(self).clear()  # what was derived without the elements
+        if error[0] is None:
+            self.__init__(*elements, parameters=parameters)
 
     def __reduce__(self) -> tuple:
         parts = (self.elements, self.parameters, ca.SX(self.lam), self.vdot, self._added, self._is_driven)

@@ -87,6 +87,12 @@ def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
     return unit * lower, unit * upper
 
 
+def share_of(text: str) -> float | str:
+    """The share in a text such as "5%"; any other text as it is."""
+    percent = _number_or_text(text.strip().removesuffix("%"))
+    return percent / 100 if text.strip().endswith("%") and not isinstance(percent, str) else text
+
+
 def _share(owner: str, name: str, nominal: float, text: str, percent: float) -> Interval:
     share = percent / 100
     if not 0 <= share < 1 or not nominal:

@@ -12,3 +12,4 @@ from symmb.plot.drawn import OverTime, OverTimeBesideGiven, ThreeDiagrams
 from symmb.plot.layout import MOST_PANELS, PICTURES, columns_of, finish, labels, narrow_png, png, save
 from symmb.plot.root_locus import plot_root_locus
 from symmb.plot.stability import plot_stability
+from symmb.plot.style import Style

@@ -22,9 +22,10 @@ from symmb.plot.layout import (
     panels_over_time,
     rounding,
 )
+from symmb.plot.style import OWN, Style
 
-_SEEN = 0.004
-"""Share of a panel's height below which curves lie on each other: it is half a pixel."""
+_SEEN = 0.015
+"""Share of a panel's height below which curves touch, so that they look like one thick line."""
 _TINT = 0.16
 """Opacity of the band between bounds: other bands stay visible below it."""
 
@@ -77,9 +78,9 @@ def plot_bounds(
     inner: tuple[Array, Array] | None = None,
     nominal: Array | None = None,
     deviation: bool = False,
-    ax: GivenAxes = None,
+    style: Style = OWN,
 ) -> Figure:
-    """Bounds over time, one panel an output; see `plot_comparison` for t, names, units and ax.
+    """Bounds over time, one panel an output; see `plot_comparison` for t, names, units and style.
 
     Parameters
     ----------
@@ -91,35 +92,36 @@ def plot_bounds(
     deviation                          draw deviations from the nominal run
     """
     least = rounding(np.stack([band.lower, band.upper]), units)
-    shown, own_names, own_units = outputs_of(names, units, chosen, MOST_PANELS if ax is None else None)
+    shown, own_names, own_units = outputs_of(names, units, chosen, MOST_PANELS if style.ax is None else None)
     if deviation:
         own_names = [f"{name} − nominal" for name in own_names]
     is_part = chosen is None and len(shown) < len(names)
     title = f"the first {len(shown)} of {len(names)} outputs" if is_part else None
     origin = nominal if deviation and nominal is not None else np.zeros_like(band.lower)
-    colour = colour_of(family)
+    (colour,), (label,) = style.colours([colour_of(family)]), style.labels([band.label])
     pairs: list[tuple[tuple[Array, Array], str | None, dict[str, Any]]] = [
         ((band.lower, band.upper), None, {"linewidth": 1.1})
     ]
     if outer is not None:
         pairs.append((outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}))
     if inner is not None:
-        pairs.append((inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}))
-    figure, panels = panels_over_time("Bounds.plot", ax, t, own_names, own_units, title=title, room=0.2)
+        pairs.append((inner, "attained by runs", {"linewidth": 0.8, "linestyle": DASHES[2]}))
+    figure, panels = panels_over_time(style, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
         drawn = np.stack([end[:, i] - origin[:, i] for end in (band.lower, band.upper)])
         low, high = (along(t, end) for end in drawn)
-        axes.fill_between(abscissa(t), low, high, color=colour, alpha=_TINT, linewidth=0, label=band.label)
-        for (lower, upper), label, style in pairs:
-            own = lower[:, i] - origin[:, i], upper[:, i] - origin[:, i]
-            with np.errstate(invalid="ignore"):  # infinite bounds
-                is_seen = not (np.abs(np.stack(own) - drawn) <= _SEEN * np.ptp(drawn)).all()
-            _draw_pair(axes, t, *own, label=label if is_seen else None, color=colour, **style)
+        axes.fill_between(abscissa(t), low, high, color=colour, alpha=_TINT, linewidth=0, label=label)
+        for (lower, upper), name, look in pairs:
+            own = np.stack([lower[:, i] - origin[:, i], upper[:, i] - origin[:, i]])
+            if name is not None:
+                with np.errstate(invalid="ignore"):  # infinite bounds
+                    own = np.where(np.abs(own - drawn) <= _SEEN * np.ptp(drawn), np.nan, own)
+            _draw_pair(axes, t, *own, label=None if np.isnan(own).all() else name, color=colour, **look)
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])
             axes.plot(abscissa(t), run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")
     flatten(panels, least[shown])
-    legends(figure, panels, ax)
+    legends(figure, panels, style)
     return figure
 
 
@@ -129,17 +131,20 @@ def draw_bounds(
     shown: Sequence[int],
     reference: Band,
     curves: Sequence[PlottedBounds],
-    units: Sequence[str] = (),
+    units: Sequence[str],
+    style: Style,
 ) -> None:
     """Bounds by several methods over the reference, one panel an output."""
     least = rounding(np.stack([reference.lower, reference.upper]), units)
+    colours = style.colours([colour_of(curve.family) for curve in curves])
+    texts = style.labels([f"{curve.label}, {curve.kind}" for curve in curves])
     for axes, i in zip(panels, shown, strict=True):
         is_empty = not axes.has_data()
         band = along(t, reference.lower[:, i]), along(t, reference.upper[:, i])
         axes.fill_between(abscissa(t), *band, color=BAND_COLOUR, linewidth=0, label=reference.label)
         for k, curve in enumerate(curves):
-            style: dict[str, Any] = {"linestyle": cyclic(DASHES, k), "linewidth": 1.1, "color": colour_of(curve.family)}
-            _draw_pair(axes, t, curve.lower[:, i], curve.upper[:, i], label=f"{curve.label}, {curve.kind}", **style)
+            look: dict[str, Any] = {"linestyle": cyclic(DASHES, k), "linewidth": 1.1, "color": colours[k]}
+            _draw_pair(axes, t, curve.lower[:, i], curve.upper[:, i], label=texts[k], **look)
         if is_empty and np.ptp(axes.dataLim.intervaly) > least[i]:
             axes.set_ylim(*_window(reference, curves, i))
     flatten(panels, least[[*shown]])

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from symmb._types import Array, Axes, Figure, GivenAxes, Mask
+from symmb._types import Array, Axes, Figure, Mask
 from symmb.plot.bounds import Band, PlottedBounds, draw_bounds
 from symmb.plot.colours import colour_of
 from symmb.plot.layout import (
@@ -26,12 +26,13 @@ from symmb.plot.layout import (
     new_figure,
     new_panels,
     outputs_of,
+    own_legend,
     panels_over_time,
     plain,
     root,
-    shared_legend,
     style_axes,
 )
+from symmb.plot.style import OWN, Style
 
 
 def plot_comparison(
@@ -45,7 +46,7 @@ def plot_comparison(
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
     title: str = "",
-    ax: GivenAxes = None,
+    style: Style = OWN,
 ) -> Figure:
     """Bounds over time above, mean error against run time below.
 
@@ -60,22 +61,22 @@ def plot_comparison(
                             there, hollow
     units : n_y units       '' where they are not known
     chosen : columns        of the outputs to draw; default: those with the largest errors
-    ax : optional           the caller's axes, to draw in: one an output for bounds over time; a single one without
-                            chosen outputs takes the errors
+    style : options         the caller's axes: one an output for bounds over time; a single one without chosen
+                            outputs takes the errors; labels and colours: one a family
     """
     families: dict[str, list[PlottedBounds]] = {}
     for curve in curves:
         families.setdefault(curve.family, []).append(curve)
     best = [min(group, key=lambda curve: largest_error(curve, measured)) for group in families.values()]
-    if ax is not None:
-        panels = axes_in("Comparison.plot", ax)
+    if style.ax is not None:
+        panels = axes_in(style.owner, style.ax)
         if chosen is None and len(panels) == 1:
-            _draw_errors(panels[0], list(families.values()), measured, uncertainty)
+            _draw_errors(panels[0], list(families.values()), measured, uncertainty, style)
             return root(panels[0])
         shown, own_names, own_units = outputs_of(names, units, chosen)
-        figure, panels = panels_over_time("Comparison.plot", panels, t, own_names, own_units)
-        draw_bounds(panels, t, shown, reference, best, units)
-        legends(figure, panels, ax)
+        figure, panels = panels_over_time(style, t, own_names, own_units)
+        draw_bounds(panels, t, shown, reference, best, units, style)
+        legends(figure, panels, style)
         return figure
     shown = hardest_outputs(curves, measured) if chosen is None else [*chosen]
     n_legend = -(-(len(families) + 1) // 3)
@@ -84,16 +85,20 @@ def plot_comparison(
     above, below = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
     texts = labels(names, units)
     panels = new_panels(above, t, [texts[i] for i in shown])
-    draw_bounds(panels, t, shown, reference, best, units)
-    shared_legend(above, panels)
+    draw_bounds(panels, t, shown, reference, best, units, style)
+    legends(above, panels, style)
     is_part = chosen is None and len(shown) < len(names)
     part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if is_part else ""
     above.suptitle(plain(": ".join(filter(None, [title, part]))), fontsize=10)
-    _draw_errors(below.subplots(), list(families.values()), measured, uncertainty)
+    _draw_errors(below.subplots(), list(families.values()), measured, uncertainty, style)
     return figure
 
 
-def _draw_errors(axes: Axes, families: Sequence[Sequence[PlottedBounds]], measured: Mask, uncertainty: Array) -> None:
+def _draw_errors(
+    axes: Axes, families: Sequence[Sequence[PlottedBounds]], measured: Mask, uncertainty: Array, style: Style
+) -> None:
+    colours = style.colours([colour_of(group[0].family) for group in families])
+    texts = style.labels([group[0].family for group in families])
     known = uncertainty[measured & np.isfinite(uncertainty)]
     floor = max(float(known.mean()) if known.size else 0.0, LEAST_ERROR)
     axes.set(xscale="log", yscale="log")
@@ -104,10 +109,10 @@ def _draw_errors(axes: Axes, families: Sequence[Sequence[PlottedBounds]], measur
         points = [(x, y, n) for x, y, n in points if y < np.inf]
         if not points:
             continue
-        colour, marker = colour_of(group[0].family), {"marker": cyclic(MARKERS, k), "markersize": 6}
-        style: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
-        axes.plot([x for x, _, _ in points], [max(y, floor) for _, y, _ in points], **style)
-        axes.plot([], [], **style, **marker, label=group[0].family)
+        colour, marker = colours[k], {"marker": cyclic(MARKERS, k), "markersize": 6}
+        look: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
+        axes.plot([x for x, _, _ in points], [max(y, floor) for _, y, _ in points], **look)
+        axes.plot([], [], **look, **marker, label=texts[k])
         for x, y, n in points:
             face = "white" if y < floor else colour
             axes.plot(x, max(y, floor), color=colour, **marker, markerfacecolor=face, zorder=3)
@@ -122,7 +127,9 @@ def _draw_errors(axes: Axes, families: Sequence[Sequence[PlottedBounds]], measur
     if all(y == floor for _, y, _, _ in numbers):  # margins are a share of the height, of which there is none
         axes.set_autoscaley_on(False)
         axes.set_ylim(0.1 * floor, 10.0 * floor)
-    if axes.get_legend_handles_labels()[0]:
+    if style.ax is not None:
+        own_legend(axes, style)
+    elif style.legend is not False and axes.get_legend_handles_labels()[0]:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
     write_numbers(axes, numbers)
     style_axes(axes)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from symmb import _html as html
 from symmb._table import aligned
 from symmb.plot.layout import MOST_PANELS, columns_of, finish, labels, png
+from symmb.plot.style import Style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,8 +31,8 @@ class Panels:
         """The table, with these names in the place of those of the outputs."""
         raise NotImplementedError
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
-        """The picture of some outputs, or of all, in axes of the caller if there are any."""
+    def _figure(self, columns: list[int] | None, style: Style) -> "Figure":
+        """The picture of some outputs, or of all."""
         raise NotImplementedError
 
     def __str__(self) -> str:
@@ -54,9 +55,10 @@ class Panels:
         ax: "Axes | Sequence[Axes] | None" = None,
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
+        **look: Any,
     ) -> "Figure":
         owner = f"{type(self).__name__}.plot"
-        figure = self._figure(columns_of(owner, outputs, self.names), ax)
+        figure = self._figure(columns_of(owner, outputs, self.names), Style(owner, ax, **look))
         return finish(figure, owner, path, ax, figsize, title)
 
 
@@ -70,6 +72,7 @@ class OverTime(Panels):
         ax: "Axes | Sequence[Axes] | None" = None,
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
+        **look: Any,
     ) -> "Figure":
         """Draw outputs over time, as the class tells; write the picture to `path` if given.
 
@@ -83,6 +86,8 @@ class OverTime(Panels):
             of a new figure [inch]
         title : str
             of a new figure, in place of its own
+        label, color, legend
+            of the curves: a text or a colour, or a list with one for each; and True or False
 
         Raises
         ------
@@ -91,7 +96,7 @@ class OverTime(Panels):
         FileError
             If the file cannot be written; the previous one is kept
         """
-        return self._drawn(path, outputs, ax, figsize, title)
+        return self._drawn(path, outputs, ax, figsize, title, **look)
 
 
 class OverTimeBesideGiven(Panels):
@@ -104,28 +109,10 @@ class OverTimeBesideGiven(Panels):
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
         ax: "Axes | Sequence[Axes] | None" = None,
+        **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class tells; write the picture to `path` if given.
-
-        Parameters
-        ----------
-        outputs : str or list
-            those to draw; default: all with limits, or with data
-        figsize : (width, height)
-            of a new figure [inch]
-        title : str
-            of a new figure, in place of its own
-        ax : matplotlib Axes
-            to draw in, in the place of a new figure, one an output
-
-        Raises
-        ------
-        DeclarationError
-            If an option is wrong
-        FileError
-            If the file cannot be written; the previous one is kept
-        """
-        return self._drawn(path, outputs, ax, figsize, title)
+        """Draw outputs over time, as the class tells; options and errors are those of `Trajectory.plot`."""
+        return self._drawn(path, outputs, ax, figsize, title, **look)
 
 
 class ThreeDiagrams:
@@ -134,7 +121,7 @@ class ThreeDiagrams:
     def __repr__(self) -> str:
         return str(self)
 
-    def _figure(self, ax: Any) -> "Figure":
+    def _figure(self, style: Style) -> "Figure":
         """The picture, in up to three axes of the caller if there are any."""
         raise NotImplementedError
 
@@ -144,6 +131,7 @@ class ThreeDiagrams:
         ax: "Axes | Sequence[Axes] | None" = None,
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
+        **look: Any,
     ) -> "Figure":
         """Draw the diagrams that the class tells of; write the picture to `path` if given.
 
@@ -155,6 +143,8 @@ class ThreeDiagrams:
             of a new figure [inch]
         title : str
             of a new figure, in place of its own
+        label, color, legend
+            of the curves: a text or a colour, or a list with one for each; and True or False
 
         Raises
         ------
@@ -163,4 +153,5 @@ class ThreeDiagrams:
         FileError
             If the file cannot be written; the previous one is kept
         """
-        return finish(self._figure(ax), f"{type(self).__name__}.plot", path, ax, figsize, title)
+        owner = f"{type(self).__name__}.plot"
+        return finish(self._figure(Style(owner, ax, **look)), owner, path, ax, figsize, title)

@@ -5,6 +5,7 @@ as they are.
 """
 
 import io
+import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,7 @@ from symmb._options import numbers_of, require_names, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Axes, Figure, GivenAxes
 from symmb.files import replacement, require_suffix
+from symmb.plot.style import Style
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -46,6 +48,11 @@ _FLAT = 0.05, 50.0
 """Least room around a spread that is rounding, so that it looks flat: over its middle, and over the rounding."""
 _SIZES = 1.0, 50.0
 """Least and largest side of a picture [inch]: larger ones need more than a gigabyte."""
+_TRUETYPE = 42
+"""Type of fonts in PDF files: journals refuse matplotlib's default, type 3."""
+_LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
+"""Characters of a line, and size [point], of legends in axes of the caller: the first that fits into them is taken."""
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SCREEN = 80
 """Pixels of a notebook for an inch of a figure."""
 
@@ -100,7 +107,9 @@ def save(figure: Figure, path: str | Path | None) -> Figure:
     """Write the figure to a path, if there is one. Its suffix chooses the format."""
     if path is not None:
         suffix = require_suffix(path, *PICTURES)
-        with replacement(path) as file:
+        from matplotlib import rc_context
+
+        with replacement(path) as file, rc_context({"pdf.fonttype": _TRUETYPE}):
             figure.savefig(file, format=suffix[1:])
     return figure
 
@@ -206,7 +215,13 @@ def given_panels(
             _over_time(axes, t)
         axes.set_xlabel(_time_label(t))
         shared = {units[k] if units else "" for k in own}
-        text = texts[own[0]] if len(own) == 1 else f"[{shared.pop()}]" if len(shared) == 1 and shared != {""} else ""
+        text = (
+            texts[own[0]]
+            if len(own) == 1
+            else f"[{_typeset(shared.pop())}]"
+            if len(shared) == 1 and shared != {""}
+            else ""
+        )
         axes.set_ylabel(plain(text))
     return panels
 
@@ -220,8 +235,7 @@ def outputs_of(
 
 
 def panels_over_time(
-    owner: str,
-    ax: GivenAxes,
+    style: Style,
     t: Array,
     names: Sequence[str],
     units: Sequence[str],
@@ -232,10 +246,10 @@ def panels_over_time(
 ) -> tuple[Figure, list[Axes]]:
     """A new figure with one panel an output and room for a legend [inch], or that of the caller's axes; and its panels.
 
-    See `given_panels` for owner and overlay.
+    See `given_panels` for overlay.
     """
-    if ax is not None:
-        panels = given_panels(owner, ax, t, names, units, overlay=overlay)
+    if style.ax is not None:
+        panels = given_panels(style.owner, style.ax, t, names, units, overlay=overlay)
         return root(panels[0]), panels
     figure = new_figure(HEAD_HEIGHT + room + ROW_HEIGHT * n_rows(len(names)))
     if title is not None:
@@ -243,26 +257,25 @@ def panels_over_time(
     return figure, new_panels(figure, t, labels(names, units))
 
 
-def three_diagrams(owner: str, ax: GivenAxes, room: float) -> tuple[Figure, list[Axes]]:
+def three_diagrams(style: Style, room: float) -> tuple[Figure, list[Axes]]:
     """A new figure with three diagrams and room for a legend [inch], or that of up to three axes of the caller."""
-    if ax is None:
+    if style.ax is None:
         figure = new_figure(DIAGRAM_HEIGHT + room)
         return figure, list(figure.subplots(1, 3))
-    panels = axes_in(owner, ax)
+    panels = axes_in(style.owner, style.ax)
     if len(panels) > 3:
-        raise DeclarationError(f"{owner}: there are three diagrams, got {len(panels)} axes.")
+        raise DeclarationError(f"{style.owner}: there are three diagrams, got {len(panels)} axes.")
     return root(panels[0]), panels
 
 
-def finish_diagrams(figure: Figure, panels: Sequence[Axes], ax: GivenAxes, title: str, columns: int) -> None:
+def finish_diagrams(figure: Figure, panels: Sequence[Axes], style: Style, title: str, columns: int) -> None:
     """The style of diagrams, and the title and legend of a new figure, or a legend in the caller's axes."""
     for axes in panels:
         style_axes(axes)
         axes.grid(alpha=0.25)
-    if ax is not None:
-        return own_legend(panels[0])
-    _add_legend(figure, *panels[0].get_legend_handles_labels(), columns)
-    figure.suptitle(plain(title), fontsize=10)
+    legends(figure, panels[:1], style, columns)
+    if style.ax is None:
+        figure.suptitle(plain(title), fontsize=10)
 
 
 def axes_in(owner: str, ax: GivenAxes) -> list[Axes]:
@@ -324,32 +337,53 @@ def cyclic(styles: Sequence[Any], k: int) -> Any:
     return styles[k % len(styles)]
 
 
-def shared_legend(figure: "FigureBase", panels: Sequence[Axes]) -> None:
+def shared_legend(figure: "FigureBase", panels: Sequence[Axes], columns: int = _LEGEND_COLUMNS) -> None:
     """One legend of all panels."""
+    handles = _handles(panels)
+    _add_legend(figure, [*handles.values()], [*map(plain, handles)], columns)
+
+
+def _handles(panels: Sequence[Axes]) -> dict[str, Any]:
+    """What stands for each label of the panels."""
     both = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in panels)
-    handles = {label: handle for pairs in both for handle, label in pairs}
-    _add_legend(figure, [*handles.values()], [*map(plain, handles)], _LEGEND_COLUMNS)
+    return {label: handle for pairs in both for handle, label in pairs}
 
 
 def _add_legend(figure: "FigureBase", handles: Sequence[Any], texts: Sequence[str], columns: int) -> "Legend":
     return figure.legend(handles, texts, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
 
 
-def legends(figure: "FigureBase", panels: Sequence[Axes], ax: GivenAxes) -> None:
+def legends(figure: "FigureBase", panels: Sequence[Axes], style: Style, columns: int = _LEGEND_COLUMNS) -> None:
     """One legend of a new figure, or one in each of the caller's axes."""
-    if ax is None:
-        return shared_legend(figure, panels)
-    for axes in panels:
-        own_legend(axes)
+    if style.ax is None:
+        return None if style.legend is False else shared_legend(figure, panels, columns)
+    for axes in dict.fromkeys(panels):
+        own_legend(axes, style)
+    return None
 
 
-def own_legend(axes: Axes) -> None:
-    """A legend inside the axes of a caller."""
-    handles, labels = axes.get_legend_handles_labels()
-    axes.legend(handles, [*map(plain, labels)], fontsize=8, frameon=False)
+def own_legend(axes: Axes, style: Style) -> None:
+    """A legend inside axes, where it fits, of several curves; or of one if it is asked for."""
+    handles = _handles([axes])
+    if style.legend is False or len(handles) < (1 if style.legend else 2):
+        return
+    for width, size in _LEGENDS:
+        texts = ["\n".join(wrap(plain(label), width)) for label in handles]
+        look: dict[str, Any] = {"framealpha": 0.6, "edgecolor": "none", "loc": "best"}
+        legend = axes.legend([*handles.values()], texts, fontsize=size, **look)
+        own, room = legend.get_window_extent(), axes.bbox
+        if own.width <= room.width and own.height <= room.height:
+            return
+    legend.remove()
 
 
 def labels(names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
     """Names with their units in brackets, where there are any."""
     units = units or [""] * len(names)
-    return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True))
+    return tuple(f"{name} [{_typeset(unit)}]" if unit else name for name, unit in zip(names, units, strict=True))
+
+
+def _typeset(unit: str) -> str:
+    """A unit as it is printed: m/s² for m/s^2, ° for deg, µm for um."""
+    raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
+    return re.sub(r"\bu(?=(m|s|g|N|rad)\b)", "µ", re.sub(r"\bdeg\b", "°", raised))

@@ -1,13 +1,15 @@
 """The picture of a root locus: the complex plane, and frequency and damping over the parameter."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from symmb._types import Array, Axes, Figure, GivenAxes
+from symmb._types import Array, Axes, Figure
 from symmb.plot.colours import COLOURS, RUN_COLOUR
 from symmb.plot.layout import cyclic, finish_diagrams, plain, three_diagrams
+from symmb.plot.style import OWN, Style
 
 _TINT = 0.22
 """Opacity of bands: other bands stay visible below them."""
@@ -21,7 +23,7 @@ def plot_root_locus(
     *,
     parameter: str = "",
     title: str = "",
-    ax: GivenAxes = None,
+    style: Style = OWN,
 ) -> Figure:
     """Eigenvalues in the complex plane, and frequency and damping over a parameter.
 
@@ -31,27 +33,34 @@ def plot_root_locus(
     eigenvalues : (n, m) complex       all of them [1/s]
     curves : "f", "zeta", "re", "im" -> (n, k) of k oscillations, nan where there is none
     bands : the same -> lower and upper (n, k); may be empty
-    ax : the caller's axes             up to three, one for each of these diagrams in this order
+    style : options                    with up to three of the caller's axes, for these diagrams in this order
     """
-    figure, panels = three_diagrams("RootLocus.plot", ax, 0.4)
-    _draw_plane(panels[0], eigenvalues, curves, bands)
+    figure, panels = three_diagrams(style, 0.4)
+    modes = range(curves["f"].shape[1])
+    colours = style.colours([cyclic(COLOURS, k) for k in modes])
+    names = style.labels([f"mode {k + 1}" for k in modes])
+    _draw_plane(panels[0], eigenvalues, curves, bands, [*zip(colours, names, strict=True)])
     texts = (("f", "frequency [Hz]"), ("zeta", "damping [-]"))
     for axes, (name, label) in zip(panels[1:], texts, strict=False):  # the caller may have fewer axes
         for k, curve in enumerate(curves[name].T):
-            colour = cyclic(COLOURS, k)
+            colour = colours[k]
             if name in bands:
                 lower, upper = bands[name]
                 axes.fill_between(values, lower[:, k], upper[:, k], color=colour, alpha=_TINT, linewidth=0)
-            axes.plot(values, curve, color=colour, linewidth=1.2, label=f"mode {k + 1}")
+            axes.plot(values, curve, color=colour, linewidth=1.2, label=names[k])
         axes.set(xlabel=plain(parameter), ylabel=label, xlim=(values[0], values[-1]))
     for axes in panels[2:]:
         axes.axhline(0.0, color=RUN_COLOUR, linewidth=0.6)
-    finish_diagrams(figure, panels, ax, f"{title}: from {parameter} = {values[0]:g} (o) to {values[-1]:g} (x)", 6)
+    finish_diagrams(figure, panels, style, f"{title}: from {parameter} = {values[0]:g} (o) to {values[-1]:g} (x)", 6)
     return figure
 
 
 def _draw_plane(
-    axes: Axes, eigenvalues: Array, curves: Mapping[str, Array], bands: Mapping[str, tuple[Array, Array]]
+    axes: Axes,
+    eigenvalues: Array,
+    curves: Mapping[str, Array],
+    bands: Mapping[str, tuple[Array, Array]],
+    looks: Sequence[tuple[Any, str | None]],
 ) -> None:
     """The upper half of the complex plane. A circle is at the first value, a cross at the last one."""
     axes.axvline(0.0, color=RUN_COLOUR, linewidth=0.6)
@@ -60,10 +69,10 @@ def _draw_plane(
     if len(real):
         axes.plot(real, 0 * real, ".", color=RUN_COLOUR, markersize=3, clip_on=False, label="real eigenvalues")
     for k, (x, y) in enumerate(zip(curves["re"].T, curves["im"].T, strict=True)):
-        colour = cyclic(COLOURS, k)
+        colour, label = looks[k]
         if bands:
             _draw_area(axes, *(end[:, k] for name in ("re", "im") for end in bands[name]), colour=colour)
-        axes.plot(x, y, color=colour, linewidth=1.2, label=f"mode {k + 1}")
+        axes.plot(x, y, color=colour, linewidth=1.2, label=label)
         for i, marker in ((0, "o"), (-1, "x")):
             axes.plot(x[i], y[i], marker, color=colour, markersize=4)
     axes.set(xlabel="real part [1/s]", ylabel="imaginary part [1/s]")

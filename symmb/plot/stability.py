@@ -5,18 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from symmb._types import Array, Figure, GivenAxes
+from symmb._types import Array, Figure
 from symmb.plot.colours import colour_of
-from symmb.plot.layout import (
-    DASHES,
-    LARGEST_ERROR,
-    LEAST_ERROR,
-    MARKERS,
-    cyclic,
-    finish_diagrams,
-    plain,
-    three_diagrams,
-)
+from symmb.plot.layout import DASHES, LARGEST_ERROR, LEAST_ERROR, MARKERS, cyclic, finish_diagrams, three_diagrams
+from symmb.plot.style import OWN, Style
 
 
 def plot_stability(
@@ -26,7 +18,7 @@ def plot_stability(
     stress: Mapping[str, Mapping[str, float]],
     *,
     title: str = "",
-    ax: GivenAxes = None,
+    style: Style = OWN,
 ) -> Figure:
     """Error against run time, drift of positions over time, and errors under stress.
 
@@ -35,21 +27,22 @@ def plot_stability(
     points : solver -> (run time [s], error) of each setting; none where errors are not known
     drift : solver -> (n_t,) of one setting
     stress : solver -> what was done to the scene -> error
-    ax : the caller's axes     up to three, one for each of these diagrams in this order
+    style : options            with up to three of the caller's axes, for these diagrams in this order
     """
-    figure, panels = three_diagrams("Stability.plot", ax, 0.8)
+    figure, panels = three_diagrams(style, 0.8)
+    colours, texts = style.colours([*map(colour_of, points)]), style.labels([*points])
     for k, name in enumerate(points):
-        marker, label = cyclic(MARKERS, k), plain(name)
-        style: dict[str, Any] = {"color": colour_of(name), "linestyle": cyclic(DASHES, k), "linewidth": 1.1}
+        marker, label = cyclic(MARKERS, k), texts[k]
+        look: dict[str, Any] = {"color": colours[k], "linestyle": cyclic(DASHES, k), "linewidth": 1.1}
         seconds, errors = np.reshape(points[name], (-1, 2)).T
-        panels[0].loglog(seconds, np.clip(errors, LEAST_ERROR, LARGEST_ERROR), marker=marker, label=label, **style)
+        panels[0].loglog(seconds, np.clip(errors, LEAST_ERROR, LARGEST_ERROR), marker=marker, label=label, **look)
         panels[0].set(xlabel="run time [s]", ylabel="error [share of the motion]")
         for axes in panels[1:2]:  # the caller may have fewer axes
-            axes.semilogy(t, np.maximum(drift[name], LEAST_ERROR), label=label, **style)
+            axes.semilogy(t, np.maximum(drift[name], LEAST_ERROR), label=label, **look)
             axes.set(xlabel="time [s]", ylabel="largest violation of a position row [m, rad]")
         for axes in panels[2:]:
             values = np.clip(list(stress[name].values()), LEAST_ERROR, LARGEST_ERROR)
-            axes.semilogx(values, list(stress[name]), marker, c=style["color"], label=label)
+            axes.semilogx(values, list(stress[name]), marker, c=look["color"], label=label)
             axes.set(xlabel="error under stress [share of the motion]")
-    finish_diagrams(figure, panels, ax, title, 4)
+    finish_diagrams(figure, panels, style, title, 4)
     return figure

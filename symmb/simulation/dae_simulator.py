@@ -31,6 +31,7 @@ from symmb.integrate import (
     impacts_text,
     refined,
     round_otherwise,
+    solver_of,
 )
 from symmb.mechanics import FlexibleBody
 from symmb.model import DAE, Scene
@@ -101,10 +102,9 @@ class DAESimulator:
     """
 
     @kept_interrupts()
-    def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
+    def __init__(self, scene: Scene, solver: Solver | str | None = None) -> None:
         require_instance("DAESimulator", scene, Scene, "a Scene")
-        if solver is not None:
-            require_instance("DAESimulator: solver", solver, Solver, "a Solver such as CVODES()")
+        solver = solver_of(solver)
         begin = time.perf_counter()
         self.scene, self.name, self.box = scene, scene.name, scene.box
         self.parameters = ByName(scene.system.parameters)

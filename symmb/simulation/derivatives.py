@@ -36,7 +36,7 @@ class Differentiable:
         owner: str,
         scene: Scene | Simulator,
         parameters: Sequence[str] | None,
-        solver: Solver | None,
+        solver: Solver | str | None,
         times: Sequence[float] | Array | None,
         outputs: Mapping[str, Expr] | None,
     ) -> None:
@@ -148,7 +148,7 @@ _NO_SECOND = "symmb has first derivatives of runs only, and second ones were ask
 def jax_function(
     scene: Scene | Simulator,
     parameters: Sequence[str] | None = None,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
@@ -200,7 +200,7 @@ def jax_function(
 def torch_function(
     scene: Scene | Simulator,
     parameters: Sequence[str] | None = None,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -92,7 +92,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
                 rows.append([name, parameter, *numbers])
         return over_times(rows, self.t)
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         changes = 0.01 * self.values * np.array(list(self.parameters.values()))
         return plot.plot_family(
             self.t,
@@ -102,8 +102,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
             units=self.units,
             chosen=columns,
             title=f"{self.name}: change for 1 % of each parameter",
-            owner="Sensitivities.plot",
-            ax=ax,
+            style=style,
         )
 
     def _labelled(self) -> Labelled:
@@ -122,7 +121,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
 def sensitivities(
     scene: Scene | Simulator,
     parameters: Sequence[str] | None = None,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from symmb._interrupts import carry, kept_interrupts, runs_of
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
-from symmb.integrate import Run, Solver, stiffness
+from symmb.integrate import EventDriven, Run, Solver, solver_of, stiffness
 from symmb.model import DAE, Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
@@ -24,7 +24,6 @@ from symmb.simulation.subject import (
     figure_simulator,
     prepare_equations,
     require_own,
-    require_solver,
     scene_of,
     simulator_for,
     simulator_with,
@@ -50,9 +49,11 @@ _STICKS = f"where it sticks to one, {SMOOTH}"
 @overload
 def simulate(
     scene: Scene | DAESimulator,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     parameters: Mapping[str, float] | None = None,
     *,
+    rtol: float | None = None,
+    atol: float | None = None,
     check: bool = False,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
@@ -62,9 +63,11 @@ def simulate(
 @overload
 def simulate(
     scene: Scene | DAESimulator,
-    solver: Solver | None,
+    solver: Solver | str | None,
     parameters: Sequence[Mapping[str, float]],
     *,
+    rtol: float | None = None,
+    atol: float | None = None,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Sweep: ...
@@ -73,9 +76,11 @@ def simulate(
 @overload
 def simulate(
     scene: Scene | DAESimulator,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     parameters: Sequence[Mapping[str, float]],
+    rtol: float | None = None,
+    atol: float | None = None,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Sweep: ...
@@ -83,9 +88,11 @@ def simulate(
 
 def simulate(
     scene: Scene | DAESimulator,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     parameters: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
     *,
+    rtol: float | None = None,
+    atol: float | None = None,
     check: bool = False,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
@@ -97,11 +104,14 @@ def simulate(
     scene : Scene
         or one of `prepare`, which has a solver
     solver : Solver
+        or its text on the command line, such as "cvodes:1e-9";
         default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes; CVODES with
         AugmentedLagrangian() if these fail; EventDriven() with impacts, and joints that open or close.
         `trajectory.reason` gives the reason
     parameters : mapping
         values instead of the nominal ones; a list of them makes all these runs side by side
+    rtol, atol : float
+        relative and absolute tolerance of the default solver, in the place of its own
     check : bool
         run a second time in another way: by a solver of another family, and in other coordinates if the scene has any.
         `trajectory.error` (n_t, n_y) is the difference, and the doubts tell from when on digits are lost
@@ -132,15 +142,22 @@ def simulate(
     (-4.905, 2.0)
     """
     own = scene_of(scene)
-    require_solver(solver)
+    solver = solver_of(solver)
     require_truth("simulate", "check", check)
     if isinstance(scene, DAESimulator):
         require_own(scene, solver, times, outputs)
+    tolerances: dict[str, Any] = {k: x for k, x in (("rtol", rtol), ("atol", atol)) if x is not None}
+    if tolerances and (solver is not None or isinstance(scene, DAESimulator)):
+        raise DeclarationError("simulate: rtol and atol are of the default solver. Write solver=CVODES(rtol=1e-10).")
     own = with_options(own, times, outputs)
     if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
         if check:
             raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
+        if tolerances:
+            solver = simulator_with(own).solver.at(**tolerances)
         return swept(simulator_for("simulate", scene, solver, times, outputs), parameters, "simulate")
+    if tolerances and own.system.collected.has_events:
+        solver = EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)
     chosen = scene.solver if isinstance(scene, DAESimulator) else solver
     with kept_interrupts():
@@ -149,14 +166,14 @@ def simulate(
         else:
             has_solver = solver is not None or own.system.collected.has_events
             prepared = simulator_with(own, solver) if has_solver else None
-        solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check)
+        solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check, tolerances)
         if own.figures:
-            trajectory = with_figures_of(trajectory, figure_simulator(own, chosen), check)
+            trajectory = with_figures_of(trajectory, figure_simulator(own, solver if tolerances else chosen), check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
     return trajectory
 
 
-def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
+def _simulated(runs: "_PilotRuns", check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:
     """The solver that was chosen, and its run with all that is told about it."""
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
@@ -168,7 +185,10 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     else:
         stiff, ends = runs.starts_stiff, runs.simulator.dae.sampling is not None
         switches = ends or runs.simulator.bodies.kinks(runs.simulator.times) is not None
-        solver, reason = choose(partial(for_one_run, stiff, switches), runs.judge)
+        solver, reason = choose(
+            partial(for_one_run, stiff, switches), lambda solver: runs.judge(solver.at(**tolerances))
+        )
+        solver = solver.at(**tolerances)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
         reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
     run, trajectory = runs.done[solver]

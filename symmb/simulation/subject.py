@@ -8,7 +8,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._options import require_names, shown
 from symmb._types import Array, Expr
 from symmb.black_boxes import Simulator
-from symmb.integrate import CVODES, Solver
+from symmb.integrate import CVODES, Solver, solver_of
 from symmb.model import Box, Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.figure_simulator import FigureSimulator
@@ -19,7 +19,7 @@ _SCENE = "Scene(system, times=...) makes one of a System."
 def simulator_of(
     subject: Scene | Simulator,
     box: Box | None,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> tuple[Simulator, Box]:
@@ -30,7 +30,7 @@ def simulator_of(
     DeclarationError       if there is no box, subject, box or solver is something else, or a simulator is given
                            options that only a scene takes
     """
-    require_solver(solver)
+    solver = solver_of(solver)
     box = getattr(subject, "box", None) if box is None else box
     if box is None:
         raise DeclarationError("No box: which parameters are uncertain? Give box=Box(l1=(0.95, 1.05)).")
@@ -51,7 +51,7 @@ def simulator_of(
 def simulator_for(
     owner: str,
     subject: Scene | Simulator,
-    solver: Solver | None,
+    solver: Solver | str | None,
     times: Sequence[float] | Array | None,
     outputs: Mapping[str, Expr] | None,
 ) -> Simulator:
@@ -61,7 +61,7 @@ def simulator_for(
     ------
     DeclarationError       if it is something else, or takes no options
     """
-    require_solver(solver)
+    solver = solver_of(solver)
     if isinstance(subject, Scene):
         return study_simulator(with_options(subject, times, outputs), solver)
     if not hasattr(subject, "outputs"):
@@ -101,7 +101,7 @@ def require_own(subject: object, solver: object, times: object, outputs: object)
         raise DeclarationError(f"{subject!r} has its own solver, times and outputs; only a Scene takes others.")
 
 
-def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
+def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     """What runs of a scene share: equations, start, and solver. The scene remembers it.
 
     The nominal parameters are run in two ways, which tells the doubts.
@@ -113,7 +113,8 @@ def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     ----------
     scene : Scene
     solver : Solver, optional
-        default: pilot runs choose one for many runs, mostly DormandPrince()
+        or its text on the command line, such as "cvodes:1e-9"; default: pilot runs choose one for many runs,
+        mostly DormandPrince()
 
     Returns
     -------
@@ -138,16 +139,16 @@ def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     (DormandPrince(), True, -4.905)
     """
     scene = scene_of(scene)
-    require_solver(solver)
+    solver = solver_of(solver)
     with kept_interrupts():
         simulator = simulator_with(scene, solver)
         simulator.second_look()
     return simulator
 
 
-def simulator_with(scene: Scene, solver: Solver | None = None) -> DAESimulator:
+def simulator_with(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     """The simulator that `prepare` gives, before it takes its second look."""
-    require_solver(solver)
+    solver = solver_of(solver)
     return scene.remembered(solver, lambda: DAESimulator(scene, solver))
 
 
@@ -188,11 +189,3 @@ def scene_of(subject: Scene | DAESimulator) -> Scene:
     if hasattr(subject, "stream"):
         raise DeclarationError(f"{subject!r} is a simulator. It runs samples P (N, d) of its parameters by run(P).")
     raise DeclarationError(f"Expected a Scene, got {type(subject).__name__}. {_SCENE}")
-
-
-def require_solver(solver: object) -> None:
-    """DeclarationError unless it is a Solver or None."""
-    if isinstance(solver, type):
-        raise DeclarationError(f"solver: got the class {solver.__name__}; call it, as in CVODES() or HHT(step=1e-3).")
-    if solver is not None and not isinstance(solver, Solver):
-        raise DeclarationError(f"solver: {shown(solver)} is not a Solver; give an object such as CVODES(rtol=1e-9).")

@@ -134,7 +134,7 @@ class Sweep(plot.OverTime, Result, Saved):
             rows.append(cells + ["–"] * (len(rows[0]) - len(cells)))
         return over_times(rows, self.t)
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         by, values = next(iter(self._varied().items()), ("run", np.arange(len(self), dtype=float)))
         order = np.argsort(values, kind="stable")
         return plot.plot_family(
@@ -145,8 +145,7 @@ class Sweep(plot.OverTime, Result, Saved):
             units=self.units,
             chosen=columns,
             title=self.name,
-            owner="Sweep.plot",
-            ax=ax,
+            style=style,
         )
 
     def _record(self) -> dict[str, Any]:
@@ -186,7 +185,7 @@ class Sweep(plot.OverTime, Result, Saved):
 def sweep(
     scene: Scene | Simulator,
     values: Mapping[str, Sequence[float] | Array],
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,

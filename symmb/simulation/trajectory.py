@@ -343,9 +343,9 @@ class Trajectory(plot.OverTime, Result, files.Saved):
     def _labelled(self) -> Labelled:
         return labelled(self._record())
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         values = self.t, self.values, self.names
-        return plot.plot_trajectory(*values, units=self.units, chosen=columns, title=self.name, ax=ax)
+        return plot.plot_trajectory(*values, units=self.units, chosen=columns, title=self.name, style=style)
 
 
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from symmb import plot
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Labelled, Result, texts
+from symmb._labelled import Counted, Labelled, Result, texts
 from symmb._names import ByName, counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array, Figure
@@ -35,7 +35,7 @@ _PART = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(plot.OverTimeBesideGiven, Result, Saved):
+class Calibration(plot.OverTimeBesideGiven, Counted, Result, Saved):
     """Estimates of parameters from data, and how far they can be trusted.
 
     `print` shows them, `plot` draws the data and the fitted run, `save` and `load` keep them.
@@ -59,7 +59,7 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
         what the data do not determine, in sentences
     doubts : tuple of str
         what the data do not determine, and why the residuals are not noise: then the estimates may be wrong
-    evaluations : int
+    evaluations, runs : int
         runs with derivatives
 
     Examples
@@ -165,10 +165,10 @@ class Calibration(plot.OverTimeBesideGiven, Result, Saved):
             rows.append([name, f"{value:.6g}", f"{size:.2g}", share])
         return rows
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> Figure:
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> Figure:
         names = self.names if columns is None else [self.names[k] for k in columns]
         series = [(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in names]
-        return plot.plot_fit(series, ax)
+        return plot.plot_fit(series, style)
 
     def _labelled(self) -> Labelled:
         names, series = texts([*self.parameters]), ("value",)
@@ -217,7 +217,7 @@ def calibrate(
     scene: Scene,
     data: Mapping[str, Any],
     parameters: Sequence[str] | None = None,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     noise: Mapping[str, float] | None = None,
 ) -> Calibration:

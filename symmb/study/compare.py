@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from symmb._options import require_callable
 from symmb._progress import RunProgress, shown
 from symmb._types import Array, Executor, Expr
 from symmb.black_boxes import Simulator, StoredSimulator, noise_from_runs
-from symmb.bounds import METHODS, Bounds, Method, checked, doubted, parameter_samples, require_method, units_of
+from symmb.bounds import METHODS, Bounds, Method, checked, doubted, method_of, parameter_samples, units_of
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import SceneSimulator, simulator_of
@@ -42,10 +42,10 @@ Progress = Callable[[str, int, int], None]
 
 def compare(
     scene_or_simulator: Scene | Simulator,
-    methods: Sequence[Method] | Method | None = None,
+    methods: Sequence[Method | str] | Method | str | None = None,
     box: Box | None = None,
-    reference: Method | Bounds | None = None,
-    solver: Solver | None = None,
+    reference: Method | Bounds | str | None = None,
+    solver: Solver | str | None = None,
     *,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
@@ -58,7 +58,7 @@ def compare(
     ----------
     scene_or_simulator : Scene, FunctionSimulator, ...
     methods : Method or several
-        default: several settings of each suitable method
+        or their texts on the command line, such as "pce:4"; default: several settings of each suitable method
     box : Box
         default: the scene's
     reference : Method or Bounds
@@ -99,7 +99,7 @@ def compare(
     chosen = None if methods is None else _methods(methods)
     require_callable("compare: progress", progress, "label", "done", "all")
     if reference is not None and not isinstance(reference, Bounds):
-        require_method("compare: reference", reference)
+        reference = method_of("compare: reference", reference)
     with kept_interrupts(), shown(progress, "comparing methods") as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
         about: dict[str, Any] = {"scene": repr(simulator), "units": units_of(simulator)}
@@ -133,9 +133,7 @@ def _methods(given: Any) -> tuple[Method, ...]:
         methods = (given,) if isinstance(given, Method | type | str) else tuple(given)
     except TypeError:
         methods = (given,)
-    for method in methods:
-        require_method("compare", method)
-    return cast(tuple[Method, ...], methods)
+    return tuple(method_of("compare", method) for method in methods)
 
 
 def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:

@@ -135,7 +135,7 @@ class Comparison(plot.OverTime, Result, Saved):
         not_run = tuple(NotRun(**attributes(NotRun, method)) for method in record.records("not_run"))
         return cls(**own, reference=reference, rows=rows, not_run=not_run)
 
-    def _figure(self, columns: list[int] | None, ax: Any) -> "Figure":
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         reference = self.reference
         curves = [
             plot.PlottedBounds(
@@ -160,7 +160,7 @@ class Comparison(plot.OverTime, Result, Saved):
             units=self.units,
             chosen=columns,
             title=self.scene,
-            ax=ax,
+            style=style,
         )
 
     def report(self, path: str | Path) -> None:

@@ -9,11 +9,12 @@ import numpy as np
 from symmb import _html as html
 from symmb import plot
 from symmb._errors import DeclarationError
+from symmb._labelled import Counted
 from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array, Figure
-from symmb.bounds import Method, PolynomialChaos, box_of, parameter_samples, propagate
+from symmb.bounds import Method, PolynomialChaos, box_of, method_of, parameter_samples, propagate
 from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.model import Box, Scene
@@ -27,7 +28,7 @@ _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "least damping [-]", "at")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RootLocus(plot.ThreeDiagrams, Saved):
+class RootLocus(plot.ThreeDiagrams, Counted, Saved):
     """Eigenvalues over one parameter. `print` tells its oscillations, `save` and `load` keep all.
 
     `plot` draws the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
@@ -46,7 +47,7 @@ class RootLocus(plot.ThreeDiagrams, Saved):
         ends inside the box; empty without a box
     box : Box
         of the other parameters, or None
-    method, evaluations : str, int
+    method, evaluations, runs : str, int, int
         of the bands
     remarks : tuple of str
         where frequencies cross, and where shapes are exchanged
@@ -116,10 +117,10 @@ class RootLocus(plot.ThreeDiagrams, Saved):
             bands = [f"bands over {self.box} by {self.method}, {self.evaluations} evaluations"]
         return [*bands, *self.remarks, *(f"doubtful: {doubt}" for doubt in self.doubts)]
 
-    def _figure(self, ax: Any) -> Figure:
+    def _figure(self, style: plot.Style) -> Figure:
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
         return plot.plot_root_locus(
-            self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, ax=ax
+            self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, style=style
         )
 
     def _record(self) -> dict[str, Any]:
@@ -151,7 +152,7 @@ def root_locus(
     scene: Scene,
     parameter: str,
     range: tuple[float, float],
-    method: Method | None = None,
+    method: Method | str | None = None,
     box: Box | None = None,
     *,
     count: int = 41,
@@ -205,7 +206,7 @@ def root_locus(
     locus = nominal_locus(family, parameter, np.linspace(lower, upper, count))
     bands, evaluations, doubts, text = {}, 0, family.doubts, ""
     if box is not None and locus.count:
-        method = PolynomialChaos() if method is None else method
+        method = PolynomialChaos() if method is None else method_of("root_locus", method)
         simulator = LocusSimulator(family, parameter, locus)
         simulator.restrict(parameter_samples(simulator, box, _corners(len(box))))
         bounds = propagate(simulator, method, box)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from symmb._labelled import Counted
 from symmb._types import Array
 from symmb.bounds import INNER, inner_entries, kind_of
 from symmb.files import NOT_KEPT, Record, attributes, entries, entry
@@ -15,7 +16,7 @@ _OPTIONAL = ("estimate", "inner_lower", "inner_upper", "failure", "failed_region
 
 
 @dataclass(frozen=True)
-class Row:
+class Row(Counted):
     """A method that ran.
 
     Attributes

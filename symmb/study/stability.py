@@ -142,7 +142,7 @@ class Stability(plot.ThreeDiagrams, Saved):
             corners={float(width): tuple(counts.astype(int).tolist()) for width, counts in corners.items()},
         )
 
-    def _figure(self, ax: Any) -> Figure:
+    def _figure(self, style: plot.Style) -> Figure:
         finished = [trial for trial in self.trials if not trial.reason]
         families = dict.fromkeys(trial.family for trial in finished)
         points = {
@@ -159,7 +159,7 @@ class Stability(plot.ThreeDiagrams, Saved):
             family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
             for family in families
         }
-        return plot.plot_stability(self.times, points, drift, stress, title=self.scene, ax=ax)
+        return plot.plot_stability(self.times, points, drift, stress, title=self.scene, style=style)
 
 
 def stability(

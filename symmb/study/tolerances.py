@@ -8,7 +8,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Labelled, Result, texts
+from symmb._labelled import Counted, Labelled, Result, texts
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_finite_number, require_name, shown
 from symmb._progress import shown_runs
@@ -25,7 +25,7 @@ Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tolerances(Result):
+class Tolerances(Counted, Result):
     """Tolerances that keep limits. `print` shows them.
 
     Attributes
@@ -44,7 +44,7 @@ class Tolerances(Result):
         of `bounds`
     bounds : Bounds
         those over the box, from a last study
-    evaluations : int
+    evaluations, runs : int
         runs of all studies
     nominal : dict
         nominal values of the parameters of the box
@@ -125,7 +125,7 @@ def tolerances(
     limits: Limits,
     box: Box | None = None,
     costs: Costs | None = None,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Tolerances:

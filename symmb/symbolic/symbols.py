@@ -187,7 +187,7 @@ def ddt(expression: ca.SX) -> ca.SX:
     Examples
     --------
     >>> import symmb as mb
-    >>> rod = mb.Body("rod", mass=1.0, inertia=0.1, pose=mb.Planar())
+    >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
     >>> mb.ddt(rod.x ** 2)
     SX(((2.*rod.x)*rod.vx))
     """

@@ -132,8 +132,11 @@ def test_the_picture(tmp_path):
     (axes,) = bounds.plot(tmp_path / "b.png").axes
     assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
     curves = [*(bounds.lower, bounds.upper), *bounds.outer, *bounds.inner, bounds.nominal]
-    for line, curve in zip(axes.lines, curves, strict=True):
-        np.testing.assert_array_equal(line.get_ydata(), curve[:, 0])
+    for k, (line, curve) in enumerate(zip(axes.lines, curves, strict=True)):
+        drawn = np.asarray(line.get_ydata())
+        seen = np.isfinite(drawn)
+        np.testing.assert_array_equal(drawn[seen], curve[seen, 0])
+        assert seen.all() or k in range(2, 6)  # those of the error and of runs end where they touch the bounds
     (sampled,) = mb.propagate(Wave(), mb.Vertex(), BOX).plot().axes
     assert len(sampled.lines) == 2
 

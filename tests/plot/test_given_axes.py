@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from faults import refused
+from matplotlib import rcParams
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
@@ -242,3 +243,99 @@ def test_deviations_from_the_nominal_run():
     refused("deviation needs the nominal run", unknown.plot, deviation=True)
     with pytest.raises(mb.DeclarationError, match="deviation must be True or False"):
         some_bounds().plot(deviation="yes")
+
+
+def test_labels_colours_and_legends_of_every_picture(pictured):
+    """One label and colour are for the curves of each, and a legend is drawn if it is asked for."""
+    name, result = pictured
+    figure = result.plot(label="mine $", color="#ff1493", legend=False)
+    lines = [line for axes in figure.axes for line in axes.lines]
+    drawn = {to_hex(line.get_color()) for line in lines} | {
+        to_hex(patch.get_facecolor()) for axes in figure.axes for patch in axes.patches
+    }
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes), *(p.legends for p in figure.subfigs)]
+    assert not any(legends)
+    if name != "Stability":  # this one has no trials
+        assert "#ff1493" in drawn
+        assert any("mine $" in axes.get_legend_handles_labels()[1] for axes in figure.axes)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"label": 3}, {"label": ["a"] * 9}, {"color": "reddish"}, {"color": ["r"] * 9}, {"legend": "no"}]
+)
+def test_labels_colours_and_legends_that_are_none_are_refused(pictured, wrong):
+    refused(f"plot: {next(iter(wrong))} must be", pictured[1].plot, **wrong)
+
+
+def test_labels_and_colours_of_each_curve():
+    axes = Figure().subplots()
+    EVERY_PICTURE["Sweep"]().plot(outputs="x", ax=axes, label=["soft", "hard"], color=["r", (0.0, 0.5, 0.0)])
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["soft", "hard"]
+    assert [to_hex(line.get_color()) for line in axes.lines] == ["#ff0000", "#008000"]
+
+
+@pytest.mark.parametrize("size", [(2.2, 1.8), (3.1, 2.4), (6.0, 4.0)])
+def test_a_legend_stays_inside_the_axes_of_the_caller(size):
+    figure = Figure(figsize=size)
+    first, second, third = figure.subplots(1, 3)
+    a_comparison().plot(outputs="x", ax=first)
+    some_bounds().plot(outputs="x", ax=second)
+    a_run().plot(outputs="x", ax=third)
+    figure.draw_without_rendering()
+    assert third.get_legend() is None  # there is one line
+    for axes in (first, second):
+        if (legend := axes.get_legend()) is not None:
+            box, room = legend.get_window_extent(), axes.bbox
+            assert room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1
+    assert size[0] < 6 or (first.get_legend() and second.get_legend())
+
+
+def test_a_legend_of_one_line_or_none_is_asked_for():
+    axes, other = Figure().subplots(1, 2)
+    a_run().plot(outputs="x", ax=axes, legend=True)
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["x"]
+    some_bounds().plot(outputs="x", ax=other, legend=False)
+    assert other.get_legend() is None
+    assert a_run().plot(legend=True).legends and not a_run().plot().legends
+
+
+def test_fonts_of_pdf_files_are_of_type_42_and_settings_stay(tmp_path):
+    before = dict(rcParams)
+    some_bounds().plot(tmp_path / "b.pdf")
+    pdf = (tmp_path / "b.pdf").read_bytes()
+    assert b"/CIDFontType2" in pdf and b"/Type3" not in pdf
+    assert dict(rcParams) == before
+
+
+@pytest.mark.parametrize(
+    ("unit", "printed"),
+    [
+        ("m/s^2", "m/s²"),
+        ("kg m^2/s^3", "kg m²/s³"),
+        ("m^-12", "m⁻¹²"),
+        ("deg/s", "°/s"),
+        ("um", "µm"),
+        ("degree of use", "degree of use"),
+        ("us/rad^2", "µs/rad²"),
+        ("N m", "N m"),
+    ],
+)
+def test_units_are_typeset(unit, printed):
+    values = np.zeros((2, 2))
+    assert plot.labels(["y"], [unit]) == (f"y [{printed}]",)
+    axes = Figure().subplots()
+    plot.plot_trajectory(np.arange(2.0), values, ["a", "b"], units=[unit, unit], style=plot.Style(ax=axes))
+    assert axes.get_ylabel() == f"[{printed}]"
+
+
+def test_lines_of_contributions_are_the_widths_of_each_parameter():
+    contributions = some_bounds().contributions()
+    (axes,) = contributions.plot(outputs="x").axes
+    whole, *alone = axes.lines
+    k = contributions.names.index("x")
+    np.testing.assert_array_equal(whole.get_ydata(), contributions.width[:, k])
+    assert [line.get_label() for line in alone] == ["stiffness"]
+    np.testing.assert_array_equal(alone[0].get_ydata(), contributions.alone[:, k, 0])
+    own = Figure().subplots()
+    contributions.plot(outputs="x", ax=own)
+    assert len(own.lines) == 2 and own.get_ylabel() == "x [m]"

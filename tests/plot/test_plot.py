@@ -189,12 +189,12 @@ def test_pyplot_is_not_touched(tmp_path):
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
 
 
-def test_areas_of_many_parameters_differ_in_colour_or_pattern():
+def test_lines_of_many_parameters_differ_in_colour_or_dashes():
     names, alone = [f"p{k}" for k in range(20)], np.ones((2, 1, 20))
     width = np.full((2, 1), 20.0)
     figure = plot.plot_contributions(np.array([0.0, 1.0]), ["y"], names, width, alone, alone)
-    areas = figure.axes[0].collections
-    assert len({(area.get_facecolor().tobytes(), area.get_hatch() or "") for area in areas}) == len(areas) == 20
+    lines = figure.axes[0].lines
+    assert len({(line.get_color(), str(line._dash_pattern)) for line in lines}) == len(lines) == 21
     plot.png(figure)
 
 
@@ -207,3 +207,13 @@ def test_legends_tell_of_curves_that_can_be_seen():
     figure = plot.plot_bounds(T, ["y0", "y1"], band, **given)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["band", "widened by the estimated error"]
     assert [len(axes.lines) for axes in figure.axes] == [6, 6]
+
+
+def test_curves_that_touch_the_bounds_do_not_thicken_them():
+    """Runs attain the bounds in the first half, and stay away by a tenth of the height in the second one."""
+    t = np.linspace(0.0, 1.0, 40)
+    lower, upper = np.zeros((40, 1)), np.ones((40, 1))
+    gap = np.where(t < 0.5, 1e-3, 0.1)[:, None]
+    figure = plot.plot_bounds(t, ["y"], plot.Band("band", lower, upper), inner=(lower + gap, upper - gap))
+    attained = [np.asarray(line.get_ydata()) for line in figure.axes[0].lines[2:]]
+    assert all(np.array_equal(np.isnan(y), t < 0.5) for y in attained)

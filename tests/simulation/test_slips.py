@@ -13,7 +13,7 @@ BOX = mb.Box(a=(0.1, 0.2))
 @pytest.mark.parametrize(
     ("solver", "message"),
     [
-        ("cvodes", r"solver: 'cvodes' is not a Solver; give an object such as CVODES\(rtol=1e-9\)"),
+        ("cvode", "There is no solver 'cvode'. Did you mean 'cvodes'"),
         (mb.IDAS, "solver: got the class IDAS; call it"),
         (mb.Projection(), r"solver: Projection\(\) is not a Solver"),
     ],

@@ -14,6 +14,7 @@ from symmb._errors import DeclarationError, warn_of
 from symmb._options import optional_package, require_truth, shown
 from symmb._types import Expr
 from symmb.mechanics.contact_law import ContactLaw
+from symmb.mechanics.declaration import Block, declared
 from symmb.mechanics.robots.algebra import Vector, add, angles, conjugate, matrix, one_after, turned
 from symmb.mechanics.robots.description import ENTRIES, RPY, XYZ, Description, JointData, LinkData, ShapeData, named
 from symmb.mechanics.robots.mjcf_elements import MjcfElements, element_numbers
@@ -92,9 +93,11 @@ def load_mjcf(
     require_stop("load_mjcf", stop)
     require_truth("load_mjcf", "strict", strict)
     try:
-        robot, doubts = _machine(Path(path), replace, stop, strict)
+        with Block():
+            robot, doubts = _machine(Path(path), replace, stop, strict)
     except UnicodeDecodeError:
         raise DeclarationError(f"{path}: its names are not in UTF-8. Save the file in this encoding.") from None
+    declared(*robot.elements)
     warn_of(doubts, f"load_mjcf {path}")
     return robot
 

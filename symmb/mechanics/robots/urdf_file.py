@@ -9,6 +9,7 @@ from symmb._names import did_you_mean
 from symmb._options import require_truth, shown
 from symmb._types import Expr
 from symmb.mechanics.contact_law import ContactLaw
+from symmb.mechanics.declaration import Block, declared
 from symmb.mechanics.robots.description import (
     RPY,
     SLIDING,
@@ -116,8 +117,10 @@ def load_urdf(
     passed = None if strict else {}
     description = _read_description(Path(path), passed)
     values = replaced(description, replace, stop, "Give fixed_base=False." if fixed_base else None)
-    building, repairs = repaired(Building(description, values, fixed_base, stop))
-    robot = building.robot()
+    with Block():
+        building, repairs = repaired(Building(description, values, fixed_base, stop))
+        robot = building.robot()
+    declared(*robot.elements)
     warn_of([*told(passed or {}), *repairs], f"load_urdf {path}")
     return robot
 
