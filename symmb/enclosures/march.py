@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import Choice, Control
@@ -155,21 +156,30 @@ def march(
 def _why(place: Place, reason: str) -> str:
     """Why a proof ends at a place: there may be a singular position ahead.
 
-    It is told if a determinant of the loops would be 0 after some steps like the last one, if it went on to change like
-    that.
+    It is told if a determinant of the loops would be 0 soon. So is a switch that would be: the proof ends before it
+    only where slopes grow without bound there.
     """
+    problem, phase = place.problem, place.problem.phase
+    if problem.closing and problem.why_singular not in reason and _nears_zero(place, problem.regular).any():
+        reason = f"{reason}; {problem.why_singular}"
+    if phase is not None and not phase.names_any(reason) and (which := _nears_zero(place, problem.valid)).any():
+        reason = f"{reason}; {phase.steep(int(which.argmax()))}"
+    return reason
+
+
+def _nears_zero(place: Place, f: ca.Function | None) -> Mask:
+    """Which values of f(x, p, t) would be 0 after some more steps like the last one, if they went on to change so."""
+    if f is None:
+        return np.zeros(0, dtype=bool)
     problem, front, h = place.problem, place.front, place.control.h
-    if problem.regular is None or not problem.closing or problem.why_singular in reason:
-        return reason
     x, p = front.x.reshape(problem.n, -1)[:, 0], problem.middle
     ahead = x + h * problem.rates(x, p, front.t).full().ravel()
-    now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
-    is_near = (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
-    return f"{reason}; {problem.why_singular}" if is_near.any() else reason
+    now, then = (f(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
+    return (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
 
 
 _STEPS_AHEAD = 40
-"""Steps become short before a singular position."""
+"""Steps become short before a singular position, and before a kink at which slopes are infinite."""
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
