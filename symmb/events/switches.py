@@ -248,9 +248,8 @@ def _jumps(law: ca.Function, times: Array) -> Array:
 
 
 def _is_timed(dae: DAE) -> bool:
-    """Whether rates depend on time."""
-    t = dae.rhs.n_in() - 1
-    return any(dae.rhs.jac_sparsity(k, t).nnz() for k in range(dae.rhs.n_out()))  # CasADi keeps them
+    """Whether equations depend on time. Those solved for accelerations are not asked: of a tree they may be millions."""
+    return dae.remembered(_equations).jac_sparsity(0, _INPUTS.index(On.TIME)).nnz() > 0
 
 
 def _equations(dae: DAE, _: Array) -> ca.Function:
