@@ -3,10 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Mask
+from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import Choice, Control
@@ -18,8 +17,8 @@ from symmb.enclosures.pass_outputs import Part, bounds_about_pass
 from symmb.enclosures.passes import Crossing, Scaled, crossing, departure, off, window
 from symmb.enclosures.problem import Change, Problem
 from symmb.enclosures.rounding import above, grain_of
-from symmb.enclosures.start import first_front
-from symmb.enclosures.step import Proof, is_regular, prove, unshown
+from symmb.enclosures.start import first_front, still
+from symmb.enclosures.step import Proof, is_regular, on_motion, prove, unshown
 from symmb.enclosures.transitions import drifted, mapped, require_known
 
 TIME_TERMS, FRAME_TERMS = 20, 11
@@ -159,27 +158,24 @@ def _why(place: Place, reason: str) -> str:
     It is told if a determinant of the loops would be 0 soon. So is a switch that would be: the proof ends before it
     only where slopes grow without bound there.
     """
-    problem, phase = place.problem, place.problem.phase
-    if problem.closing and problem.why_singular not in reason and _nears_zero(place, problem.regular).any():
-        reason = f"{reason}; {problem.why_singular}"
-    if phase is not None and not phase.names_any(reason) and (which := _nears_zero(place, problem.valid)).any():
-        reason = f"{reason}; {phase.steep(int(which.argmax()))}"
+    problem, front, phase = place.problem, place.front, place.problem.phase
+    if problem.regular is not None and problem.closing and problem.why_singular not in reason:
+        h, x, p = place.control.h, front.x.reshape(problem.n, -1)[:, 0], problem.middle
+        ahead = x + h * problem.rates(x, p, front.t).full().ravel()
+        now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
+        is_near = (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
+        reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
+    if phase is not None and problem.valid_tape is not None and not phase.names_any(reason):
+        sides = on_motion(still(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
+        near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > _SPREADS_AHEAD * a.swing).all()]
+        reason = f"{reason}; {phase.steep(near[0])}" if near else reason
     return reason
 
 
-def _nears_zero(place: Place, f: ca.Function | None) -> Mask:
-    """Which values of f(x, p, t) would be 0 after some more steps like the last one, if they went on to change so."""
-    if f is None:
-        return np.zeros(0, dtype=bool)
-    problem, front, h = place.problem, place.front, place.control.h
-    x, p = front.x.reshape(problem.n, -1)[:, 0], problem.middle
-    ahead = x + h * problem.rates(x, p, front.t).full().ravel()
-    now, then = (f(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
-    return (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
-
-
-_STEPS_AHEAD = 40
-"""Steps become short before a singular position, and before a kink at which slopes are infinite."""
+_STEPS_AHEAD, _SPREADS_AHEAD = 40, 3.0
+"""Steps become short before a singular position; they end before a kink with infinite slopes at some spreads of the
+box.
+"""
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:

@@ -13,13 +13,7 @@ from symmb.enclosures.ellipses import Control, node_counts, nodes_needed
 from symmb.enclosures.errors import not_smooth
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import above, of_sum
-from symmb.enclosures.several_parameters import (
-    at_nodes,
-    equations_at_nodes,
-    inputs_on_step,
-    on_step,
-    run,
-)
+from symmb.enclosures.several_parameters import at_nodes, equations_at_nodes, inputs_on_step, on_step, run
 from symmb.enclosures.taylor_models import OPERATIONS, Model, basis_of, reach
 
 _MORE, _MORE_OF_FRAME = 3, 1

@@ -253,7 +253,7 @@ def _jumps(law: ca.Function, times: Array) -> Array:
 
 
 def _is_timed(dae: DAE) -> bool:
-    """Whether equations depend on time. Those solved for accelerations are not asked: of a tree they may be millions."""
+    """Whether equations depend on time. Those solved for accelerations are not derived: they may be millions."""
     return dae.remembered(_equations).jac_sparsity(0, _INPUTS.index(On.TIME)).nnz() > 0
 
 

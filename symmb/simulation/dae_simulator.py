@@ -163,7 +163,7 @@ class DAESimulator:
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
         """Equations and their states (m, n_x) where the bodies have states X.
 
-        They are those of the joints where they have no loops, or where those of the bodies are long, else of the bodies.
+        They are those of the joints where these have no loops or those of the bodies are long, else of the bodies.
         """
         tree = self.least_constrained
         if tree.bodies is None or (tree.has_loops and self.bodies.least_operations <= _LONG):

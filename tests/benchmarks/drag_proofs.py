@@ -2,9 +2,10 @@
 
     PYTHONPATH=.:tests python tests/benchmarks/drag_proofs.py [--seed 0] [--number 6] [--runs 10000]
 
-Pendulums and bodies that are thrown up, with three uncertain parameters: drag by abs(v) v, rounded as v sqrt(v^2 + e^2),
-with tanh(v / e), with whole powers of abs(v), and along the speed in two directions. It prints how far runs are outside
-of their bounds over the size of the output, which must be rounding, and at how many of the times motions are proved.
+Pendulums and bodies that are thrown up, with three uncertain parameters: drag by abs(v) v, rounded as
+v sqrt(v^2 + e^2), with tanh(v / e), with whole powers of abs(v), and along the speed in two directions. It prints how
+far runs are outside of their bounds over the size of the output, which must be rounding, and at how many of the times
+motions are proved.
 """
 
 import argparse
@@ -87,4 +88,8 @@ if __name__ == "__main__":
         off, proved, doubts = judged(scene, given.runs, seed)
         mark = "OUTSIDE" if off > INSIDE else "inside"
         shares = " ".join(f"{share:.0%}" for share in proved)
-        print(f"{seed} {name}: {mark} by {off:.0e}, proved {shares}, {time.process_time() - begin:.0f} s", *doubts, flush=True)
+        print(
+            f"{seed} {name}: {mark} by {off:.0e}, proved {shares}, {time.process_time() - begin:.0f} s",
+            *doubts,
+            flush=True,
+        )
