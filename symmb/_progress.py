@@ -23,8 +23,10 @@ class Progress:
     """A context that shows how far the work is, how fast, and how long it still takes.
 
     A call tells the label of the work, the runs that are done and all its runs. The time goes on between two calls:
-    equations are derived and compiled meanwhile.
+    equations are derived and compiled meanwhile. Work inside other work that is shown has no bar of its own.
     """
+
+    _outermost: ClassVar["Progress | None"] = None
 
     def __init__(self, label: str, unit: str = "runs") -> None:
         self._text, self._done, self._total, self._unit = label, 0, 0, unit
@@ -37,7 +39,8 @@ class Progress:
         self._text, self._done, self._total = label, done, total
 
     def __enter__(self) -> "Progress":
-        if self.is_shown and not os.environ.get("TQDM_DISABLE"):
+        if self.is_shown and not os.environ.get("TQDM_DISABLE") and Progress._outermost is None:
+            Progress._outermost = self
             with suppress(RuntimeError):  # no thread can be started
                 self._thread.start()
         return self
@@ -48,6 +51,8 @@ class Progress:
         if self._thread.is_alive():
             self._end.set()
             self._thread.join()
+        if Progress._outermost is self:
+            Progress._outermost = None
 
     def _watch(self) -> None:
         if self._end.wait(_PATIENCE):

@@ -71,6 +71,28 @@ def test_what_is_done_at_once_shows_none(monkeypatch):
     assert terminal.getvalue() == ""
 
 
+def test_work_inside_of_work_has_no_bar_of_its_own(monkeypatch, impatient):
+    terminal = standard_error(monkeypatch)
+    with Progress("outer"):
+        with Progress("inner"):
+            assert told(terminal, "outer")
+        assert "inner" not in terminal.getvalue()
+    with Progress("next"):
+        assert told(terminal, "next")
+
+
+@pytest.mark.parametrize("start", [mb.simulate, mb.prepare])
+def test_a_start_tells_what_it_does(monkeypatch, impatient, start):
+    """Equations first, then runs. Each is shown in tests for 20 ms at least."""
+    terminal, stage = standard_error(monkeypatch), "symmb._progress.Progress.__call__"
+    own = Progress.__call__
+    monkeypatch.setattr(stage, lambda *arguments: (time.sleep(0.02), own(*arguments), time.sleep(0.02)))
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    start(mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), {"ball.vx": 2.0}, TIMES, name="fall"))
+    assert "fall: equations" in terminal.getvalue()
+    assert "fall: running" in terminal.getvalue() or "fall: nominal run in two ways" in terminal.getvalue()
+
+
 def slow(k):
     time.sleep(0.02)
     return np.exp(-k * TIMES)

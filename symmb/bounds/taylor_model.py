@@ -53,10 +53,12 @@ class TaylorModel(Method):
     checked at a few points of the box. Both need an equilibrium, or a steady motion in coordinates that do not turn.
     Reactions and accelerations are outputs as others are; multipliers of redundant rows are those of least norm.
     Steps end at the instants of sampled values. Kinks and jumps of forces are passed where all of the box passes them
-    once, transversally and alone. Impacts, and rows that depend on others for some parameters only, are refused. Where
-    nothing can be proved any more, as from a kink that a part of the box meets, or close to a singular position of a
-    loop, bounds are infinite, and ``caution`` tells until when they are proved. Outputs that are not smooth, or have
-    operations without a remainder, have infinite bounds. The executor is not used, and each box counts as a run.
+    once, transversally and alone: drag by abs(w) w goes through w = 0. Laws that are not smooth on one side of a kink,
+    such as w abs(w)**0.5, end the proof there. Impacts, and rows that depend on others for some parameters only, are
+    refused. Where nothing can be proved any more, as from a kink that a part of the box meets, or close to a singular
+    position of a loop, bounds are infinite, and ``caution`` tells until when they are proved. Outputs that are not
+    smooth, or have operations without a remainder, have infinite bounds. The executor is not used, and each box counts
+    as a run.
 
     Parameters
     ----------

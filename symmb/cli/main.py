@@ -91,8 +91,7 @@ def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
     solver = None if options.solver is None else specs.solver(options.solver)
     paths = result_paths(options)
     scene, parameters = scene_and_parameters(options)
-    with Progress(f"simulating {scene.name}"):
-        trajectory = mb.simulate(scene, solver, parameters)
+    trajectory = mb.simulate(scene, solver, parameters)
     print(trajectory)
     write_results(paths, trajectory)
     return trajectory.doubts

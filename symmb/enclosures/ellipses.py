@@ -12,7 +12,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.enclosures import discs
 from symmb.enclosures.curves import TimeStep
-from symmb.enclosures.errors import ProofError
+from symmb.enclosures.errors import not_smooth
 from symmb.enclosures.patches import Patches, largest_on
 
 
@@ -161,7 +161,9 @@ def _first(step: TimeStep, control: Control) -> Tried:
             if np.isfinite(found.cost):
                 return found
         choice = replace(choice, spread=(0.5 * choice.spread[0], 0.5 * choice.spread[1]))
-    raise ProofError("the equations cannot be shown to be smooth in any step, as where a short pulse begins")
+    inputs = step.on_patches(patches_on(step, ellipses(step, choice.spread), (choice.patches[0], 1)))
+    tape = step.problem.jacobian_tape
+    raise not_smooth(tape.first(discs.OPERATIONS, discs.disc, inputs, lambda a: not np.isfinite(discs.reach(a)).all()))
 
 
 _COUNTS = 1, 8, 24

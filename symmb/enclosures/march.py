@@ -17,8 +17,8 @@ from symmb.enclosures.pass_outputs import Part, bounds_about_pass
 from symmb.enclosures.passes import Crossing, Scaled, crossing, departure, off, window
 from symmb.enclosures.problem import Change, Problem
 from symmb.enclosures.rounding import above, grain_of
-from symmb.enclosures.start import first_front
-from symmb.enclosures.step import Proof, is_regular, prove, unshown
+from symmb.enclosures.start import first_front, still
+from symmb.enclosures.step import Proof, is_regular, on_motion, prove, unshown
 from symmb.enclosures.transitions import drifted, mapped, require_known
 
 TIME_TERMS, FRAME_TERMS = 20, 11
@@ -155,21 +155,27 @@ def march(
 def _why(place: Place, reason: str) -> str:
     """Why a proof ends at a place: there may be a singular position ahead.
 
-    It is told if a determinant of the loops would be 0 after some steps like the last one, if it went on to change like
-    that.
+    It is told if a determinant of the loops would be 0 soon. So is a switch that would be: the proof ends before it
+    only where slopes grow without bound there.
     """
-    problem, front, h = place.problem, place.front, place.control.h
-    if problem.regular is None or not problem.closing or problem.why_singular in reason:
-        return reason
-    x, p = front.x.reshape(problem.n, -1)[:, 0], problem.middle
-    ahead = x + h * problem.rates(x, p, front.t).full().ravel()
-    now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
-    is_near = (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
-    return f"{reason}; {problem.why_singular}" if is_near.any() else reason
+    problem, front, phase = place.problem, place.front, place.problem.phase
+    if problem.regular is not None and problem.closing and problem.why_singular not in reason:
+        h, x, p = place.control.h, front.x.reshape(problem.n, -1)[:, 0], problem.middle
+        ahead = x + h * problem.rates(x, p, front.t).full().ravel()
+        now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
+        is_near = (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
+        reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
+    if phase is not None and problem.valid_tape is not None and not phase.names_any(reason):
+        sides = on_motion(still(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
+        near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > _SPREADS_AHEAD * a.swing).all()]
+        reason = f"{reason}; {phase.steep(near[0])}" if near else reason
+    return reason
 
 
-_STEPS_AHEAD = 40
-"""Steps become short before a singular position."""
+_STEPS_AHEAD, _SPREADS_AHEAD = 40, 3.0
+"""Steps become short before a singular position; they end before a kink with infinite slopes at some spreads of the
+box.
+"""
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:

@@ -10,10 +10,10 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import Control, node_counts, nodes_needed
-from symmb.enclosures.errors import ProofError
+from symmb.enclosures.errors import not_smooth
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import above, of_sum
-from symmb.enclosures.several_parameters import at_nodes, equations_at_nodes, on_step, run
+from symmb.enclosures.several_parameters import at_nodes, equations_at_nodes, inputs_on_step, on_step, run
 from symmb.enclosures.taylor_models import OPERATIONS, Model, basis_of, reach
 
 _MORE, _MORE_OF_FRAME = 3, 1
@@ -57,7 +57,10 @@ def _adapted(step: TimeStep, control: Control) -> _Ellipse:
             break
         best = _tried(step, 1.0 + 0.5 * (best.rho - 1.0), control.wanted)
     if not np.isfinite(best.nodes):
-        raise ProofError("the equations cannot be shown to be smooth in any step, as where a short pulse begins")
+        inputs = inputs_on_step(step, 0.0, best.rho)
+        constant = inputs[2][0].basis.constant
+        lost = step.problem.jacobian_tape.first(OPERATIONS, constant, inputs, lambda a: not np.isfinite(reach(a)))
+        raise not_smooth(lost)
     control.turn += 1
     wider = _WIDER if control.turn % 2 else 1.0 / _WIDER
     other = _tried(step, 1.0 + wider * (best.rho - 1.0), control.wanted)

@@ -70,6 +70,17 @@ class Phase:
             sides[others] = np.where(values[others] >= 0, 1.0, -1.0)
         return sides
 
+    def names_any(self, text: str) -> bool:
+        """Whether a text tells of one of the switches."""
+        return any(f"'{own}'" in text for own in self.labels)
+
+    def steep(self, which: int) -> str:
+        """That derivatives may be infinite at a switch, for the end of a sentence."""
+        return (
+            f"'{self.labels[which]}' comes to 0, where a law may have infinite derivatives, such as w*abs(w)**0.5. "
+            "Round it, as by sqrt(w**2 + small**2) for abs(w)"
+        )
+
     def sentence(self, which: int, time: float, reason: str) -> str:
         """Why a proof ends before a switch at a time from the first one on [s], with a reason that is a sentence."""
         at = self.begin + time + 0.0  # not -0

@@ -134,13 +134,18 @@ def run(tape: Tape, inputs: list[list[Model]]) -> list[list[Model]]:
 
 def on_step(step: TimeStep, tape: Tape, radius: Array | float = 0.0, rho: float = 1.0) -> list[list[Model]]:
     """The outputs of a tape on an ellipse of time, for all parameters and for states within a radius (n,)."""
+    return run(tape, inputs_on_step(step, radius, rho))
+
+
+def inputs_on_step(step: TimeStep, radius: Array | float, rho: float) -> list[list[Model]]:
+    """States, parameters and time there."""
     basis = basis_of(step.problem.d + 1, _DEGREE)
     patches, d = TimePatches(rho, _PATCHES, step.degrees[0], basis), step.problem.d
     x = patches.models(step.x.c, step.x.error_on([rho, *[1.0] * d]) + radius)
     c = np.zeros((1, 2, *(1,) * d))
     c[0, 0], c[0, 1] = step.t0 + 0.5 * step.h, 0.5 * step.h
     t = patches.models(c, np.full(1, 2.0 * U * (abs(step.t0) + step.h)))
-    return run(tape, [x, parameter_models(step, basis), t])
+    return [x, parameter_models(step, basis), t]
 
 
 _DEGREE, _PATCHES = 2, 16

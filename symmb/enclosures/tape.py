@@ -38,6 +38,28 @@ class Tape:
         """Names of the operations that are not among some."""
         return sorted(operation_name(code) for code in self._codes if code not in operations)
 
+    def first(
+        self,
+        operations: Mapping[int, Callable[..., Any]],
+        constant: Callable[[float], Any],
+        inputs: Sequence[Sequence[Any]],
+        is_lost: Callable[[Any], bool],
+    ) -> str:
+        """The name of the first operation whose result is lost; empty if none is."""
+        lost: list[int] = []
+
+        def watched(code: int) -> Callable[..., Any]:
+            def operation(*arguments: Any) -> Any:
+                result = operations[code](*arguments)
+                if not lost and is_lost(result):
+                    lost.append(code)
+                return result
+
+            return operation
+
+        self.run({code: watched(code) for code in self._codes}, constant, inputs)
+        return operation_name(lost[0]) if lost else ""
+
     def run(
         self,
         operations: Mapping[int, Callable[..., Any]],

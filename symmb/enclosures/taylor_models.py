@@ -37,6 +37,7 @@ class Basis:
     ----------
     exponents : (T, variables)
     counts : number of the monomials up to each degree
+    of_squares : (T,) 1/2 for products of squares, which are in [0, 1]; 0 for the other monomials
     """
 
     def __init__(self, variables: int, degree: int) -> None:
@@ -46,6 +47,7 @@ class Basis:
         order = np.argsort(totals, kind="stable")
         self.exponents = every[order]
         self.counts = np.cumsum(np.bincount(totals, minlength=degree + 1)).tolist()
+        self.of_squares = 0.5 * (self.exponents % 2 == 0).all(axis=1) * (totals > 0)
         self._weights = (degree + 1) ** np.arange(variables)
         self._sorted = np.argsort(self.exponents @ self._weights)
         self._codes = (self.exponents @ self._weights)[self._sorted]
@@ -168,6 +170,14 @@ class Model:
         return above(self.moved + self.radius)
 
     @cached_property
+    def around(self) -> Disc:
+        """Discs that hold all values at each place, with products of squares about the middle of their ranges."""
+        half = self.basis.of_squares[: len(self.c), None]
+        middle = self.c[0] + (half * self.c).sum(axis=0)
+        moved = (np.abs(self.c[1:]) * (1.0 - half[1:])).sum(axis=0)
+        return discs.disc(middle, moved + self.radius + _relative(self.c) * len(self.c) * self.norm)
+
+    @cached_property
     def inverse(self) -> "Model":
         """1 / a, which several quotients may need."""
         return _inverse(self)
@@ -242,11 +252,12 @@ def _lost(a: Model, b: Model, most: int) -> Array | float:
     return lost
 
 
-def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array) -> Model:
-    """f(a) from the coefficients (P,) of its Taylor series about the constant terms.
+def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, about: Array | None = None) -> Model:
+    """f(a) from the coefficients (P,) of its Taylor series.
 
     Parameters
     ----------
+    about : (P,) where the series is about; None: the constant terms
     rounded : (P,) errors of the values of that polynomial because its coefficients are rounded
     rest : (P,) what it lacks
     """
@@ -254,11 +265,12 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array) -
     if a.degree == 0:
         powers = sum(above(np.abs(own)) * a.radius**k for k, own in enumerate(derivatives) if k)
         return Model(derivatives[0][None], above(powers + rounded + rest), basis)
-    w = Model(np.concatenate([np.zeros_like(a.c[:1]), a.c[1:]]), a.radius, basis)
+    off = np.zeros_like(a.c[0]) if about is None else a.c[0] - about
+    w = Model(np.concatenate([off[None], a.c[1:]]), above(a.radius + _relative(a.c) * np.abs(off)), basis)
     lost = above(np.zeros(1))  # by underflow
     found = Model(derivatives[n][None], lost, basis)
     for k in range(n - 1, -1, -1):
-        found = _multiply(found, w, n - k)
+        found = _multiply(found, w, n - k if about is None else n)
         found = _sum(found, Model(derivatives[k][None], lost, basis), 1.0)
     return Model(found.c, above(found.radius + rounded + rest), basis)
 
@@ -268,36 +280,43 @@ def _if(holds: Any, a: Model) -> Model:
     return a if np.all(holds) else Model(np.ones_like(a.c[:1]), np.full(np.shape(a.radius), np.inf), a.basis)
 
 
-def _flat(a: Model) -> Disc:
-    """Discs that hold all values at each place."""
-    return discs.disc(a.c[0], a.swing)
-
-
 def is_regular(a: Model) -> bool:
     """Whether all values are on one side of 0."""
-    return discs.is_regular(_flat(a))
+    return discs.is_regular(a.around)
 
 
 def is_positive(a: Model) -> bool:
     """Whether all values are in the open right half plane."""
-    return discs.is_positive(_flat(a))
+    return discs.is_positive(a.around)
 
 
-def _share(a: Model) -> Array:
-    """Distance over modulus of the constant term, below 1, or not a number."""
-    q = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX)
-    return np.where(q < 1.0, q, np.nan)
+def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
+    """Where a series with a singularity at 0 is about (P,), and distances over moduli (P,), not a number from 1 on.
+
+    The last is what `_composed` asks for. Constant terms serve as long as values are close to them. A square that comes
+    close to 0, as in sqrt(w^2 + small^2), is close to the middle of its range only.
+    """
+    own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX), a.around
+    if (own < _CLOSE).all() or a.degree == 0:
+        return a.c[0], np.where(own < 1.0, own, np.nan), None
+    q = above(around.radius / np.abs(around.centre)) * (1.0 + COMPLEX)
+    return around.centre, np.where(q < 1.0, q, np.nan), around.centre
+
+
+_CLOSE = 0.5
+"""Distance from the constant term over its modulus up to which series converge well: 1 / 2^9 is left of degree 8."""
 
 
 def _inverse(a: Model) -> Model:
     """The rest of the geometric series is its first term over 1 - q."""
-    value, n, q = 1.0 / a.c[0], a.basis.degree, _share(a)
+    middle, q, about = _expansion(a)
+    value, n = 1.0 / middle, a.basis.degree
     size, relative = np.abs(value), (n + 4.0) * _relative(value)
     own = [value]
     for _ in range(n):
         own.append(-own[-1] * value)
     rest = size * q ** (n + 1) / _gap(q)
-    return _if(is_regular(a), _composed(a, own, relative * size / _gap(q), above(rest)))
+    return _if(is_regular(a), _composed(a, own, relative * size / _gap(q), above(rest), about))
 
 
 def _gap(q: Array) -> Array:
@@ -307,8 +326,9 @@ def _gap(q: Array) -> Array:
 
 def _sqrt(a: Model) -> Model:
     """Moduli of the binomial coefficients of 1 / 2 fall."""
-    root, n, q = np.sqrt(a.c[0]), a.basis.degree, _share(a)
-    size, value, factor = np.abs(root), 1.0 / a.c[0], 1.0
+    middle, q, about = _expansion(a)
+    root, n = np.sqrt(middle), a.basis.degree
+    size, value, factor = np.abs(root), 1.0 / middle, 1.0
     own, power = [root], root
     for k in range(1, n + 1):
         factor, power = factor * (1.5 - k) / k, power * value
@@ -316,7 +336,7 @@ def _sqrt(a: Model) -> Model:
     factor *= abs(0.5 - n) / (n + 1)
     rest = size * abs(factor) * q ** (n + 1) / _gap(q)
     relative = (4.0 * n + 8.0) * _relative(root)
-    return _if(is_positive(a), _composed(a, own, relative * size / _gap(q), above(rest)))
+    return _if(is_positive(a), _composed(a, own, relative * size / _gap(q), above(rest), about))
 
 
 def _entire(a: Model, turn: list[Array], size: Array) -> Model:
@@ -345,6 +365,13 @@ def _hyperbolic(first: int) -> Callable[[Model], Model]:
         return _entire(a, [s, c] if first == 0 else [c, s], size)
 
     return operation
+
+
+def _tanh(a: Model) -> Model:
+    """The quotient of sinh and cosh, which is even and so far from 0 about 0; by discs where it cannot be shown."""
+    found = _multiply(_hyperbolic(0)(a), _hyperbolic(1)(a).inverse)
+    by_discs = _of_discs(ca.OP_TANH)(a)
+    return found if (found.radius < by_discs.radius).all() else by_discs
 
 
 def _exp(a: Model) -> Model:
@@ -407,6 +434,7 @@ _OWN: dict[int, Callable[..., Model]] = {
     ca.OP_EXP: _exp,
     ca.OP_SINH: _hyperbolic(0),
     ca.OP_COSH: _hyperbolic(1),
+    ca.OP_TANH: _tanh,
     ca.OP_EXPM1: lambda a: _sum(_exp(a), a.basis.constant(1.0), -1.0),
     ca.OP_HYPOT: lambda a, b: _sqrt(_sum(_multiply(a, a), _multiply(b, b), 1.0)),
     ca.OP_POW: _power,

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
-from symmb.symbolic import On, batch, branches, has_kinks, laws, switching, with_common_expressions
+from symmb.symbolic import Branches, On, batch, branches, has_kinks, laws, switching, with_common_expressions
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
@@ -96,7 +96,7 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
     if not expression.kinks:
         return None
     on_state = np.array(ca.which_depends(expression.switches, x, 1, True), dtype=bool)
-    branch = branches(f, at)
+    branch = branches(f, at) if dae.sampling is not None else dae.remembered(_branches)
     moved = [switch for switch in ca.vertsplit(branch.times) if ca.depends_on(switch, p)]
     knots = [knot for knot in branch.knots if ca.depends_on(knot[0], p)]
     moving = TimeSwitches(ca.vertcat(ca.SX(0, 1), *moved), p, t, times, knots=knots) if moved or knots else None
@@ -110,13 +110,18 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     instants = None if dae.sampling is None else dae.sampling.instants(times)
     if not has_kinks(f) and instants is None:
         return None
-    _, p, t = symbols = f.sx_in()
-    at = [*zip(symbols, _INPUTS, strict=True)]
-    branch = branches(with_common_expressions(f), at) if has_kinks(f) else None
+    _, p, t = f.sx_in()
+    branch = dae.remembered(_branches) if has_kinks(f) else None
     switches, knots = (ca.SX(0, 1), []) if branch is None else (branch.times, branch.knots)
     if not switches.numel() and not knots and instants is None:
         return None
     return TimeSwitches(switches, p, t, times, instants, knots)
+
+
+def _branches(dae: DAE, _: Array) -> Branches:
+    """The equations of motion on sides of their switches, of their own symbols."""
+    f = dae.remembered(_equations)
+    return branches(with_common_expressions(f), [*zip(f.sx_in(), _INPUTS, strict=True)])
 
 
 def longest_step(dae: DAE, times: Array) -> float:
@@ -248,9 +253,8 @@ def _jumps(law: ca.Function, times: Array) -> Array:
 
 
 def _is_timed(dae: DAE) -> bool:
-    """Whether rates depend on time."""
-    t = dae.rhs.n_in() - 1
-    return any(dae.rhs.jac_sparsity(k, t).nnz() for k in range(dae.rhs.n_out()))  # CasADi keeps them
+    """Whether equations depend on time. Those solved for accelerations are not derived: they may be millions."""
+    return dae.remembered(_equations).jac_sparsity(0, _INPUTS.index(On.TIME)).nnz() > 0
 
 
 def _equations(dae: DAE, _: Array) -> ca.Function:

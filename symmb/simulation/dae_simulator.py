@@ -46,6 +46,9 @@ _TIGHTENINGS = 4
 """Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
 """Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
+_LONG = 10_000
+"""Operations of the rows of loops in coordinates of bodies above which their equations are not derived to judge runs:
+those of a robot arm with 25,000 take a minute. `tests/benchmarks/real_robots.py` has such ones."""
 
 
 class DAESimulator:
@@ -158,9 +161,12 @@ class DAESimulator:
         return min(filter(None, (self.bodies, self._joints, self._spare)), key=lambda form: form.dae.n_r)
 
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
-        """Equations and their states (m, n_x) where the bodies have states X: those without loops, or of the bodies."""
+        """Equations and their states (m, n_x) where the bodies have states X.
+
+        They are those of the joints where these have no loops or those of the bodies are long, else of the bodies.
+        """
         tree = self.least_constrained
-        if tree.bodies is None or tree.has_loops:
+        if tree.bodies is None or (tree.has_loops and self.bodies.least_operations <= _LONG):
             return X, self.dae
         return batch(tree.bodies.joints(), X, p)[0], tree.dae
 
@@ -194,9 +200,12 @@ class DAESimulator:
         return copy
 
     def cautious(self) -> "DAESimulator":
-        """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions."""
+        """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions.
+
+        Those of many bodies run in coordinates of joints, as the equations of the bodies take minutes to derive.
+        """
         loops = self._joints is not None and self._joints.why and self._joints.dae.n_c and self._joints.has_loops
-        return self._in_bodies if loops else self
+        return self._in_bodies if loops and self.bodies.least_operations <= _LONG else self
 
     @property
     def longest_step(self) -> float:

@@ -13,6 +13,7 @@ from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
 from symmb._interrupts import carry, kept_interrupts, runs_of
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_finite_number, require_truth, shown
+from symmb._progress import Progress
 from symmb._types import Array, Expr
 from symmb.integrate import EventDriven, Run, Solver, solver_of, stiffness
 from symmb.model import DAE, Scene, compile_dae
@@ -160,13 +161,15 @@ def simulate(
         solver = EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)
     chosen = scene.solver if isinstance(scene, DAESimulator) else solver
-    with kept_interrupts():
+    with kept_interrupts(), Progress(f"{own.name}: equations") as progress:
         if isinstance(scene, DAESimulator):
             prepared: DAESimulator | None = scene
         else:
             has_solver = solver is not None or own.system.collected.has_events
             prepared = simulator_with(own, solver) if has_solver else None
-        solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check, tolerances)
+        runs = _PilotRuns(own, values, prepared)
+        progress(f"{own.name}: running", 0, 0)
+        solver, trajectory = _simulated(runs, check, tolerances)
         if own.figures:
             trajectory = with_figures_of(trajectory, figure_simulator(own, solver if tolerances else chosen), check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")

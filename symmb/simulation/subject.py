@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
 from symmb._options import require_names, shown
+from symmb._progress import Progress
 from symmb._types import Array, Expr
 from symmb.black_boxes import Simulator
 from symmb.integrate import CVODES, Solver, solver_of
@@ -140,8 +141,9 @@ def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     """
     scene = scene_of(scene)
     solver = solver_of(solver)
-    with kept_interrupts():
+    with kept_interrupts(), Progress(f"{scene.name}: equations and trial runs") as progress:
         simulator = simulator_with(scene, solver)
+        progress(f"{scene.name}: nominal run in two ways", 0, 0)
         simulator.second_look()
     return simulator
 

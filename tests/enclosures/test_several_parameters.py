@@ -1,11 +1,15 @@
 """Proofs over three parameters and more, and the arithmetic of Taylor models, against mpmath in 40 digits."""
 
+import warnings
+
 import casadi as ca
+import drag_proofs
 import loop_proofs
 import mpmath
 import numpy as np
 import pytest
 
+import symmb as mb
 from symmb.enclosures import taylor_models as tm
 
 ONE = {
@@ -108,6 +112,80 @@ def test_a_model_that_may_vanish_has_no_inverse():
     assert np.isinf(tm.OPERATIONS[ca.OP_INV](tm.Model(c, np.zeros(1), basis)).radius).all()
     c[2] = 0.3
     assert np.isfinite(tm.OPERATIONS[ca.OP_INV](tm.Model(c, np.zeros(1), basis)).radius).all()
+
+
+@pytest.mark.parametrize("name", ["OP_SQRT", "OP_INV"])
+@pytest.mark.parametrize("is_complex", [False, True])
+def test_squares_that_come_close_to_zero(name, is_complex):
+    """w^2 + e^2 where w is in [-1.5 e, 1.5 e], about 0 or not: series about its value in the middle have no end."""
+    rng, finite = np.random.default_rng(11), 0
+    with mpmath.workdps(40):
+        for trial in range(12):
+            basis, e = tm.basis_of(3, 2 + trial % 5), 10.0 ** rng.uniform(-3, 3)
+            c = e * rng.dirichlet(np.ones(4))[:, None] * rng.choice([-1.5, 1.0], (4, 1))
+            c = c * np.exp(0.1j * rng.normal()) if is_complex else c
+            square = tm.OPERATIONS[ca.OP_SQ](tm.Model(c, np.zeros(1), basis))
+            found = tm.OPERATIONS[getattr(ca, name)](tm.OPERATIONS[ca.OP_ADD](square, basis.constant(e**2)))
+            finite += bool(np.isfinite(found.radius).all())
+            for _ in range(6):
+                x = rng.choice([-1.0, 1.0], 3) * rng.choice([1.0, rng.random()], 3)
+                own = sum(
+                    (mpmath.mpc(complex(a)) * b for a, b in zip(c[1:, 0], (basis.exponents[1:4] @ x), strict=True)),
+                    mpmath.mpc(complex(c[0, 0])),
+                )
+                off = abs(ONE[name](own**2 + mpmath.mpf(e) ** 2) - _value_alone(found, x))
+                assert off <= mpmath.mpf(float(found.radius[0]))
+    assert finite >= 8
+
+
+def _value_alone(model, x):
+    """The polynomial at a point of one place, in 40 digits."""
+    terms = zip(model.c[:, 0], model.basis.exponents, strict=False)
+    powers = ((c, [mpmath.mpf(float(one)) ** int(k) for one, k in zip(x, own, strict=True)]) for c, own in terms)
+    return sum((mpmath.mpc(complex(c)) * mpmath.fprod(parts) for c, parts in powers), mpmath.mpc(0))
+
+
+@pytest.mark.parametrize("seed", [600, 601, 602, 603, 604])
+def test_drag_that_passes_a_speed_of_zero(seed):
+    """Rounded and with kinks, along one axis and along the speed, by three uncertain parameters."""
+    off, proved, doubts = drag_proofs.judged(drag_proofs.scene_of(seed)[1], 64, seed)
+    assert off <= drag_proofs.INSIDE
+    assert (proved == 1.0).all(), doubts
+
+
+def drag(law, spread):
+    """A pendulum that turns back at 0.2 s, against a drag that is a law of its speed."""
+    p = mb.Parameters(L=1.0, c=0.1, w0=2.0)
+    rod = mb.Body("rod", 1.0, p.L**2 / 12)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-p.L / 2, 0))
+    damper = mb.Actuator("damper", hinge, -p.c * law(hinge.angle_rate))
+    system = mb.System(rod, hinge, damper, mb.Gravity(0, -9.81), parameters=p)
+    start = {"hinge.angle": -1.0, "hinge.angle_rate": p.w0}
+    outputs = {"angle": hinge.angle, "off": ca.fabs(p.w0 - 2.0), "late": ca.fabs(mb.t - 0.3)}
+    scene = mb.Scene(system, start, np.linspace(0, 0.5, 11), outputs, mb.Box.around(p, spread))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        return mb.propagate(scene, mb.TaylorModel(order=8))
+
+
+def test_rounded_quadratic_drag_beside_outputs_with_kinks():
+    """The kinks of |w0 - 2| and |t - 0.3| leave the angle proved, and are named."""
+    bounds = drag(lambda w: w * ca.sqrt(w**2 + 0.01), 0.02)
+    assert np.isfinite(bounds.upper[:, 0]).all()
+    assert "infinite for off" in " ".join(bounds.doubts)
+
+
+@pytest.mark.parametrize(
+    ("law", "cause"),
+    [
+        (lambda w: w * ca.fabs(w) ** 0.5, "'hinge.angle_rate' comes to 0, where a law may have infinite derivatives"),
+        (lambda w: w * ca.sqrt(w**2 + 1e-6), "has no bound over the box"),
+    ],
+)
+def test_drag_that_ends_a_proof_is_named(law, cause):
+    bounds = drag(law, 0.02)
+    assert np.isfinite(bounds.upper[:3, 0]).all() and np.isinf(bounds.upper[-1, 0])
+    assert cause in " ".join(bounds.doubts)
 
 
 def test_coefficients_of_chebyshev_polynomials():
