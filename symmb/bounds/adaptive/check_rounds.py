@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import SAFETY, inflated_error, quasi_random_points, select_dispersed
+from symmb.bounds.adaptive.check_runs import SAFETY, inflated_error
 from symmb.bounds.adaptive.continuation import REMAINING_SHARE, SPARSE_PROBES, SPARSE_RANGE, Continuation, Corrected
 from symmb.bounds.adaptive.requests import Checks, Places, Steps
 from symmb.bounds.adaptive.runs import OutputRuns, relative_rms, rms
@@ -111,7 +111,7 @@ class CheckRounds:
         while True:
             n_known, extremes, former = len(runs.points), runs.extremes, self._corrected
             if self.has_corners:
-                yield Checks(points_on_edges(runs))
+                yield Checks(separable_extremes(*runs.attained()))
                 between, gaps = between_times(runs)
                 yield Places(between, self._between.share(self._between.attained) * gaps / runs.rms_widths())
             n_beside = len(runs.points) - n_known
@@ -198,17 +198,6 @@ class CheckRounds:
         errors = [np.minimum(np.minimum(error, agreed), highest - lowest) for error in self._errors(spread=True)]
         best = int(np.argmin([relative_rms(error, runs.rms_widths()) for error in errors]))
         return answers[best]._replace(estimate=errors[best])
-
-
-def points_on_edges(runs: OutputRuns) -> Array:
-    """Points (N, d) that differ from some of those that attain extremes in one parameter each."""
-    points, Y = runs.attained()
-    (n, d), (lowest, highest) = points.shape, runs.extremes
-    places = np.stack([points[Y.argmin(axis=0)], points[Y.argmax(axis=0)]])
-    some = select_dispersed(places, np.stack([highest - lowest] * 2), 2 * d)
-    k = np.arange(len(some))
-    some[k, (k + n) % d] = quasi_random_points(n + len(some), 1)[n:, 0]
-    return some
 
 
 def between_times(runs: OutputRuns) -> tuple[Array, Array]:
