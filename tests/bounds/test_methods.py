@@ -98,7 +98,7 @@ def test_unknown_parameter_is_named_with_the_nearest():
 
 def test_not_a_method():
     with pytest.raises(errors.DeclarationError, match="expected a method"):
-        propagate(Wave(), "vertex", BOX)
+        propagate(Wave(), 0.5, BOX)
     with pytest.raises(errors.DeclarationError, match="propagate: got the class Vertex; call it"):
         propagate(Wave(), Vertex, BOX)
 

@@ -109,7 +109,7 @@ def test_minima_inside_are_found_and_every_run_is_counted():
     highest = np.max([valley._y(a, b) for a in (-1, 1) for b in (-1, 1)], axis=0)
     np.testing.assert_allclose(result.upper[:, 0], highest, rtol=1e-14)
     assert (result.lower >= 0).all() and (result.lower[:, 0] <= 1e-4 * highest).all()
-    assert (result.lower - result.estimate <= 0).all() and result.inner[0] is result.lower
+    assert (result.lower - result.estimate <= 0).all() and np.shares_memory(result.inner[0], result.lower)
 
 
 def test_the_estimate_falls_with_the_budget():
