@@ -42,3 +42,10 @@ def test_small_states_that_follow_others_are_not_doubted():
     start, outputs = {"block.x": 1.0, "small": 0.0, "fades": 1.0}, {"small": small.value, "x": block.x}
     scene = mb.Scene(mb.System(block, small, fades, spring), start, np.linspace(0, 1, 11), outputs)
     assert not mb.simulate(scene, mb.CVODES(rtol=1e-6)).doubts
+
+
+def test_outputs_below_all_tolerances_are_not_doubted():
+    """As velocities of 1e-33 m/s that rounding makes of a body that falls."""
+    scene = reaction(7.89e-10, 1.1e7, 1.13e3, 1e6, 1e7)
+    species = scene.system.bodies[0]
+    assert not mb.simulate(scene, outputs={"shade": 1e-27 * species.x}).doubts
