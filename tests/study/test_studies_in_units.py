@@ -106,7 +106,7 @@ def test_contributions_worst_cases_and_limits(both, tmp_path):
     own.report(tmp_path / "report.html", limits)
     assert "arm [mm]" in (tmp_path / "report.html").read_text()
     texts = {text for axes in own.plot().axes for text in (axes.get_title(loc="left"), axes.get_ylabel())}
-    assert {"tip [mm]", "swing [deg]", "force [kN]"} <= texts
+    assert {"tip [mm]", "swing [°]", "force [kN]"} <= texts
 
 
 def test_calibration(both, tmp_path):
