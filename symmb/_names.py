@@ -72,7 +72,14 @@ def normal_keys(owner: str, named: T) -> T:
 
 
 class ByName(dict[str, T]):
-    """Values by names in this form. Look-ups take other forms too."""
+    """Values by names in this form, and the units of those that have one. Look-ups take other forms too."""
+
+    _units: Mapping[str, str] = {}
+
+    def __init__(self, values: Mapping[str, T] | Iterable[tuple[str, T]] = (), units: Mapping[str, str] | None = None):
+        super().__init__(values)
+        if units := getattr(values, "_units", {}) if units is None else units:
+            self._units = {name: unit for name, unit in units.items() if name in self}
 
     def __missing__(self, name: str) -> T:
         if (own := normal(name)) == name:

@@ -19,7 +19,7 @@ FLOORS = {
     for floor, units in enumerate(
         (
             "_errors _types _names _options _specs _table _doubt _html _labelled _progress _cleanup _interrupts _limits"
-            " _threads _citation",
+            " _threads _citation _units",
             "files plot structures symbolic",
             "mechanics",
             "model",

@@ -13,6 +13,7 @@ from symmb._names import ByName, name_faults, normal, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Executor
+from symmb._units import units_of_parameters
 from symmb.black_boxes.executors import LostTask, finished
 from symmb.black_boxes.identity import ChangedFileError
 from symmb.black_boxes.limited_calls import fault_text
@@ -69,7 +70,7 @@ class BlackBox(ABC):
         noise: Mapping[str, float] | None,
     ) -> None:
         """Check and keep what is declared."""
-        owner = type(self).__name__
+        owner, units = type(self).__name__, units_of_parameters(parameters)
         instants = numbers_of(times)
         if instants is None:
             raise DeclarationError(f"{owner}: times must be numbers, got {shown(times)}.")
@@ -90,7 +91,7 @@ class BlackBox(ABC):
                 raise DeclarationError(f"{owner}: parameter {name!r}: {value!r} is not a finite number.")
         times.flags.writeable = False
         vars(self).update(
-            parameters=ByName((name, float(value)) for name, value in parameters.items()),
+            parameters=ByName(((n, float(value)) for n, value in parameters.items()), units),
             times=times,
             outputs=names,
             noise=None if noise is None else _noise(owner, noise, names),

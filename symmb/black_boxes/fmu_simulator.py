@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._names import ByName
 from symmb._options import is_finite_number, require_timeout, shown
 from symmb._types import Array
 from symmb.black_boxes.black_box import BlackBox
@@ -71,7 +72,7 @@ class FMUSimulator(BlackBox):
     Attributes
     ----------
     units : tuple of str
-        of the outputs, from the model description; '' where it tells none
+        of the outputs, from the model description; '' where it tells none. Boxes know those of the parameters
 
     Raises
     ------
@@ -127,6 +128,7 @@ class FMUSimulator(BlackBox):
             step=step,
             timeout=timeout,
             units=tuple(variable.unit for variable in found),
+            parameters=ByName(self.parameters, {variable.name: variable.unit for variable in inputs if variable.unit}),
             _fmu=fmu,
             _calls=LimitedCalls(runs, timeout, "the FMU"),
         )

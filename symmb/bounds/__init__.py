@@ -13,7 +13,7 @@ from symmb.bounds.propagation import finished, propagate
 from symmb.bounds.reductions import gathered
 from symmb.bounds.registry import METHODS, method_of, read_method
 from symmb.bounds.result import Bounds
-from symmb.bounds.result_file import INNER, box_coordinates, box_of, inner_entries, kind_of
+from symmb.bounds.result_file import INNER, box_coordinates, box_entries, box_of, inner_entries, kind_of
 from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
 from symmb.bounds.study import Study
 from symmb.bounds.time_windows import ROUNDING

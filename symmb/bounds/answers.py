@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
+from symmb._names import ByName
 from symmb._types import Array, Mask
+from symmb._units import units_of_parameters
 from symmb.bounds.contributions import Contributions, contributions_of
 from symmb.bounds.envelope import Envelope
 from symmb.bounds.laws import Correlation
@@ -59,7 +61,8 @@ class Answers(Envelope):
         for place, sample in zip(places, runs.samples(places), strict=True):
             side, i, k = place
             lower, upper = float(self.lower[i, k]), float(self.upper[i, k])
-            parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
+            own = runs.simulator.parameters
+            parameters = ByName(zip(own, sample.P[sample.index].tolist(), strict=True), units_of_parameters(own))
             varied = acting.get(k, tuple(parameters))
             is_figure = self.names[k] in self.figures
             time, times = (0.0, 1) if is_figure else (float(self.t[i]), len(self.t))
@@ -86,6 +89,7 @@ class Answers(Envelope):
         assert self.box is not None
         values = self.box.from_unit(place).tolist()
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
+        parameters = ByName(parameters, units_of_parameters(case.parameters))
         best = min if side == "lower" else max
         other = replace(case, parameters=parameters, attained=attained, value=best(case.value, attained))
         return other if case.side == side and other.attained == best(attained, case.attained) else case

@@ -16,6 +16,7 @@ from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
 from symmb._types import Array, Indices
+from symmb._units import number_in
 from symmb.bounds.direct_search import direct_search
 from symmb.bounds.envelope import Envelope
 from symmb.bounds.time_windows import ROUNDING
@@ -26,8 +27,8 @@ from symmb.nodes import Sobol
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Limits = Mapping[str, tuple[float | None, float | None]]
-"""Limits (low, high) of outputs by name, of which one may be None."""
+Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
+"""Limits (low, high) of outputs by name, of which one may be None, in their units or others, as ("75 deg/s", None)."""
 _SAFETY = 2.0
 """How many times an estimated error counts within which further runs decide."""
 _FURTHER = 600
@@ -210,8 +211,10 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return Labelled(coordinates, variables, {"method": self.method}, units)
 
 
-def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Limits as numbers, infinite where there is none."""
+def limit_pairs(
+    owner: str, limits: Limits, names: Sequence[str], units: Sequence[str] = ()
+) -> dict[str, tuple[float, float]]:
+    """Limits as numbers in the units of the outputs, infinite where there is none."""
     if not isinstance(limits, Mapping) or not limits:
         raise DeclarationError(
             f'{owner}: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
@@ -219,7 +222,8 @@ def limit_pairs(owner: str, limits: Limits, names: Sequence[str]) -> dict[str, t
     limits = normal_keys(owner, limits)
     for name in limits:
         require_name(owner, "output", name, names)
-    return {name: _ends(owner, name, pair) for name, pair in limits.items()}
+    known = dict(zip(names, units, strict=True)) if units else {}
+    return {name: _ends(owner, name, pair, known.get(name, "")) for name, pair in limits.items()}
 
 
 def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLimit:
@@ -354,11 +358,15 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
     return FurtherRun(side, best[1], best[2], best[0], found.error, runs, failed)
 
 
-def _ends(owner: str, name: str, pair: object) -> tuple[float, float]:
+def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]:
+    if isinstance(pair, list | tuple) and len(pair) == 3 and isinstance(pair[2], str):
+        pair = tuple(end if end is None else (end, pair[2]) for end in pair[:2])
     if not isinstance(pair, list | tuple) or len(pair) != 2 or not any(end is not None for end in pair):
         raise DeclarationError(
             f"{owner}: the limit of {name!r} must be a pair (low, high), of which one may be None, got {shown(pair)}."
         )
+    own = f"{owner}: the limit of {name!r}"
+    pair = [number_in(own, f"output {name!r}", end, unit) if isinstance(end, str | tuple) else end for end in pair]
     for end in pair:
         if end is not None and (not is_real(end) or np.isnan(end)):
             raise DeclarationError(f"{owner}: the limit of {name!r} must be numbers or None, got {shown(pair)}.")

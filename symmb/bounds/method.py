@@ -11,6 +11,7 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._interrupts import carry
 from symmb._options import require_callable, require_name, shown
 from symmb._types import Array, Executor
+from symmb._units import units_of_parameters
 from symmb.black_boxes import Attained, Jets, Progress, Simulator, attained_by_runs
 from symmb.bounds.interval import Interval, operate, parameter_intervals
 from symmb.bounds.result import Bounds
@@ -67,6 +68,7 @@ class Method(ABC):
         """
         for name in box.names:
             require_name("Box", "parameter", name, simulator.parameters)
+        box = box.with_units(units_of_parameters(simulator.parameters))
         require_callable("propagate: progress", progress, "done", "all")
         start = time.perf_counter()
         nominal = np.array(list(simulator.parameters.values()), dtype=float)

@@ -5,8 +5,10 @@ from typing import Any
 
 from symmb._errors import PropagationError, warn_of
 from symmb._interrupts import kept_interrupts
+from symmb._names import ByName
 from symmb._progress import shown_runs
 from symmb._types import Executor
+from symmb._units import units_of_parameters
 from symmb.black_boxes import Noisy, Progress, Simulator
 from symmb.bounds.doubts import checked, doubted
 from symmb.bounds.method import Method
@@ -83,7 +85,8 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     box = bounds.box
     assert box is not None
     bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
-    nominal, values = getattr(simulator, "nominal", None), {k: float(v) for k, v in simulator.parameters.items()}
+    nominal, own = getattr(simulator, "nominal", None), simulator.parameters
+    values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
     if nominal is None:  # a black box: the study may have made a run there
         nominal = bounds.nominal
     known: dict[str, Any] = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}

@@ -97,14 +97,15 @@ class Bounds(Answers, Counted, Result, Saved):
 
         Parameters
         ----------
-        limits : mapping of output to (low, high), of which one may be None
+        limits : mapping of output to (low, high), of which one may be None, in the unit of the output, or with another
+            that fits, as ("75 deg/s", None) and (0.2, 0.3, "mm")
 
         Raises
         ------
         DeclarationError
             If an output is unknown, or limits cross.
         """
-        pairs = limit_pairs("Bounds.check", limits, self.names)
+        pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
             checked = [kept_limit(self, name, *ends) for name, ends in pairs.items()]
         return LimitCheck(self.t, self.method, tuple(checked), partial(self.plot, None), self._closest_to(checked))
@@ -147,7 +148,7 @@ class Bounds(Answers, Counted, Result, Saved):
             **result_file.doubts_entries(self.run_doubts, self.names),
             "doubts": self.doubts,
             "worst": [entries(case) for case in self._all_worst()],
-            "box": self.box and dict(self.box),
+            **result_file.box_entries(self.box),
             **{name: expansion and getattr(expansion, name) for name in ("parameters", "alpha", "coefficients")},
             **result_file.surrogate_entries(self.surrogate),
         }

@@ -62,7 +62,15 @@ def _run_doubts(record: Record, names: Sequence[str]) -> tuple[str, ...]:
 
 def box_of(record: Record, name: str) -> Box:
     """The box of a file, which holds its intervals by name."""
-    return Box(**{name: tuple(ends.tolist()) for name, ends in record.arrays(name, 2).items()})
+    return Box(**{own: tuple(ends.tolist()) for own, ends in record.arrays(name, 2).items()}).with_units(
+        record.units(name)
+    )
+
+
+def box_entries(box: Box | None) -> dict[str, Any]:
+    """Entries of a box and of its units, if it has any."""
+    units = {"box_units": dict(zip(box.names, box.units, strict=True))} if box and box.units else {}
+    return {"box": box and dict(box), **units}
 
 
 def record_of_table(table: Record) -> Record:

@@ -13,6 +13,7 @@ from symmb._names import look_up_by_name
 from symmb._options import is_finite_number, shown
 from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array, Indices
+from symmb._units import label, units_of_parameters, with_units
 from symmb.black_boxes import Attained, Simulator
 from symmb.files import NOT_KEPT, Record
 from symmb.model import Scene
@@ -170,7 +171,7 @@ class WorstCase:
         return np.array(self.simulator.run(np.array([[*self.parameters.values()]])).Y[0])
 
     def __str__(self) -> str:
-        values = ", ".join(f"{name} = {self.parameters[name]:.6g}" for name in self.varied)
+        values = ", ".join(with_units({name: f"{self.parameters[name]:.6g}" for name in self.varied}, self.parameters))
         text = f"{self._word} {self.output} {self.value + 0.0:.6g}{at_time(self._times, 0)}"
         text += f": {values}" if values else ""
         if self.is_short:
@@ -181,7 +182,8 @@ class WorstCase:
         return f"WorstCase({self})"
 
     def _repr_html_(self) -> str:
-        rows = [[name, f"{self.parameters[name]:.6g}"] for name in self.varied]
+        units = units_of_parameters(self.parameters)
+        rows = [[label(name, units.get(name, "")), f"{self.parameters[name]:.6g}"] for name in self.varied]
         return html.page(html.text(str(self)), html.table([["parameter", "value"], *rows]))
 
     @classmethod
@@ -227,7 +229,8 @@ class Worst(Result):
 def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
     """Rows of a table of worst cases below its head, with the parameters that act on their outputs."""
     varied = list(dict.fromkeys(name for case in cases for name in case.varied))
-    rows = [["worst case", "bound", "at [s]", *varied, "attained"]]
+    units = {name: unit for case in cases for name, unit in units_of_parameters(case.parameters).items()}
+    rows = [["worst case", "bound", "at [s]", *(label(name, units.get(name, "")) for name in varied), "attained"]]
     for case in cases:
         values = (f"{case.parameters[name] + 0.0:.6g}" if name in case.varied else "" for name in varied)
         when = "" if is_timeless(case._times) else f"{case.time:.6g}"

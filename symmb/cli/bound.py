@@ -3,10 +3,12 @@
 import argparse
 import shlex
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import require_names, shown
+from symmb._units import number_or_quantity, units_of_parameters
 from symmb.black_boxes import Simulator
 from symmb.bounds import limit_pairs
 from symmb.cli import specs
@@ -15,6 +17,8 @@ from symmb.cli.scene_file import load_subject
 from symmb.report import BLOCK, write_bounds
 
 _NO_CONTRIBUTIONS = "Contributions of parameters take further runs here: --contributions makes them."
+End = float | str | None
+"""A number, one with a unit, or None if it is left out."""
 VIOLATED = 1
 """Exit status where a limit is violated, as of a test that fails."""
 
@@ -51,7 +55,8 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     subject, own = load_subject(options.scene)
     box = _box(options, subject, own)
     if limits:  # before the study, which may take long
-        limit_pairs("--limit", limits, subject.output_names if isinstance(subject, mb.Scene) else subject.outputs)
+        names = subject.output_names if isinstance(subject, mb.Scene) else subject.outputs
+        limit_pairs("--limit", limits, names, getattr(subject, "units", ()))
     if "view" in paths and not isinstance(subject, mb.Scene):
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)
@@ -77,7 +82,7 @@ def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions |
     return contributions
 
 
-def _limits(options: argparse.Namespace) -> dict[str, tuple[float | None, float | None]]:
+def _limits(options: argparse.Namespace) -> dict[str, tuple[End, End]]:
     """The limits of outputs."""
     limits = _ranges("--limit", options.limit)
     for name, ends in limits.items():
@@ -88,15 +93,15 @@ def _limits(options: argparse.Namespace) -> dict[str, tuple[float | None, float 
 
 def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:
     """The intervals of --box and of --tolerances, or those of the scene where both are left out."""
-    intervals: dict[str, tuple[float, float]] = {}
+    intervals: dict[str, Any] = {}
     for name, (low, high) in _ranges("--box", options.box).items():
         if low is None or high is None:
             raise DeclarationError(f"--box: the interval of {name!r} needs both ends, as {name}=1:2.")
         intervals[name] = low, high
     if options.tolerances is not None:
         nominal = subject.system.parameters if isinstance(subject, mb.Scene) else subject.parameters
-        table = mb.Box.read(options.tolerances, nominal)
-        return table | mb.Box(**intervals) if intervals else table
+        table, units = mb.Box.read(options.tolerances, nominal), units_of_parameters(nominal)
+        return table | mb.Box(**intervals).with_units(units) if intervals else table
     if intervals:
         return mb.Box(**intervals)
     if own is None:
@@ -106,14 +111,14 @@ def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box
     return own
 
 
-def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[float | None, float | None]]:
-    """The ends of texts such as k=1:2, by name; None for an end that is left out."""
-    ranges: dict[str, tuple[float | None, float | None]] = {}
+def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[End, End]]:
+    """The ends of texts such as k=1:2 and k=1mm:2mm, by name; None for an end that is left out."""
+    ranges: dict[str, tuple[End, End]] = {}
     for word in words:
         name, _, text = word.partition("=")
         low, colon, high = text.partition(":")
         try:
-            ends = (float(low) if low else None, float(high) if high else None)
+            ends = (number_or_quantity(low) if low else None, number_or_quantity(high) if high else None)
         except ValueError:
             colon, ends = "", (None, None)
         if not name or not colon:

@@ -8,11 +8,13 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from symmb import models
 from symmb._errors import DeclarationError, SymmbError, text_of
 from symmb._names import did_you_mean
 from symmb._options import shown
+from symmb._units import number_or_quantity
 from symmb.black_boxes import Simulator
 from symmb.cli.urdf_scene import parameter_name, urdf_scene
 from symmb.model import Box, Scene
@@ -43,16 +45,16 @@ def add_set(command: argparse.ArgumentParser) -> None:
     command.add_argument("--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help=text)
 
 
-def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, float]]:
+def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, Any]]:
     """The scene of a command, and the parameters that --set gives; of a URDF file these are its numbers.
 
     It raises DeclarationError if a text is not of the form name=number, or the scene cannot be loaded.
     """
-    values = dict[str, float]()
+    values = dict[str, Any]()
     for text in options.set:
         name, _, value = text.partition("=")
         try:
-            values[name] = float(value)
+            values[name] = number_or_quantity(value)
         except ValueError:
             raise DeclarationError(f"--set takes name=number, got {shown(text)}.") from None
     scene = load_scene(options.scene, values)

@@ -8,8 +8,10 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._names import ByName
 from symmb._options import require_name
 from symmb._types import Array, Indices
+from symmb._units import units_of_parameters, with_units
 from symmb.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of
 from symmb.drawing.draw import draw
 from symmb.drawing.shapes import Drawing
@@ -138,7 +140,8 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
     runs = []
     for sample in samples:
         x = simulator.run(sample.P).Y[sample.index][:, : len(states)]
-        values = dict(zip(study.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
+        own = study.simulator.parameters
+        values = ByName(zip(own, sample.P[sample.index].tolist(), strict=True), units_of_parameters(own))
         unknown, rest = np.full(len(x), np.nan), ({}, np.nan, np.nan)
         known = Trajectory(scene, study.prepared, values, repr(solver), "", simulator.times, x, unknown, *rest)
         if scene.figures:
@@ -249,5 +252,5 @@ def _picture(drawing: Drawing, time: float) -> int:
 
 
 def _place(run: Trajectory, names: Sequence[str]) -> str:
-    values = ", ".join(f"{name} = {run.parameters[name]:.4g}" for name in names)
+    values = ", ".join(with_units({name: f"{run.parameters[name]:.4g}" for name in names}, run.parameters))
     return f" at {values}" if values else ""

@@ -8,8 +8,8 @@ from importlib.metadata import version as symmb_version
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._units import BASES, unit_of
 from symmb.exchange.exported import Exported
-from symmb.model import powers_of
 
 BINARY_FILES, HEADERS = ("fmi.c", "scene.c"), ("scene.h",)
 """Sources of the binary, in the folder sources of an FMU."""
@@ -30,7 +30,10 @@ def _variables(scene: Exported) -> list[_Variable]:
     """All variables; their numbers are their value references."""
     nominal = dict(zip((*scene.parameters, *scene.inputs), scene.source.nominal.tolist(), strict=True))
     variables = [_Variable("time", "independent", "continuous", unit="s")]
-    variables += [_Variable(name, "parameter", "tunable", "exact", nominal[name]) for name in scene.parameters]
+    variables += [
+        _Variable(name, "parameter", "tunable", "exact", nominal[name], scene.parameter_units.get(name, ""))
+        for name in scene.parameters
+    ]
     variables += [_Variable(name, "input", "continuous", start=nominal[name]) for name in scene.inputs]
     variables += [
         _Variable(name, "output", "continuous", "calculated", unit=unit)
@@ -72,9 +75,10 @@ def description(scene: Exported, version: int, identifier: str) -> bytes:
                 ET.SubElement(files, "File", name=name)
     definitions = ET.SubElement(root, "UnitDefinitions")
     for unit in sorted({variable.unit for variable in variables} - {""}):
-        powers = zip(("m", "kg", "s", "rad"), powers_of(unit), strict=True)
-        element = ET.SubElement(definitions, "Unit", name=unit)
-        ET.SubElement(element, "BaseUnit", {name: str(power) for name, power in powers if power})
+        known = unit_of("export", unit)
+        base = {name: str(power) for name, power in zip(BASES, known.powers, strict=True) if power}
+        factor = {} if known.factor == 1 else {"factor": repr(known.factor)}
+        ET.SubElement(ET.SubElement(definitions, "Unit", name=unit), "BaseUnit", base | factor)
     times = scene.source.times
     experiment = {"startTime": repr(float(times[0]))}
     if len(times) > 1:

@@ -1,10 +1,12 @@
 """A scene as C that runs it, with all that its users have to know."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._units import units_of_parameters
 from symmb.codegen import FixedStep, SceneSource
 from symmb.events import time_switches
 from symmb.integrate import CompiledSolver
@@ -22,6 +24,7 @@ class Exported:
     source : SceneSource
     parameters, inputs, outputs, states : tuple of str
     units : tuple of str       of the outputs, '' where they are not known
+    parameter_units : dict     of the parameters that have one
     tolerance : float          relative tolerance of the steps; 0 without
     """
 
@@ -32,6 +35,7 @@ class Exported:
     outputs: tuple[str, ...]
     states: tuple[str, ...]
     units: tuple[str, ...]
+    parameter_units: Mapping[str, str]
     tolerance: float
 
 
@@ -75,4 +79,5 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     )
     states = (*dae.q_names, *dae.v_names, *dae.s_names)
     tolerance = getattr(solver, "rtol", None) or 0.0
-    return Exported(scene.name, source, parameters, inputs, outputs, states, simulator.units, tolerance)
+    units = simulator.units, units_of_parameters(scene.system.parameters)
+    return Exported(scene.name, source, parameters, inputs, outputs, states, *units, tolerance)

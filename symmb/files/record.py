@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._names import ByName
 from symmb._types import Array, Mask
 
 
@@ -96,9 +97,9 @@ class Record:
         return value
 
     def arrays(self, name: str, *shape: int | None) -> dict[str, Array]:
-        """Arrays of the same shape by name."""
+        """Arrays of the same shape by name, with their units, if there are any."""
         record = self.record(name)
-        return {key: record.array(key, *shape) for key in record.plain}
+        return ByName({key: record.array(key, *shape) for key in record.plain}, self.units(name))
 
     def mask(self, name: str) -> Mask:
         """Truth values, one for each run or time."""
@@ -164,9 +165,14 @@ class Record:
         return self._entries
 
     def numbers(self, name: str) -> dict[str, float]:
-        """Numbers by name."""
+        """Numbers by name, with their units, if there are any."""
         record = self.record(name)
-        return {key: record.number(key) for key in record.plain}
+        return ByName({key: record.number(key) for key in record.plain}, self.units(name))
+
+    def units(self, name: str) -> dict[str, str]:
+        """Units of numbers by name, if there are any."""
+        units = self.record(f"{name}_units") if f"{name}_units" in self else Record({})
+        return {key: units.text(key) for key in units.plain}
 
     def _value(self, name: str, default: Any = None) -> Any:
         value = self._entries.get(name)

@@ -5,6 +5,7 @@ from dataclasses import Field, fields
 from types import NoneType, UnionType
 from typing import Any, get_args
 
+from symmb._units import units_of_parameters
 from symmb.files.record import Record
 
 _CHECKS: dict[Any, Callable[..., Any]] = {
@@ -40,7 +41,9 @@ _EMPTY = (None, "", (), {})
 
 def entries(result: Any) -> dict[str, Any]:
     """The fields of a result, by the names of their entries."""
-    return {_name(own): getattr(result, own.name) for own in _kept(type(result))}
+    values = {_name(own): getattr(result, own.name) for own in _kept(type(result))}
+    units = {f"{name}_units": units_of_parameters(value) for name, value in values.items()}
+    return values | {name: some for name, some in units.items() if some}
 
 
 def attributes(kind: Any, record: Record) -> dict[str, Any]:

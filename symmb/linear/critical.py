@@ -6,8 +6,10 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._names import ByName
 from symmb._options import is_finite_number, require_name, shown
 from symmb._types import Array
+from symmb._units import units_of_parameters
 from symmb.black_boxes import BlackBox
 from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
@@ -65,13 +67,16 @@ class CriticalSimulator(BlackBox):
         self.number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
         self.name, self._parameter = scene.name, parameter
         self.box = scene.box and scene.box.without(parameter)
-        nominal = {name: value for name, value in scene.system.parameters.items() if name != parameter}
+        own, units = scene.system.parameters, units_of_parameters(scene.system.parameters)
+        nominal = ByName({name: value for name, value in own.items() if name != parameter}, units)
         found = self._values(nominal)
         if not found:
             state = "unstable" if _growth(self._eigen(self._rows(nominal)[:1])[0]) > 0 else "not unstable"
             raise DeclarationError(
                 f"critical: {scene.name} is {state} for every {parameter} looked at from {lower:g} to {upper:g}."
             )
+        if parameter in units:
+            self.units = (units[parameter],) * len(found)
         outputs = [parameter] if len(found) == 1 else [f"{parameter}{k + 1}" for k, _ in enumerate(found)]
         noise = dict.fromkeys(outputs, _ROUNDING * (upper - lower))
         self._declare(nominal, [0.0], outputs, noise)

@@ -50,7 +50,7 @@ def with_uniform(scene: Scene) -> tuple[Scene, tuple[int, ...], tuple[str, ...]]
     place and the velocity of each coordinate in turn have the numbers and the names that are returned.
     """
     system = scene.system
-    curves = [y for y in (scene.outputs or {}).values() if not isinstance(y, Figure)]
+    curves = [y for y, _ in scene.asked.values() if not isinstance(y, Figure)]
     bound = [system.bind(y, "output", also=system.solved_hashes) for y in curves]
     y = ca.vertcat(*bound) if bound else ca.SX(0, 1)
     touched = [(x, v) for x, sx, v, sv in system.collected.decoupled if ca.depends_on(y, ca.vertcat(sx, sv))]

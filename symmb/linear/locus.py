@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import SimulationError
+from symmb._names import ByName
 from symmb._types import Array
+from symmb._units import units_of_parameters
 from symmb.black_boxes import BlackBox
 from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
@@ -95,7 +97,8 @@ class LocusSimulator(BlackBox):
         self._family, self._parameter, self._number = family, parameter, names.index(parameter)
         self._locus, self.known = locus, ~np.isnan(locus.modes)
         self.name = family.scene.name
-        others = {name: value for name, value in family.scene.system.parameters.items() if name != parameter}
+        own = family.scene.system.parameters
+        others = ByName({name: own[name] for name in own if name != parameter}, units_of_parameters(own))
         numbers = range(1, locus.count + 1)
         self._declare(others, locus.values, [f"{what}{k}" for what in QUANTITIES for k in numbers], None)
         self.units = tuple(unit for unit in ("Hz", "1", "1/s", "1/s") for _ in numbers)

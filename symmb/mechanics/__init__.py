@@ -49,7 +49,7 @@ from symmb.mechanics.joint_event import JointEvent, Latch, closed_at_start, row_
 from symmb.mechanics.load import GasSpring, NonlinearSpring, Orifice, Soil
 from symmb.mechanics.mesh_file import coarser
 from symmb.mechanics.motor import Motor
-from symmb.mechanics.parameter import Parameters, declared_with
+from symmb.mechanics.parameter import Parameters, declared_with, with_si_symbols
 from symmb.mechanics.pose import Frame, Particle, Planar, Spatial
 from symmb.mechanics.rope import Rope
 from symmb.mechanics.rotation import Rotation, rotation

@@ -13,5 +13,5 @@ from symmb.model.scales import Scales
 from symmb.model.scene import Scene
 from symmb.model.start_values import JointValue, Prescribed
 from symmb.model.system import System
-from symmb.model.units import powers_of, units_of
+from symmb.model.units import units_of
 from symmb.model.unused_parameters import unused_parameters

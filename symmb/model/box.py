@@ -14,7 +14,11 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean, normal, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
 from symmb._types import Array
-from symmb.model.tolerance_list import interval_of, intervals_in_file, share_of
+from symmb._units import NO_UNIT, label, ratio_of, scaled, units_of_parameters
+from symmb.model.tolerance_list import interval_of, interval_with_unit, intervals_in_file, share_of
+
+Interval = tuple[float, float] | tuple[float, float, str] | tuple[str, str] | str
+"""Ends in the unit of the parameter, or in another one."""
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -24,20 +28,25 @@ class Box:
     Parameters
     ----------
     **intervals : (lower, upper)
-        One pair for each parameter, by name. ``lower == upper`` is legal and means a fixed value.
+        One pair for each parameter, by name. ``lower == upper`` is legal and means a fixed value. Other units that fit
+        the parameter are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm ±10%".
 
     Attributes
     ----------
     names : tuple of d names
     bounds : tuple of d pairs (lower, upper)
+    units : tuple of d units, '' where there is none; empty if no parameter has one. Studies convert a box to the units
+        of their parameters
 
     Raises
     ------
     DeclarationError
-        If there is no interval, or one is reversed, not finite or not a pair.
+        If there is no interval, or one is reversed, not finite or not a pair, or a unit is not known.
 
     Examples
     --------
+    >>> Box(arm="235 mm ±0.5 mm")
+    Box(arm=(234.5, 235.5, 'mm'))
     >>> box = Box(l1=(0.95, 1.05), m=(2.0, 4.0))
     >>> box.center
     array([1., 3.])
@@ -47,13 +56,36 @@ class Box:
 
     names: tuple[str, ...]
     bounds: tuple[tuple[float, float], ...]
+    units: tuple[str, ...] = ()
 
-    def __init__(self, **intervals: tuple[float, float]):
+    def __init__(self, **intervals: Interval):
         if not intervals:
             raise DeclarationError("A Box needs at least one interval, e.g. Box(l1=(0.95, 1.05)).")
         intervals = normal_keys("Box", intervals)
+        parts = {name: interval_with_unit(name, given) for name, given in intervals.items()}
         object.__setattr__(self, "names", tuple(intervals))
-        object.__setattr__(self, "bounds", tuple(_interval(name, pair) for name, pair in intervals.items()))
+        object.__setattr__(self, "bounds", tuple(_interval(name, pair) for name, (pair, _) in parts.items()))
+        units = tuple(unit for _, unit in parts.values())
+        object.__setattr__(self, "units", units if any(units) else ())
+
+    def with_units(self, units: Mapping[str, str]) -> "Box":
+        """The box in the units of parameters, by name. Ends without a unit are in that of the parameter.
+
+        Raises
+        ------
+        DeclarationError
+            If a unit does not fit the parameter, or units are no texts by name.
+        """
+        if not isinstance(units, Mapping) or not all(isinstance(unit, str) for unit in units.values()):
+            raise DeclarationError(f"Box: units must be texts by name of the parameter, got {shown(units)}.")
+        if not (self.units or any(name in units for name in self.names)):
+            return self
+        intervals = {}
+        for name, ends, unit in zip(self.names, self.bounds, self.units or ("",) * len(self), strict=True):
+            own = units.get(name, "")
+            ratio = ratio_of("Box", f"parameter {name!r}", unit, own) if unit else NO_UNIT
+            intervals[name] = *(scaled(end, ratio) for end in ends), own
+        return Box(**intervals)
 
     @classmethod
     def around(
@@ -105,7 +137,7 @@ class Box:
                 )
             ends = nominal[name] * (1.0 - spread), nominal[name] * (1.0 + spread)
             intervals[name] = min(ends), max(ends)
-        return cls(**intervals)
+        return cls(**intervals).with_units(units_of_parameters(parameters))
 
     @classmethod
     def plus_minus(cls, parameters: Mapping[str, SupportsFloat], /, **tolerances: object) -> "Box":
@@ -117,7 +149,9 @@ class Box:
         **tolerances : by name, a number (to both sides), a pair (lower, upper) of signed deviations, a share such as
             "1%", or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or "40 +0.1/-0.2", or
             with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value must then be
-            this size, in m or in mm; of an angle such as "30° ±0.5°" it is in rad or in degrees
+            this size, in m or in mm; of an angle such as "30° ±0.5°" it is in rad or in degrees. For a parameter with a
+            unit, sizes and deviations may have others that fit, as in "±0.1 mm" and "23.5 cm +1/-2 mm". Without one
+            they are in its own, but for those with grades, which are in mm
 
         Raises
         ------
@@ -132,16 +166,17 @@ class Box:
         owner = "Box.plus_minus"
         if not isinstance(parameters, Mapping) or not all(map(is_finite_number, parameters.values())):
             raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
+        units = units_of_parameters(parameters)
         parameters, tolerances = normal_keys(owner, parameters), normal_keys(owner, tolerances)
         for name in tolerances:
             if name not in parameters:
                 raise DeclarationError(f"{owner}: unknown parameter '{name}'.{did_you_mean(name, parameters)}")
         return cls(
             **{
-                name: interval_of(owner, name, float(parameters[name]), tolerance)
+                name: interval_of(owner, name, float(parameters[name]), tolerance, units.get(name, ""))
                 for name, tolerance in tolerances.items()
             }
-        )
+        ).with_units(units)
 
     @classmethod
     def read(cls, path: str | PathLike[str], parameters: Mapping[str, SupportsFloat] | None = None) -> "Box":
@@ -150,7 +185,7 @@ class Box:
         A CSV file has a head with `name`, `nominal`, `plus` and `minus`. The latter are the distances of the ends from
         the nominal value; without `minus`, `plus` holds for both sides. In their place a column `tolerance` may hold
         what `plus_minus` takes as a text, such as 1%, 40 ±0.1 or 40 H7. In a TOML file each parameter is a table with
-        these keys.
+        these keys. Numbers are in the unit of the parameter, or have one that fits, as 0.5 mm.
 
         Parameters
         ----------
@@ -170,17 +205,31 @@ class Box:
             isinstance(parameters, Mapping) and all(map(is_finite_number, parameters.values()))
         ):
             raise DeclarationError(f"Box.read: parameters must be nominal values by name, got {shown(parameters)}.")
-        return cls(**intervals_in_file(Path(path), normal_keys("Box.read", parameters)))
+        units = units_of_parameters(parameters)
+        return cls(**intervals_in_file(Path(path), normal_keys("Box.read", parameters), units)).with_units(units)
 
     def __or__(self, other: "Box") -> "Box":
         """The intervals of both boxes. A parameter of both must have the same interval in them."""
         if not isinstance(other, Box):
             return NotImplemented
-        mine, theirs = (dict(zip(box.names, box.bounds, strict=True)) for box in (self, other))
+        mine, theirs = (box.intervals for box in (self, other))
         for name in mine.keys() & theirs.keys():
             if mine[name] != theirs[name]:
                 raise DeclarationError(f"Box: '{name}' is {mine[name]} in one box and {theirs[name]} in the other.")
         return Box(**(mine | theirs))
+
+    @property
+    def intervals(self) -> dict[str, Interval]:
+        """The intervals by name, (lower, upper), or (lower, upper, unit) of a parameter with a unit."""
+        return {
+            name: (*ends, unit) if unit else ends
+            for name, ends, unit in zip(self.names, self.bounds, self.units or ("",) * len(self), strict=True)
+        }
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The names with their units, for tables."""
+        return tuple(map(label, self.names, self.units or ("",) * len(self)))
 
     @property
     def lower(self) -> Array:
@@ -217,7 +266,7 @@ class Box:
     def without(self, name: str) -> "Box | None":
         """The box of the other parameters; None if there are none."""
         require_instance(repr(self), name, str, "the name of a parameter")
-        left = {other: ends for other, ends in zip(self.names, self.bounds, strict=True) if other != normal(name)}
+        left = {other: ends for other, ends in self.intervals.items() if other != normal(name)}
         return Box(**left) if left else None
 
     def __len__(self) -> int:
@@ -238,13 +287,14 @@ class Box:
         return self.bounds[self.names.index(name)]
 
     def __repr__(self) -> str:
-        inside = ", ".join(
-            f"{name}=({low:.12g}, {high:.12g})" for name, (low, high) in zip(self.names, self.bounds, strict=True)
+        inside = (
+            f"{name}=({low:.12g}, {high:.12g}{''.join(f', {text!r}' for text in unit)})"
+            for name, (low, high, *unit) in self.intervals.items()
         )
-        return f"Box({inside})"
+        return f"Box({', '.join(inside)})"
 
     def _repr_html_(self) -> str:
-        ends = zip(self.names, self.bounds, self.center.tolist(), self.radius.tolist(), strict=True)
+        ends = zip(self.labels, self.bounds, self.center.tolist(), self.radius.tolist(), strict=True)
         rows = [
             [name, *(f"{x:.12g}" for x in pair), f"{middle:.12g} ± {half:.6g}"] for name, pair, middle, half in ends
         ]

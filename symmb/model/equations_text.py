@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
+from symmb.mechanics import with_si_symbols
 from symmb.symbolic import is_zero, plain, printer, set_names, simplified, typeset, with_names
 
 _WIDTH = 110
@@ -84,9 +85,10 @@ def equations_of(system: Any) -> Equations:
     of = [*symbols.values()], [*symbols]
     q, v, rows, n_c = [*c.q_names], [*c.v_names], [*c.row_names], system.Phi.numel()
     is_rate = len(q) == len(v) and is_zero(system.qdot - system.v)
-    matrices = {name: simplified(getattr(system, name), *of) for name in system.parts}
+    parts = {name: with_si_symbols(system.parameters, getattr(system, name)) for name in system.parts}
+    matrices = {name: simplified(parts[name], *of) for name in system.parts}
     long = [name for name, m in matrices.items() if m is None or max(e.count_ops() for e in m) > _LONGEST]
-    shared, named = with_names([getattr(system, name) for name in long], *of) if long else ({}, [])
+    shared, named = with_names([parts[name] for name in long], *of) if long else ({}, [])
     matrices |= dict(zip(long, named, strict=True))
     pretty = printer(set_names([*symbols], plain), "pretty")
     fits = [name for name, m in matrices.items() if name not in long and 3 * m.cols < _WIDTH]

@@ -15,6 +15,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._types import Array, Expr
+from symmb._units import dimensions, label, ratio_of, scaled, unit_of, units_of_parameters
 from symmb.mechanics import Figure
 from symmb.model.box import Box
 from symmb.model.figures import BoundFigure, bound_figure
@@ -25,6 +26,12 @@ from symmb.model.units import units_of
 from symmb.symbolic import reduction, t
 
 T = TypeVar("T")
+Output = Expr | Figure | tuple[Expr | Figure, str]
+"""An output, or one with the unit that it is asked in."""
+
+
+class _Fitting(str):
+    """A unit that fits its output. In pickles, whose expressions share nothing, units are not known as well."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,7 +50,8 @@ class Scene:
         or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
     outputs : mapping
         name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a figure of the motion such
-        as `maximum(expression)`; default: all coordinates and velocities
+        as `maximum(expression)`; default: all coordinates and velocities. A pair such as (expression, "mm") asks for a
+        unit: all values of this output are numbers in it, in runs, bounds, limits, data, pictures and files
     box : Box
         intervals of the uncertain parameters
     guess : mapping
@@ -81,7 +89,7 @@ class Scene:
     system: System
     start: Mapping[str, Expr] = field(default_factory=dict)
     times: Array = field(default_factory=lambda: np.zeros(1))
-    outputs: Mapping[str, Expr | Figure] | None = None
+    outputs: Mapping[str, Output] | None = None
     box: Box | None = None
     guess: Mapping[str, Expr] = field(default_factory=dict)
     name: str = "scene"
@@ -100,7 +108,11 @@ class Scene:
         faults = self._faults()
         if faults:
             raise DeclarationError("\n".join(faults))
+        if asked := {name: (y, _Fitting(unit)) for name, (y, unit) in self.asked.items() if unit}:
+            self._require_fitting_units()
+            object.__setattr__(self, "outputs", {**(self.outputs or {}), **asked})
         object.__setattr__(self, "system", self.system.without_inputs)
+        object.__setattr__(self, "box", self._own_box)
         object.__setattr__(self, "times", np.array(self.times, dtype=float))
         known = {s.sx.element_hash() for s in self.system.collected.states}
         along = ca.vertcat(self.y, *(part for figure in self.figures.values() for part in figure.parts))
@@ -110,7 +122,7 @@ class Scene:
 
     def _faults(self) -> list[str]:
         untimely = _time_faults(self.times)
-        faults = [*untimely, *self._box_faults()]
+        faults = [*untimely]
         coordinates = self.coordinates
         if coordinates is not None and not (isinstance(coordinates, str) and coordinates in ("joint", "body")):
             faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
@@ -120,7 +132,7 @@ class Scene:
             faults.append("equilibrium: the scene goes on from the end of a run. Leave equilibrium out.")
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
         # Coordinates that move uniformly need the start time.
-        for attribute in ("prescribed", "guesses", *(() if untimely else ("_bound_outputs", "figures"))):
+        for attribute in ("_own_box", "prescribed", "guesses", *(() if untimely else ("_bound_outputs", "figures"))):
             try:
                 getattr(self, attribute)
             except DeclarationError as error:
@@ -141,14 +153,21 @@ class Scene:
             self.memory[key] = prepare()
         return self.memory[key]
 
-    def _box_faults(self) -> list[str]:
+    @cached_property
+    def _own_box(self) -> Box | None:
+        """The box in the units of the parameters."""
         if self.box is None:
-            return []
+            return None
         if not isinstance(self.box, Box):
-            return [f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."]
+            raise DeclarationError(
+                f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
+            )
         known = self.system.parameters
         unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
-        return unknown or self.system.sign_faults(self.box)
+        box = self.box if unknown else self.box.with_units(units_of_parameters(known))
+        if faults := unknown or self.system.sign_faults(box):
+            raise DeclarationError("\n".join(faults))
+        return box
 
     @cached_property
     def prescribed(self) -> Prescribed:
@@ -191,13 +210,14 @@ class Scene:
         faults = [f"output {fault}" for fault in name_faults([*outputs])]
         if not outputs:
             raise DeclarationError("outputs: give at least one, or leave them out for all coordinates and velocities.")
-        for name, expression in outputs.items():
+        for name, (expression, unit) in self.asked.items():
             if isinstance(expression, Figure):
                 continue
             try:
-                bound[name] = self.expression(expression, f"output {name!r}")
-                if bound[name].numel() != 1:
-                    faults.append(f"output {name!r}: has {bound[name].numel()} components; give each its own name.")
+                own = self.expression(expression, f"output {name!r}")
+                bound[name] = scaled(own, unit_of(f"output {name!r}", unit), inverse=True)
+                if own.numel() != 1:
+                    faults.append(f"output {name!r}: has {own.numel()} components; give each its own name.")
             except DeclarationError as error:
                 faults.append(str(error))
         if faults:
@@ -205,13 +225,30 @@ class Scene:
         return bound
 
     @cached_property
+    def asked(self) -> dict[str, tuple[Any, str]]:
+        """The outputs that are given, each with the unit that it is asked in, '' without one."""
+        given: Any = self.outputs.items() if isinstance(self.outputs, Mapping) else ()
+        return {name: output if _has_unit(output) else (output, "") for name, output in given}
+
+    def _require_fitting_units(self) -> None:
+        """DeclarationError if a unit that is asked for does not fit the output, as far as its unit is known."""
+        for name, (_, asked) in self.asked.items():
+            what, known = f"output {name!r}", self._inferred[name] if asked and type(asked) is str else ""
+            if asked != "s" and name in self.figures and self.figures[name].expression is None and known:
+                raise DeclarationError(f"{what} is a time, which is in s.")
+            if known and dimensions(what, known) != dimensions(what, asked):
+                ratio_of("outputs", what, asked, known)
+
+    @cached_property
     def figures(self) -> dict[str, BoundFigure]:
         """The outputs that are one number a run, by name."""
         bound, faults = {}, list[str]()
-        for name, output in self.outputs.items() if isinstance(self.outputs, Mapping) else ():
+        for name, (output, unit) in self.asked.items():
             if isinstance(output, Figure):
                 try:
-                    bound[name] = bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
+                    own = bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
+                    ratio, y = unit_of(f"output {name!r}", unit), own.expression
+                    bound[name] = own if y is None else replace(own, expression=scaled(y, ratio, inverse=True))
                 except DeclarationError as error:
                     faults.append(str(error))
         if faults:
@@ -222,19 +259,32 @@ class Scene:
     def curves(self) -> "Scene":
         """A copy with outputs over time alone: those of this scene, and the expressions in its figures."""
         named = {f"{name}: {k}": part for name, figure in self.figures.items() for k, part in enumerate(figure.parts)}
-        return self.with_outputs(self._bound_outputs | named) if self.figures else self
+        own = {name: pair for name, pair in self.asked.items() if pair[1] and name in self._bound_outputs}
+        return self.with_outputs(self._bound_outputs | own | named) if self.figures else self
 
     @property
     def curve_names(self) -> tuple[str, ...]:
         """Names of the outputs over time, in order."""
         return tuple(self._bound_outputs)
 
-    @cached_property
+    @property
     def curve_units(self) -> tuple[str, ...]:
         """Units of the outputs over time: those of coordinates that move uniformly as well."""
-        given = self._bound_outputs if self.outputs is None else self.outputs
-        whole = ca.vertcat(*(self._bound(given[name], name) for name in self.curve_names), ca.SX(0, 1))
-        return units_of(self.system, whole)
+        return tuple(self._unit_of(name) for name in self.curve_names)
+
+    def _unit_of(self, name: str) -> str:
+        return self.asked.get(name, ("", ""))[1] or self._inferred[name]
+
+    @cached_property
+    def _inferred(self) -> dict[str, str]:
+        """The units of outputs that follow from their expressions."""
+        given = {name: (y, "") for name, y in self._bound_outputs.items()} if self.outputs is None else self.asked
+        whole = ca.vertcat(*(self._bound(given[name][0], name) for name in self.curve_names), ca.SX(0, 1))
+        known = dict(zip(self.curve_names, units_of(self.system, whole), strict=True))
+        for name in self.figures:
+            own = self.asked[name][0].expression
+            known[name] = "s" if own is None else units_of(self.system, self.expression(own, name))[0]
+        return known
 
     def _bound(self, expression: Expr, what: str) -> ca.SX:
         """An expression as SX, before coordinates that move uniformly are put in."""
@@ -248,10 +298,7 @@ class Scene:
     @cached_property
     def units(self) -> tuple[str, ...]:
         """Units of the outputs, '' where they do not follow from the expression."""
-        known = dict(zip(self.curve_names, self.curve_units, strict=True))
-        for name, figure in self.figures.items():
-            known[name] = "s" if figure.expression is None else units_of(self.system, figure.expression)[0]
-        return tuple(known[name] for name in self.output_names)
+        return tuple(self._unit_of(name) for name in self.output_names)
 
     @cached_property
     def y(self) -> ca.SX:
@@ -274,8 +321,7 @@ class Scene:
         return f"Scene({self.name!r}, {len(self.output_names)} outputs at {len(self.times)} times, {span})"
 
     def _repr_html_(self) -> str:
-        declared = self._bound_outputs | {name: self.outputs[name] for name in self.figures} if self.outputs else {}
-        declared = declared or self._bound_outputs
+        declared = self._bound_outputs | {name: self.asked[name][0] for name in self.figures}
         outputs = [
             [name, unit, _cell(declared[name])] for name, unit in zip(self.output_names, self.units, strict=True)
         ]
@@ -286,8 +332,9 @@ class Scene:
         intervals = {} if self.box is None else dict(zip(self.box.names, self.box.bounds, strict=True))
         if self.system.parameters:
             rows = []
+            units = units_of_parameters(self.system.parameters)
             for name, value in self.system.parameters.items():
-                row = [name, f"{value:g}", *(f"{end:g}" for end in intervals.get(name, ()))]
+                row = [label(name, units.get(name, "")), f"{value:g}", *(f"{end:g}" for end in intervals.get(name, ()))]
                 rows.append([*row, *[""] * (4 - len(row))])
             tables.append(html.table([["parameter", "nominal", "lower", "upper"], *rows]))
         # Drawings stand on scenes. Only a notebook that shows a scene asks for one.
@@ -306,7 +353,7 @@ class Scene:
         """A copy with other times."""
         return replace(self, times=times)
 
-    def with_outputs(self, outputs: Mapping[str, Expr | Figure]) -> "Scene":
+    def with_outputs(self, outputs: Mapping[str, Output]) -> "Scene":
         """A copy with other outputs."""
         return replace(self, outputs=outputs)
 
@@ -355,6 +402,10 @@ class Scene:
     def with_name(self, name: str) -> "Scene":
         """A copy with another name."""
         return replace(self, name=name)
+
+
+def _has_unit(output: Any) -> bool:
+    return isinstance(output, tuple) and len(output) == 2 and isinstance(output[1], str)
 
 
 _LONGEST_CELL = 80

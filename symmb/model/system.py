@@ -21,7 +21,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._names import normal
 from symmb._options import require_instance, require_name, require_names
 from symmb._types import Expr
-from symmb.mechanics import Block, Body, Element, Ground, Input, Joint, Parameters
+from symmb.mechanics import Block, Body, Element, Ground, Input, Joint, Parameters, with_si_symbols
 from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
@@ -424,8 +424,9 @@ class System(Block):
         symbols = self.names
         require_names("to_sympy", "part", names, self.parts)
         of = [*symbols.values()], [*symbols]
-        short = {name: simplified(getattr(self, name), *of) for name in names or self.parts}
-        return {name: to_sympy(getattr(self, name), *of) if part is None else part for name, part in short.items()}
+        parts = {name: with_si_symbols(self.parameters, getattr(self, name)) for name in names or self.parts}
+        short = {name: simplified(part, *of) for name, part in parts.items()}
+        return {name: to_sympy(parts[name], *of) if part is None else part for name, part in short.items()}
 
     @cached_property
     def _as_read(self) -> Equations:

@@ -8,11 +8,12 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, SupportsFloat
+from typing import Any, NamedTuple, SupportsFloat
 
 from symmb._errors import DeclarationError, FileError, text_of
 from symmb._names import did_you_mean, normal
 from symmb._options import is_finite_number, numbers_of, shown
+from symmb._units import NUMBER, number_in, quantity, ratio_of, scaled
 from symmb.files import told
 from symmb.model.iso_grades import sizes_of_grade
 
@@ -27,18 +28,74 @@ _SIGNS = str.maketrans(
 _DEGREE = "\N{DEGREE SIGN}"
 _LENGTH, _ANGLE = {"m": 1e-3, "mm": 1.0}, {"rad": math.pi / 180, "deg": 1.0}
 """Units of nominal values, over those of sizes in texts."""
-_SIZE, _DEVIATION = r" *(-?\d+(?:\.\d+)?)", r"([+-] *\d+(?:\.\d+)?|0(?:\.0+)?)"
-_BOTH_SIDES = re.compile(_SIZE + r" *(?:±|\+ */ *-|\+-) *(\d+(?:\.\d+)?) *(%?) *")
-_EACH_SIDE = re.compile(_SIZE + r"(?: +|(?=[+-]))" + _DEVIATION + r"(?: */ *| +|(?=[+-]))" + _DEVIATION + " *")
+_UNIT, _DEVIATION = r" *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?|) *", r"([+-] *\d+(?:\.\d+)?|0(?:\.0+)?)"
+_SIZE = rf" *(?:({NUMBER}){_UNIT})?"
+_BOTH_SIDES = re.compile(_SIZE + rf"(?:±|\+ */ *-|\+-) *(\d+(?:\.\d+)?)(?: *(%) *|{_UNIT})")
+_EACH_SIDE = re.compile(
+    _SIZE + r"(?:(?<= )|(?=[+-]))" + _DEVIATION + _UNIT + r"(?:/ *|(?<= )|(?=[+-]))" + _DEVIATION + _UNIT
+)
 _LIKE_DEVIATIONS = re.compile(r" *-?\d.*[±+/]")
-"""Deviations of a drawing: to both sides, as 40 ±0.1 or 40 ±1%, to each side, as 40 +0.1/-0.2, and what is meant so."""
+"""Deviations of a drawing: to both sides, as 40 ±0.1 or 40 mm ±1%, to each side, as 40 +0.1/-0.2 mm, and what is meant
+so."""
 _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
 
 
-def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Interval:
-    """The interval around a nominal value by a tolerance of `Box.plus_minus`."""
+class _Told(NamedTuple):
+    """What a text tells: a size and its ends, or deviations if the size is None, their unit, and a share, if any."""
+
+    size: float | None
+    ends: Interval
+    unit: str
+    percent: float | None = None
+
+
+def _told(owner: str, name: str, text: str) -> _Told | None:
+    """The deviations of a text, such as "235 mm ±0.5 mm", "2.5 N/mm ±10%", "±0.1 mm" or "40 +0.1/-0.2 mm"."""
+    plain, percent = text.translate(_SIGNS), None
+    if match := _BOTH_SIDES.fullmatch(plain):
+        size, unit, deviation, mark, other = match.groups()
+        deviations, percent = [(f"-{deviation}", other), (deviation, other)], float(deviation) if mark else None
+    elif match := _EACH_SIDE.fullmatch(plain):
+        size, unit, first, first_unit, second, other = match.groups()
+        deviations = [(first, first_unit or other), (second, other)]
+    else:
+        return None
+    begin, own = None if size is None else float(size.replace(" ", "")), unit or deviations[1][1] or ""
+    if percent is not None:
+        return None if begin is None else _Told(begin, _share(owner, name, begin, text, percent), own, percent)
+    what = f"the size of {name!r}"
+    numbers = [
+        number_in(owner, what, (float(n.replace(" ", "")), u or ""), own) + (begin or 0.0) for n, u in deviations
+    ]
+    return _Told(begin, (min(numbers), max(numbers)), own)
+
+
+def interval_with_unit(name: str, given: Any) -> tuple[Any, str]:
+    """An interval of a Box as two ends and their unit, '' if it has none."""
+    owner = f"Box: {name!r}"
+    if isinstance(given, str):
+        told = _told("Box", name, given)
+        if told is None or told.size is None:
+            raise DeclarationError(
+                f"{owner}: {shown(given)} is no interval. Write '235 mm ±0.5 mm', '2.5 N/mm ±10%' or (lower, upper); "
+                "Box.plus_minus(p, ...) takes deviations from nominal values."
+            )
+        given = [(end, told.unit) for end in told.ends]
+    elif isinstance(given, tuple | list) and len(given) == 3 and isinstance(given[2], str):
+        given = [(end, given[2]) for end in given[:2]]
+    if not isinstance(given, tuple | list) or not any(isinstance(end, str | tuple) for end in given):
+        return given, ""
+    ends = [quantity(f"{owner}:", end) for end in given]
+    unit = ends[0][1]
+    if len({bool(other) for _, other in ends}) > 1:
+        raise DeclarationError(f"{owner}: both ends need a unit, or none, got {shown(given)}.")
+    return [number_in(owner, "the other end", end, unit) for end in ends], unit
+
+
+def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: str = "") -> Interval:
+    """The interval around a nominal value in a unit by a tolerance of `Box.plus_minus`."""
     if isinstance(tolerance, str):
-        return _of_text(owner, name, nominal, tolerance)
+        return _of_text(owner, name, nominal, tolerance, unit)
     if is_finite_number(tolerance):
         if tolerance < 0:
             raise DeclarationError(f"{owner}: the tolerance of {name!r} must be at least 0, got {shown(tolerance)}.")
@@ -54,37 +111,47 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Int
     return nominal + lower, nominal + upper
 
 
-def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
-    plain = text.translate(_SIGNS).replace(_DEGREE, "")
-    if match := _BOTH_SIDES.fullmatch(plain):
-        size, deviation = float(match[1]), float(match[2])
-        unit = _unit(owner, name, nominal, text, size)
-        if match[3]:
-            return _share(owner, name, nominal, text, deviation)
-        return unit * (size - deviation), unit * (size + deviation)
-    if match := _EACH_SIDE.fullmatch(plain):
-        size, *deviations = (float(number.replace(" ", "")) for number in match.groups())
-        unit = _unit(owner, name, nominal, text, size)
-        return unit * (size + min(deviations)), unit * (size + max(deviations))
+def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Interval:
+    told = _told(owner, name, text)
+    if told is None and text.strip().endswith("%"):
+        percent = _number_or_text(text.strip().removesuffix("%"))
+        if isinstance(percent, str):
+            raise DeclarationError(f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.")
+        return _share(owner, name, nominal, text, percent)
+    if told is None or not (own or told.size is not None or told.unit):
+        told = _of_grade(owner, name, text, "mm" if own else "")
+    if own:
+        ratio = ratio_of(owner, f"parameter {name!r}", told.unit or own, own)
+        low, high = (scaled(end, ratio) for end in told.ends)
+        if told.size is None:
+            return nominal + low, nominal + high
+        if abs(nominal - scaled(told.size, ratio)) > _SAME * abs(nominal):
+            raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")
+        return low, high
+    if told.size is None or told.unit not in ("", _DEGREE):
+        raise DeclarationError(f"{owner}: {name!r} has no unit, and {text!r} has one. Declare {name}=(..., 'mm').")
+    unit = _unit(owner, name, nominal, text, told.size)
+    if told.percent is not None:
+        return _share(owner, name, nominal, text, told.percent)
+    return unit * told.ends[0], unit * told.ends[1]
+
+
+def _of_grade(owner: str, name: str, text: str, unit: str) -> _Told:
+    """The size of a text with its grade, and its ends [mm]."""
+    plain = text.translate(_SIGNS)
     if _LIKE_DEVIATIONS.match(plain):
         comma = " Decimals have a point." if "," in text else ""
         raise DeclarationError(
             f"{owner}: {text!r} of {name!r} is no tolerance. Write a size with its deviations, such as '40 ±0.1', "
             f"'40 ±1%' or '40 +0.1/-0.2'.{comma}"
         )
-    if text.strip().endswith("%"):
-        percent = _number_or_text(text.strip().removesuffix("%"))
-        if isinstance(percent, str):
-            raise DeclarationError(f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.")
-        return _share(owner, name, nominal, text, percent)
     if _DEGREE in text:
         raise DeclarationError(f"{owner}: {text!r} of {name!r}: grades are known for lengths alone. Write '30° ±0.5°'.")
     try:
         size, lower, upper = sizes_of_grade(plain)
     except DeclarationError as error:
         raise DeclarationError(f"{owner}: {name!r}: {error}") from None
-    unit = _unit(owner, name, nominal, text, size)
-    return unit * lower, unit * upper
+    return _Told(size, (lower, upper), unit)
 
 
 def share_of(text: str) -> float | str:
@@ -121,8 +188,11 @@ def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> floa
     )
 
 
-def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None = None) -> dict[str, Interval]:
-    """The intervals that a CSV or TOML table tells, whose nominal values must be those of the parameters, if given."""
+def intervals_in_file(
+    path: Path, parameters: Mapping[str, SupportsFloat] | None, units: Mapping[str, str]
+) -> dict[str, Interval]:
+    """The intervals that a CSV or TOML table tells, in units of the parameters, whose nominal values must be those of
+    the parameters, if given."""
     owner = f"Box.read: {path.name}"
     read = {".csv": _rows_of_csv, ".toml": _rows_of_toml}.get(path.suffix.lower())
     if read is None:
@@ -142,7 +212,7 @@ def intervals_in_file(path: Path, parameters: Mapping[str, SupportsFloat] | None
             raise DeclarationError(f"{owner}: each row needs the name of a parameter.")
         if name in intervals:
             raise DeclarationError(f"{owner}: {name!r} stands there twice.")
-        intervals[name] = _of_row(owner, name, row, parameters)
+        intervals[name] = _of_row(owner, name, row, parameters, units.get(name, ""))
     if not intervals:
         raise DeclarationError(f"{owner} has no rows.")
     return intervals
@@ -176,21 +246,23 @@ def _rows_of_toml(owner: str, text: str) -> Iterator[dict[str, Any]]:
         yield {"name": name, **row}
 
 
-def _of_row(owner: str, name: str, row: Mapping[str, Any], parameters: Mapping[str, SupportsFloat] | None) -> Interval:
+def _of_row(
+    owner: str, name: str, row: Mapping[str, Any], parameters: Mapping[str, SupportsFloat] | None, unit: str
+) -> Interval:
     for key in row:
         if key not in _COLUMNS:
             raise DeclarationError(f"{owner}: no column {key!r} is read.{did_you_mean(key, _COLUMNS)}")
-    nominal = _number(owner, name, "nominal", row.get("nominal"))
+    nominal = _number(owner, name, "nominal", row.get("nominal"), unit)
     if parameters is not None:
         _require_nominal(owner, name, nominal, parameters)
     if "tolerance" in row:
         if "plus" in row or "minus" in row:
             raise DeclarationError(f"{owner}: {name!r} has a tolerance, and plus or minus: give one of both.")
-        return interval_of(owner, name, nominal, _number_or_text(row["tolerance"]))
+        return interval_of(owner, name, nominal, _number_or_text(row["tolerance"]), unit)
     if "plus" not in row:
         raise DeclarationError(f"{owner}: {name!r} needs plus and minus, or a tolerance.")
-    plus = _number(owner, name, "plus", row["plus"])
-    minus = _number(owner, name, "minus", row.get("minus", plus))
+    plus = _number(owner, name, "plus", row["plus"], unit)
+    minus = _number(owner, name, "minus", row.get("minus", plus), unit)
     if plus < 0 or minus < 0:
         raise DeclarationError(
             f"{owner}: plus and minus of {name!r} are distances from the nominal value, and at least 0. If both ends "
@@ -210,8 +282,10 @@ def _require_nominal(owner: str, name: str, nominal: float, parameters: Mapping[
         )
 
 
-def _number(owner: str, name: str, column: str, value: Any) -> float:
+def _number(owner: str, name: str, column: str, value: Any, unit: str) -> float:
     value = _number_or_text(value)
+    if unit and isinstance(value, str):
+        return number_in(f"{owner}: {column} of {name!r}", f"parameter {name!r}", value, unit)
     if not is_finite_number(value):
         raise DeclarationError(f"{owner}: {column} of {name!r} must be a number, got {shown(value)}.")
     return float(value)

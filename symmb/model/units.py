@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import casadi as ca
 
+from symmb._units import unit_of, units_of_parameters
 from symmb.mechanics import ForceElement, Joint, OwnState
 from symmb.model.system import System
 from symmb.symbolic import Kind, interpret, is_time, lookup, symbols_in
@@ -51,9 +52,9 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
     """Units of expressions (n_y,) of a system, '' where they are not known.
 
     Coordinates, velocities, accelerations, handles of joints, multipliers and the time have units. Sums, differences,
-    products, powers and roots of them have others. Numbers and parameters may have any unit, so that products with them
-    have none that is known. Terms of a sum have the unit of those among them that have one; lengths have precedence
-    over angles: x + l sin(theta) has the unit of x.
+    products, powers and roots of them have others, and so have parameters with units. Numbers and other parameters may
+    have any unit, so that products with them have none that is known. Terms of a sum have the unit of those among them
+    that have one; lengths have precedence over angles: x + l sin(theta) has the unit of x.
 
     Examples
     --------
@@ -71,7 +72,7 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
         if multiplier.element_hash() in hashes:  # a multiplier times its row is an energy, or a power
             (unit,) = _worked_out(rows[i], {})
             known[multiplier.element_hash()] = _product(_ENERGY if i < n_c else _POWER, unit, -1) if unit else None
-    handles = [*_handles(system), *_forces(system, y)]
+    handles = [*_of_parameters(system), *_handles(system), *_forces(system, y)]
     laws = {element.name: law for element, law in system.collected.sampled}
     for state in (e for e in system.elements if isinstance(e, OwnState)):
         if state.value.element_hash() in hashes:
@@ -81,9 +82,12 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
     return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known, handles))
 
 
-def powers_of(unit: str) -> Unit:
-    """Powers of m, kg, s and rad in a unit that `units_of` gives."""
-    return next(powers for powers, text in _TEXTS.items() if text == unit)
+def _of_parameters(system: System) -> list[tuple[ca.SX, Unit]]:
+    """The parameters with mechanical units, as they stand in expressions."""
+    p, units = system.parameters, units_of_parameters(system.parameters)
+    powers = ((name, unit_of(name, text).powers) for name, text in units.items())
+    known = ((name, _product(tuple(map(Fraction, of[:4])), _NONE)) for name, of in powers if not any(of[4:]))
+    return [(getattr(p, name), unit) for name, unit in known if unit]
 
 
 def _handles(system: System) -> list[tuple[ca.SX, Unit]]:

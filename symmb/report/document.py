@@ -11,6 +11,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._options import require_names
+from symmb._units import label, units_of_parameters
 from symmb.bounds import METHODS
 from symmb.files import replacement
 from symmb.model import Box
@@ -98,9 +99,14 @@ def assumed(
 
 def _intervals(box: Box, nominal: Mapping[str, float]) -> list[list[str]]:
     rows = [["parameter", "lower", "upper", *(["nominal"] if nominal else [])]]
-    for name, ends in zip(box.names, box.bounds, strict=True):
-        rows.append([name, *(_number(x) for x in (*ends, *([nominal[name]] if name in nominal else [])))])
-    fixed = [[name, "", "", _number(value)] for name, value in nominal.items() if name not in box.names]
+    for name, text, ends in zip(box.names, box.labels, box.bounds, strict=True):
+        rows.append([text, *(_number(x) for x in (*ends, *([nominal[name]] if name in nominal else [])))])
+    units = units_of_parameters(nominal)
+    fixed = [
+        [label(name, units.get(name, "")), "", "", _number(value)]
+        for name, value in nominal.items()
+        if name not in box.names
+    ]
     return [[*row, *[""] * (len(rows[0]) - len(row))] for row in (*rows, *fixed)]
 
 

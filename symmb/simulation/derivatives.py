@@ -6,8 +6,10 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._names import ByName
 from symmb._options import optional_package, shown
 from symmb._types import Array, Expr
+from symmb._units import units_of_parameters
 from symmb.black_boxes import Jets, Kinked, Simulator
 from symmb.integrate import Solver
 from symmb.model import Scene
@@ -53,7 +55,8 @@ class Differentiable:
         self._owner, self._nominal = owner, np.array(list(nominal.values()))
         self._columns = np.array([[*nominal].index(name) for name in some])
         self.simulator = simulator
-        self.parameters = {name: nominal[name] for name in some}
+        units = units_of_parameters(simulator.parameters)
+        self.parameters = ByName({name: nominal[name] for name in some}, units)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -13,6 +13,7 @@ from symmb._names import counted, normal
 from symmb._options import require_name, shown
 from symmb._table import over_times
 from symmb._types import Array, Expr
+from symmb._units import label, units_of_parameters
 from symmb.black_boxes import Simulator
 from symmb.files import NAMES, TIMES, Record, Saved, entry
 from symmb.integrate import Solver
@@ -78,6 +79,12 @@ class Sensitivities(plot.OverTime, Result, Saved):
             require_name("Sensitivities", what, one, known)
         return self.values[:, self.names.index(name), [*self.parameters].index(parameter)]
 
+    @property
+    def _labels(self) -> list[str]:
+        """The parameters with their units."""
+        units = units_of_parameters(self.parameters)
+        return [label(name, units.get(name, "")) for name in self.parameters]
+
     def _head(self) -> str:
         return f"{self.name}: dy/dp of {counted(len(self.names), 'output')} at the nominal parameters"
 
@@ -86,7 +93,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
         rows = [["output", "parameter", "nominal", "largest dy/dp", "at [s]", "change for 1 %"]]
         for k, name in enumerate(names):
             places = np.abs(self.values[:, k]).argmax(axis=0)
-            for j, (parameter, nominal) in enumerate(self.parameters.items()):
+            for j, (parameter, nominal) in enumerate(zip(self._labels, self.parameters.values(), strict=True)):
                 slope = self.values[places[j], k, j]
                 numbers = [f"{nominal:g}", f"{slope:.4g}", f"{self.t[places[j]]:.4g}", f"{0.01 * nominal * slope:.2g}"]
                 rows.append([name, parameter, *numbers])
@@ -98,7 +105,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
             self.t,
             np.moveaxis(changes, -1, 0),
             self.names,
-            [*self.parameters],
+            self._labels,
             units=self.units,
             chosen=columns,
             title=f"{self.name}: change for 1 % of each parameter",

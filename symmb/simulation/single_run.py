@@ -11,10 +11,11 @@ import numpy as np
 from symmb._doubt import Doubt
 from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
 from symmb._interrupts import carry, kept_interrupts, runs_of
-from symmb._names import did_you_mean, normal_keys
-from symmb._options import is_finite_number, require_truth, shown
+from symmb._names import ByName, did_you_mean, normal_keys
+from symmb._options import require_truth, shown
 from symmb._progress import Progress
 from symmb._types import Array, Expr
+from symmb._units import number_in, units_of_parameters
 from symmb.integrate import EventDriven, Run, Solver, solver_of, stiffness
 from symmb.model import DAE, Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
@@ -286,12 +287,13 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
     nominal = scene.system.parameters
     if not isinstance(changes, Mapping):
         raise DeclarationError(f'parameters: expected values by name, such as {{"l1": 1.02}}, got {shown(changes)}.')
-    for name, value in (changes := normal_keys("parameters", changes)).items():
+    for name in (changes := normal_keys("parameters", changes)):
         if not isinstance(name, str) or name not in nominal:
             raise DeclarationError(f"No parameter {name!r}.{did_you_mean(name, nominal)}")
-        if not is_finite_number(value):
-            raise DeclarationError(f"Parameter {name!r}: {value!r} is not a finite number.")
-    return {name: float(changes.get(name, value)) for name, value in nominal.items()}
+    units = units_of_parameters(nominal)
+    values = {**nominal, **changes}
+    own = {n: number_in(f"Parameter {n!r}", f"parameter {n!r}", values[n], units.get(n, "")) for n in nominal}
+    return ByName(own, units)
 
 
 def _breakdown_text(runs: "_PilotRuns", solver: Solver, reason: str, switches: str) -> str:
@@ -322,7 +324,7 @@ class _PilotRuns:
 
     def __init__(self, scene: Scene, parameters: Mapping[str, float], prepared: DAESimulator | None) -> None:
         begin = time.perf_counter()
-        self.scene, self.parameters = scene, dict(parameters)
+        self.scene, self.parameters = scene, ByName(parameters)
         self.p = np.array(list(parameters.values()))
         self.simulator = self._at(prepared or prepare_equations(scene))
         self.solver, self.reason = (prepared.solver, prepared.reason) if prepared else (None, "")

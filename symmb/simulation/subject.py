@@ -8,6 +8,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._options import require_names, shown
 from symmb._progress import Progress
 from symmb._types import Array, Expr
+from symmb._units import units_of_parameters
 from symmb.black_boxes import Simulator
 from symmb.integrate import CVODES, Solver, solver_of
 from symmb.model import Box, Scene
@@ -46,7 +47,7 @@ def simulator_of(
     else:
         require_own(subject, solver, times, outputs)
         simulator = with_figures(subject)
-    return simulator, box
+    return simulator, box.with_units(units_of_parameters(simulator.parameters))
 
 
 def simulator_for(

@@ -12,11 +12,12 @@ from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
 from symmb._limits import require_memory, require_runs
-from symmb._names import counted, normal_keys
+from symmb._names import ByName, counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import over_times
 from symmb._types import Array, Executor, Expr, Indices, Mask
+from symmb._units import units_of_parameters
 from symmb.black_boxes import Progress, Reduction, Samples, Simulator
 from symmb.files import NAMES, TIMES, Record, Saved, entry
 from symmb.integrate import Solver
@@ -110,8 +111,10 @@ class Sweep(plot.OverTime, Result, Saved):
 
     def _head(self) -> str:
         times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
+        units = units_of_parameters(self.parameters)
         varied = ", ".join(
-            f"{name} from {values.min():g} to {values.max():g}" for name, values in self._varied().items()
+            f"{name} from {values.min():g} to {values.max():g} {units.get(name, '')}".rstrip()
+            for name, values in self._varied().items()
         )
         lines = [
             f"{self.name}: {counted(len(self), 'run')}, {times}",
@@ -141,7 +144,7 @@ class Sweep(plot.OverTime, Result, Saved):
             self.t,
             self.values[order],
             self.names,
-            [f"{by} = {values[k]:g}" for k in order],
+            [f"{by} = {values[k]:g} {units_of_parameters(self.parameters).get(by, '')}".rstrip() for k in order],
             units=self.units,
             chosen=columns,
             title=self.name,
@@ -289,7 +292,7 @@ def _of_rows(
         np.asarray(simulator.times),
         tuple(simulator.outputs),
         tuple(getattr(simulator, "units", ("",) * len(simulator.outputs))),
-        dict(zip(simulator.parameters, P.T, strict=True)),
+        ByName(zip(simulator.parameters, P.T, strict=True), units_of_parameters(simulator.parameters)),
         dict(grid),
         Y,
         ok,

@@ -18,6 +18,7 @@ from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean, normal
 from symmb._options import require_instance
 from symmb._types import Array, Expr
+from symmb._units import with_units
 from symmb.events import Event, event_doubts
 from symmb.formulations import output_function
 from symmb.model import Scene
@@ -278,13 +279,14 @@ class Trajectory(plot.OverTime, Result, files.Saved):
 
     @cached_property
     def _text(self) -> str:
+        own = self.parameters
         energy = "nothing moves" if math.isnan(self.energy_drift) else f"energy {self.energy_drift:.1e}"
         drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}, {energy}"
         return "\n".join(
             [
                 f"{self.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
                 *([f"  solver      chosen: {self.reason}"] if self.reason else []),
-                f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
+                f"  parameters  {', '.join(with_units({n: f'{v:g}' for n, v in own.items()}, own)) or 'none'}",
                 *_start_lines(self.statistics["start"]),
                 *_pulse_lines(self._model[1]),
                 *_event_lines(self.events),

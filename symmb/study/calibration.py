@@ -14,6 +14,7 @@ from symmb._labelled import Counted, Labelled, Result, texts
 from symmb._names import ByName, counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array, Figure
+from symmb._units import label, units_of_parameters
 from symmb.files import Record, Saved, entry
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
@@ -140,7 +141,8 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, Saved):
         tail = (1 + level ** (1 / len(self.parameters))) / 2
         factor = float(t(self.degrees).ppf(tail) if self.degrees else norm.ppf(tail))
         sizes = self.deviations
-        return Box(**{n: (p - factor * sizes[n], p + factor * sizes[n]) for n, p in self.parameters.items()})
+        box = Box(**{n: (p - factor * sizes[n], p + factor * sizes[n]) for n, p in self.parameters.items()})
+        return box.with_units(units_of_parameters(self.parameters))
 
     def _require_determined(self, asked: str) -> None:
         if self.undetermined:
@@ -158,11 +160,11 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, Saved):
         )
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        rows = [["parameter", "estimate", "deviation", "share"]]
+        rows, units = [["parameter", "estimate", "deviation", "share"]], units_of_parameters(self.parameters)
         for name, size in self.deviations.items():
             value = self.parameters[name]
             share = f"{size / abs(value):.2%}" if value and np.isfinite(size) else "–"
-            rows.append([name, f"{value:.6g}", f"{size:.2g}", share])
+            rows.append([label(name, units.get(name, "")), f"{value:.6g}", f"{size:.2g}", share])
         return rows
 
     def _figure(self, columns: list[int] | None, style: plot.Style) -> Figure:
@@ -343,7 +345,9 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     covariance[open_, open_] = np.inf
     return Calibration(
         name,
-        dict(zip(fit.names, (found.u * fit.sizes).tolist(), strict=True)),
+        ByName(
+            zip(fit.names, (found.u * fit.sizes).tolist(), strict=True), units_of_parameters(fit.simulator.parameters)
+        ),
         covariance,
         dict(zip(fit.measured, found.noise.tolist(), strict=True)),
         {output: t for output, (t, _) in fit.measured.items()},

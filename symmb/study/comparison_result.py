@@ -9,7 +9,7 @@ from symmb import _html as html
 from symmb import plot
 from symmb._labelled import Labelled, Result
 from symmb._types import Array
-from symmb.bounds import box_of
+from symmb.bounds import box_entries, box_of
 from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.model import Box
 from symmb.study import report
@@ -119,7 +119,7 @@ class Comparison(plot.OverTime, Result, Saved):
 
     def _record(self) -> dict[str, Any]:
         return entries(self) | {
-            "box": dict(self.box),
+            **box_entries(self.box),
             "reference": entries(self.reference),
             "methods": [row.record() for row in self.rows],
             "not_run": [entries(method) for method in self.not_run],
@@ -179,8 +179,8 @@ class Comparison(plot.OverTime, Result, Saved):
     def _head(self) -> list[str]:
         yardstick = self.reference.yardstick
         names = ", ".join(
-            f"{name} [{lower:.6g}, {upper:.6g}]"
-            for name, lower, upper in zip(self.box.names, self.box.lower, self.box.upper, strict=True)
+            " ".join([f"{name} [{lower:.6g}, {upper:.6g}]", *unit])
+            for name, (lower, upper, *unit) in self.box.intervals.items()
         )
         first, last = self.times[0], self.times[-1]
         lines = [

@@ -14,7 +14,8 @@ from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array, Figure
-from symmb.bounds import Method, PolynomialChaos, box_of, method_of, parameter_samples, propagate
+from symmb._units import units_of_parameters
+from symmb.bounds import Method, PolynomialChaos, box_entries, box_of, method_of, parameter_samples, propagate
 from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.model import Box, Scene
@@ -129,7 +130,7 @@ class RootLocus(plot.ThreeDiagrams, Counted, Saved):
             **entries(self),
             **{name: {"re": part.real, "im": part.imag} for name, part in parts.items()},
             "bands": {name: {"lower": lower, "upper": upper} for name, (lower, upper) in self.bands.items()},
-            "box": self.box and dict(self.box),
+            **box_entries(self.box),
         }
 
     @classmethod
@@ -242,7 +243,7 @@ def _others(scene: Scene, parameter: str, box: Box | None) -> Box | None:
         if name not in scene.system.parameters:
             known = did_you_mean(name, scene.system.parameters)
             raise DeclarationError(f"root_locus: no parameter {name!r}, which the box names.{known}")
-    return box.without(parameter)
+    return box.with_units(units_of_parameters(scene.system.parameters)).without(parameter)
 
 
 def _corners(d: int) -> Array:

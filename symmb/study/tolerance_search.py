@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Executor
+from symmb._units import units_of_parameters
 from symmb.black_boxes import Progress, Simulator
 from symmb.bounds import Bounds, LimitCheck, PolynomialChaos, Study, WorstCase, gathered, parameter_samples
 from symmb.model import Box
@@ -80,7 +81,8 @@ class Search:
         low = self._nominal - factors * (self._nominal - self._shape.lower)
         high = self._nominal + factors * (self._shape.upper - self._nominal)
         ends = np.stack([low, high], axis=1).tolist()
-        return Box(**dict(zip(self._shape.names, map(tuple, ends), strict=True)))
+        box = Box(**dict(zip(self._shape.names, map(tuple, ends), strict=True)))
+        return box.with_units(units_of_parameters(self._simulator.parameters))
 
     def _study(self, factors: Array) -> Bounds:
         """Bounds over a box, which can make further runs."""

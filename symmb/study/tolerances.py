@@ -15,7 +15,7 @@ from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor
 from symmb.black_boxes import Progress, Simulator
-from symmb.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, WorstCase, finished, limit_pairs
+from symmb.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, WorstCase, finished, limit_pairs, units_of
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import SceneSimulator, simulator_of
@@ -93,10 +93,10 @@ class Tolerances(Counted, Result):
 
     def _rows(self) -> list[list[str]]:
         rows = [["parameter", "nominal", "lower", "upper", "factor"]]
-        for name, (low, high) in zip(self.box.names, self.box.bounds, strict=True):
+        for name, label, (low, high) in zip(self.box.names, self.box.labels, self.box.bounds, strict=True):
             p = self.nominal[name]
             factor = f"{self.factors[name]:.4g}" if high > low else "fixed"
-            rows.append([name, f"{p:.6g}", f"{low - p:+.4g}", f"{high - p:+.4g}", factor])
+            rows.append([label, f"{p:.6g}", f"{low - p:+.4g}", f"{high - p:+.4g}", factor])
         return rows
 
     def __str__(self) -> str:
@@ -167,7 +167,7 @@ def tolerances(
     """
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
         simulator, shape = simulator_of(scene, box, solver)
-        pairs = limit_pairs(OWNER, limits, simulator.outputs)
+        pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator))
         simulator = _of_outputs(simulator, shape, [*pairs])
         for name in shape.names:
             require_name(OWNER, "parameter", name, simulator.parameters)

@@ -94,3 +94,17 @@ def test_table_of_other_nominal_values_is_refused(folder, capsys):
 def test_a_scene_without_a_box_needs_one(folder, capsys):
     (folder / "roll.py").write_text(SCENE.replace(", box=mb.Box(speed=(0.9, 1.1))", ""))
     assert main(["bound", "roll.py"]) == 2 and "--box NAME=1:2" in capsys.readouterr().err
+
+
+def test_numbers_with_units(folder, capsys):
+    text = SCENE.replace("speed=1.0", 'speed=(1000, "mm/s")').replace('"x": ball.x', '"x": (ball.x, "cm")')
+    (folder / "roll.py").write_text(text.replace("(0.9, 1.1)", '(0.9, 1.1, "m/s")'))
+    assert main(["bound", "roll.py", "--box", "speed=1m/s:1500mm/s", "--limit", "x=:3.1m", "--json", "b.json"]) == 0
+    bounds = mb.Bounds.load("b.json")
+    assert bounds["x"][1][-1] == pytest.approx(300) and bounds.box == mb.Box(speed=(1000, 1500, "mm/s"))
+    assert "speed = 1500 mm/s" in capsys.readouterr().out
+    assert main(["simulate", "roll.py", "--set", "speed=2 m/s", "--csv", "run.csv"]) == 0
+    assert np.genfromtxt(folder / "run.csv", delimiter=",", skip_header=1)[-1, 1] == pytest.approx(400)
+    for words in (["--box", "speed=1kg:2kg"], ["--limit", "x=:3.1s"], ["--limit", "x=:3.1mmm"]):
+        assert main(["bound", "roll.py", *words]) == 2
+        assert "unit" in (error := capsys.readouterr().err) or "does not fit" in error

@@ -1,0 +1,169 @@
+"""Units of parameters and outputs: a table of them, texts such as "N/mm", and quantities such as "235 mm"."""
+
+import math
+import re
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._options import is_finite_number, shown
+
+BASES = "m", "kg", "s", "rad", "A", "K"
+"""Base units, which are those of FMI as well. An angle counts as a dimension: rpm is no Hz."""
+
+
+class Unit(NamedTuple):
+    """A unit over SI units: number * pi**pi, and powers of the `BASES`."""
+
+    number: Fraction
+    pi: int
+    powers: tuple[int, ...]
+
+    @property
+    def factor(self) -> float:
+        return float(self.number) * math.pi**self.pi
+
+    def times(self, other: "Unit", power: int = 1) -> "Unit":
+        """The product with a power of another unit."""
+        powers = tuple(a + power * b for a, b in zip(self.powers, other.powers, strict=True))
+        return Unit(self.number * other.number**power, self.pi + power * other.pi, powers)
+
+
+NO_UNIT = Unit(Fraction(1), 0, (0,) * len(BASES))
+_PREFIXES = {"u": -6, "\N{MICRO SIGN}": -6, "\N{GREEK SMALL LETTER MU}": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
+_KINDS = {
+    "m": (1, 0, (1,), "umck"), "s": (1, 0, (0, 0, 1), "um"), "rad": (1, 0, (0, 0, 0, 1), "m"),
+    "h": (3600, 0, (0, 0, 1), ""), "g": ("1/1000", 0, (0, 1), "mk"), "A": (1, 0, (0, 0, 0, 0, 1), "m"),
+    "Hz": (1, 0, (0, 0, -1), "k"), "Nmm": ("1/1000", 0, (2, 1, -2), ""),
+    "N": (1, 0, (1, 1, -2), "mkM"), "Nm": (1, 0, (2, 1, -2), "mk"),
+    "J": (1, 0, (2, 1, -2), "mk"), "W": (1, 0, (2, 1, -3), "mk"), "Pa": (1, 0, (-1, 1, -2), "kMG"),
+    "bar": (100000, 0, (-1, 1, -2), "m"), "V": (1, 0, (2, 1, -3, 0, -1), "mk"), "H": (1, 0, (2, 1, -2, 0, -2), "um"),
+    "ohm": (1, 0, (2, 1, -3, 0, -2), "mk"), "\N{GREEK CAPITAL LETTER OMEGA}": (1, 0, (2, 1, -3, 0, -2), "mk"),
+    "deg": ("1/180", 1, (0, 0, 0, 1), ""), "\N{DEGREE SIGN}": ("1/180", 1, (0, 0, 0, 1), ""),
+    "rpm": ("1/30", 1, (0, 0, -1, 1), ""), "min": (60, 0, (0, 0, 1), ""), "K": (1, 0, (0, 0, 0, 0, 0, 1), ""),
+    "t": (1000, 0, (0, 1), ""), "in": ("0.0254", 0, (1,), ""), "ft": ("0.3048", 0, (1,), ""),
+    "lb": ("0.45359237", 0, (0, 1), ""), "lbf": ("4.4482216152605", 0, (1, 1, -2), ""),
+}  # fmt: skip
+"""Units with their number, power of pi, powers of the `BASES`, and the prefixes that they take."""
+_TABLE = {
+    prefix + name: Unit(Fraction(number) * Fraction(10) ** power, pi, (*powers, *NO_UNIT.powers[len(powers) :]))
+    for name, (number, pi, powers, prefixes) in _KINDS.items()
+    for prefix, power in {"": 0, **_PREFIXES}.items()
+    if not prefix or prefix in prefixes or ("u" in prefixes and power == _PREFIXES["u"])
+}
+_OFFSET = re.compile(r"(?:\N{DEGREE SIGN}|deg)[CF]")
+_RAISED = re.compile("[\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}\N{SUPERSCRIPT TWO}\N{SUPERSCRIPT THREE}]+")
+_LOWERED = str.maketrans("\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}\N{SUPERSCRIPT TWO}\N{SUPERSCRIPT THREE}", "-123")
+_FACTOR = re.compile(r"([^\W\d_]+|\N{DEGREE SIGN}[CF]?)(?:\^(-?[1-9]))?")
+_DIVIDES, _TIMES = re.compile(r"/(?![^(]*\))"), re.compile(r"\s*[*\N{MIDDLE DOT}.]\s*|\s+")
+NUMBER = r"[+-]?\s*(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+"""A number in a text."""
+_QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
+
+
+def unit_of(owner: str, text: str) -> Unit:
+    """The unit that a text such as "N/mm", "kg m^2" or "N s/(m rad)" tells; "" and "1" are none.
+
+    Raises
+    ------
+    DeclarationError    if it is no unit, has another zero than the SI unit, or does not tell what is divided by what
+    """
+    if text.strip() in ("", "1"):
+        return NO_UNIT
+    plain = _RAISED.sub(lambda raised: "^" + raised[0].translate(_LOWERED), text).replace("**", "^")
+    unit = NO_UNIT
+    for k, piece in enumerate(map(str.strip, _DIVIDES.split(plain))):
+        if piece[:1] == "(" and piece[-1:] == ")" and len(piece) > 2:
+            unit = unit.times(unit_of(owner, piece[1:-1]), -1 if k else 1)
+            continue
+        factors = _TIMES.split(piece)
+        if k and len(factors) > 1:
+            raise DeclarationError(f"{owner}: {shown(text)} may be read in two ways. Write brackets, as N/(m s).")
+        for factor in factors if k or piece != "1" else ():
+            match = _FACTOR.fullmatch(factor)
+            if match is None:
+                raise DeclarationError(f"{owner}: {shown(text)} is no unit. Write it as mm, N/mm, kg m^2 or N/(m s).")
+            unit = unit.times(_named(owner, text, match[1]), int(match[2] or 1) * (-1 if k else 1))
+    return unit
+
+
+def _named(owner: str, text: str, name: str) -> Unit:
+    if _OFFSET.fullmatch(name):
+        raise DeclarationError(
+            f"{owner}: {shown(text)}: the zero of {name} is not that of K. Give temperatures, and differences, in K."
+        )
+    if name not in _TABLE:
+        where = "" if name == text.strip() else f" in {shown(text)}"
+        raise DeclarationError(f"{owner}: {shown(name)}{where} is no known unit.{did_you_mean(name, _TABLE)}")
+    return _TABLE[name]
+
+
+def scaled(value: Any, ratio: Unit, inverse: bool = False) -> Any:
+    """A number or an expression times a ratio of units, or over it. Of 1/1000 it is divided by 1000, which is exact."""
+    divides = ratio.number.numerator == 1 and not ratio.pi
+    by = ratio.number.denominator if divides else ratio.factor
+    return value if by == 1 else value / by if divides != inverse else value * by
+
+
+def ratio_of(owner: str, what: str, unit: str, own: str) -> Unit:
+    """A unit over that of what it is given for. DeclarationError if it does not fit."""
+    given, known = unit_of(owner, unit), unit_of(owner, own)
+    if given.powers != known.powers:
+        told = f"is in {own}" if own else f"has no unit: declare it with one, as (..., {unit!r}), or give a number"
+        raise DeclarationError(f"{owner}: {shown(unit)} does not fit {what}, which {told}.")
+    return given.times(known, -1)
+
+
+def dimensions(owner: str, text: str) -> tuple[int, ...]:
+    """Powers of a unit, without that of an angle where there is a length: N m/rad is N m."""
+    powers = unit_of(owner, text).powers
+    return (*powers[:3], 0, *powers[4:]) if powers[0] else powers
+
+
+def quantity(owner: str, given: object) -> tuple[float, str]:
+    """The number and the unit of 235, (235, "mm") or "235 mm".
+
+    Raises
+    ------
+    DeclarationError    if it is none of them; the unit itself is not looked at
+    """
+    match = _QUANTITY.fullmatch(given.replace("\N{MINUS SIGN}", "-")) if isinstance(given, str) else None
+    if match and match[2]:
+        given = float("".join(match[1].split())), match[2]
+    number, unit = given if isinstance(given, tuple | list) and len(given) == 2 else (given, "")
+    if not is_finite_number(number) or not isinstance(unit, str):
+        hint = (
+            ' Give a number, or one with a unit, as (235, "mm") or "235 mm".' if isinstance(given, str | tuple) else ""
+        )
+        raise DeclarationError(f"{owner} {shown(given)} is not a finite number.{hint}")
+    return float(number), unit.strip()
+
+
+def number_in(owner: str, what: str, given: object, own: str) -> float:
+    """A quantity as a number in a unit, in which bare numbers are. DeclarationError if its unit does not fit."""
+    number, unit = quantity(f"{owner}:", given)
+    return scaled(number, ratio_of(owner, what, unit, own)) if unit else number
+
+
+def number_or_quantity(text: str) -> float | str:
+    """The number of a text, or the text itself if it is one with a unit. ValueError if it is neither."""
+    match = _QUANTITY.fullmatch(text)
+    return text if match and match[2] else float(text)
+
+
+def units_of_parameters(parameters: object) -> Mapping[str, str]:
+    """Units of parameters by name; those without a unit are left out."""
+    return getattr(parameters, "_units", {})
+
+
+def with_units(values: Mapping[str, str], parameters: object) -> list[str]:
+    """Texts such as "arm = 235 mm" of values of some parameters."""
+    units = units_of_parameters(parameters)
+    return [f"{name} = {value} {units.get(name, '')}".rstrip() for name, value in values.items()]
+
+
+def label(name: str, unit: str) -> str:
+    """A name with its unit, if it has one."""
+    return f"{name} [{unit}]" if unit else name
