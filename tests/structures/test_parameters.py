@@ -228,7 +228,7 @@ FAULTS = {
         lambda: mb.System(
             mb.FlexibleBody("rod", bar(P.E, 2700, 0.01, at=P).modes(count=2)), parameters=mb.Parameters()
         ),
-        "Body 'rod': stiffness or damping: symbol 'E' belongs to no parameter",
+        "Body 'rod': stiffness or damping: symbol 'E' is of Parameters that the System does not have",
     ),
     "factor that is a text": (
         lambda: FiniteElements.matrices(lattice()[0], [("h", lattice()[1])], lattice()[2]),
