@@ -78,7 +78,7 @@ assert np.abs(right - linear(4.8)).max() < 2e-3  # what is left is of third orde
 truth = np.array([linear(speed)[:, 0] for speed in np.linspace(4.5, 5.1, 61)])
 low, high = bounds["lean"]
 assert np.abs(low - truth.min(axis=0)).max() < 5e-3 and np.abs(high - truth.max(axis=0)).max() < 5e-3
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     print(f"It leans by up to {high.max():.2f} degrees, and by {max(-low[-1], high[-1]):.2f} at most after 4 s.")

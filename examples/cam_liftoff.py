@@ -1,7 +1,7 @@
 """A spring holds a roller on a cam. At which speed does the roller lift off, and how high does it jump beyond?
 
 Over the top of the cam the spring must accelerate the follower downwards. The joint `CamFollower` holds it on the cam
-in any case, and its multiplier tells where the cam would have to pull: a formula has that force for a harmonic lift.
+in any case, and its multiplier shows where the cam would have to pull: a formula has that force for a harmonic lift.
 `CurveContact` lets the roller fly and fall back, as an equation of motion in one coordinate does beside.
 `python examples/cam_liftoff.py FOLDER` draws cam and follower there.
 
@@ -55,7 +55,7 @@ held = mb.System(*parts, mb.CamFollower("roller", shaft, guide, radius), paramet
 riding = mb.Scene(
     held,
     times=np.linspace(0.0, 60 / RATED, 61),
-    outputs={"least force": mb.minimum(-held.lam("roller")[0])},
+    outputs={"lowest force": mb.minimum(-held.lam("roller")[0])},
     box=mb.Box(**tolerances, rpm=(RATED - 20, RATED + 20)),
     name="cam that holds its roller",
 )
@@ -113,17 +113,17 @@ def jump(mass: float, spring: float, preload: float, rpm: float) -> float:
     return 1e3 * (found.sol(times)[0] - radius(omega * times)).max()
 
 
-assert abs(ride_bounds["least force"][0] / least_force(1.24, 4750.0, 140.0, RATED + 20) - 1) < 1e-4
-assert abs(ride_bounds["least force"][1] / least_force(1.16, 5250.0, 160.0, RATED - 20) - 1) < 1e-4
+assert abs(ride_bounds["lowest force"][0] / least_force(1.24, 4750.0, 140.0, RATED + 20) - 1) < 1e-4
+assert abs(ride_bounds["lowest force"][1] / least_force(1.16, 5250.0, 160.0, RATED - 20) - 1) < 1e-4
 assert abs(run["jump"] / jump(1.2, 5000.0, 150.0, FAST) - 1) < 1e-5
 worst = [jump(1.16, 5250.0, 160.0, FAST - 20), jump(1.24, 4750.0, 140.0, FAST + 20)]
 assert np.allclose(bounds["jump"], worst, rtol=1e-3)
-assert not ride_bounds.doubts and not bounds.doubts
+assert not ride_bounds.warnings and not bounds.warnings
 
 if __name__ == "__main__":
     limit = np.sqrt((least_force(1.2, 5000.0, 150.0, 0.0)) / (1.2 * LIFT / 2)) / TURN
     print(f"The roller lifts off from {limit:.0f} 1/min on.")
-    print("At {:.0f} 1/min it pushes with {:.0f} to {:.0f} N at least.".format(RATED, *ride_bounds["least force"]))
+    print("At {:.0f} 1/min it pushes with {:.0f} to {:.0f} N at least.".format(RATED, *ride_bounds["lowest force"]))
     print(f"At {FAST:.0f} 1/min it lifts off {np.degrees(np.pi - run['angle']):.0f} degrees before the top,")
     print("and jumps by {:.2f} to {:.2f} mm.\n".format(*bounds["jump"]))
     print(bounds.contributions())

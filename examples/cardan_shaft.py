@@ -60,7 +60,7 @@ assert np.abs(run["driven"] / SPEED - 1).max() < 1e-6
 # At the start the first joint gives cos(first), and the second one 1 / cos(second).
 low, high = (values / SPEED for values in bounds["driven"])
 assert np.allclose([low[0], high[0]], np.cos(ANGLE) / np.cos([ANGLE - 0.02, ANGLE + 0.02]), atol=1e-5)
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     slowest, fastest = run["middle"].min(), run["middle"].max()

@@ -2,7 +2,7 @@
 
 The energy of the spring goes into the ball, which leaves at 45 degrees: its range without drag is twice the energy over
 its weight, k s^2 / (m g). Stiffness is normal, the mass is uniform, and the stretch is only known to be in an interval.
-So the probability has a least and a greatest value, and both follow from an integral.
+So the probability has a lowest and a highest value, and both follow from an integral.
 `python examples/catapult_laws.py FOLDER` draws the bounds there.
 
 Source: own.
@@ -36,14 +36,14 @@ scene = mb.Scene(
     name="catapult",
 )
 bounds = mb.propagate(scene, mb.PolynomialChaos())
-laws = {"stiffness": st.norm(400.0, 15.0), "mass": st.uniform(0.095, 0.01)}
-beyond = bounds.probability("x", above=FENCE, laws=laws)
+distributions = {"stiffness": st.norm(400.0, 15.0), "mass": st.uniform(0.095, 0.01)}
+beyond = bounds.probability("x", above=FENCE, distributions=distributions)
 
 
 def exact(stretch: float) -> float:
     """Probability that stiffness stretch^2 / (mass G) is above the fence."""
-    cut = laws["stiffness"].cdf(460) - laws["stiffness"].cdf(340)
-    value, _ = quad(lambda m: laws["stiffness"].sf(FENCE * m * G / stretch**2) / 0.01, 0.095, 0.105)
+    cut = distributions["stiffness"].cdf(460) - distributions["stiffness"].cdf(340)
+    value, _ = quad(lambda m: distributions["stiffness"].sf(FENCE * m * G / stretch**2) / 0.01, 0.095, 0.105)
     return value / cut
 
 
@@ -53,6 +53,6 @@ assert beyond.estimate[-1] < 0.05
 assert np.abs(bounds["y"][0][-1]) < 1e-6  # it has landed
 
 if __name__ == "__main__":
-    print(beyond, bounds.quantiles("x", [0.05, 0.95], laws=laws), sep="\n\n")
+    print(beyond, bounds.quantiles("x", [0.05, 0.95], distributions=distributions), sep="\n\n")
     if len(sys.argv) > 1:
         bounds.plot(Path(sys.argv[1]) / "catapult_laws.png")

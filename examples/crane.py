@@ -60,7 +60,7 @@ def bend(load: float) -> float:
 assert abs(run["bend"][0] / bend(500.0) - 1) < 1e-3
 low, high = bounds["bend"]
 assert np.allclose([low[0], high[0]], [bend(450.0), bend(550.0)], rtol=1e-3)
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     after = scene.times > TIME

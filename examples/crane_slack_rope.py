@@ -90,7 +90,7 @@ def factor(load: float, slack: float, stiffness: float, gain: float) -> float:
 assert abs(run["factor"] / factor(3000.0, 0.12, 6e5, 0.5) - 1) < 1e-5
 worst = factor(3150.0, 0.08, 5.4e5, 0.45), factor(2850.0, 0.16, 6.6e5, 0.55)
 assert np.allclose(bounds["factor"], worst, rtol=2e-3)
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     print(f"The rope is taut at {run['speed']:.2f} m/s. It pulls {run['factor']:.2f} times as hard as the load weighs,")

@@ -18,7 +18,7 @@ METHODS = [
     mb.MonteCarlo(1000),
 ]
 with warnings.catch_warnings():
-    warnings.simplefilter("ignore", mb.SymmbWarning)  # symmb doubts the ranges that are too wide
+    warnings.simplefilter("ignore", mb.SymmbWarning)  # symmb warns of the ranges that are too wide
     ranges = {repr(method): mb.propagate(cubic, method)["f"] for method in METHODS}
 
 expected = [(-2, 2), (-1 / 4, 3 / 8), (-1 / 10, 9 / 40), (0, 4 / 27)]

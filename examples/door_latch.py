@@ -57,7 +57,7 @@ scene = mb.Scene(
 run = mb.simulate(scene)
 bounds = mb.propagate(scene, mb.PolynomialChaos())
 with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # slow doors are not caught, as a doubt tells
+    warnings.simplefilter("ignore")  # slow doors are not caught, as a warning says
     slow = mb.propagate(scene, mb.MonteCarlo(100), mb.Box(speed=(1.0, 1.6)))
 
 
@@ -99,14 +99,14 @@ assert abs(run["blow"] / blow - 1) < 1e-4
 worst = closed(1.4, 2150.0, 0.062, 3.5), closed(1.6, 1850.0, 0.058, 2.5)
 assert np.allclose(bounds["speed"], [row[0] for row in worst], rtol=2e-3)
 assert np.allclose(bounds["blow"], [row[2] for row in worst], rtol=2e-3)
-assert not bounds.doubts
+assert not bounds.warnings
 # Slower ones swing back: their speed at the end is below 0.
 needed = root_scalar(lambda speed: closed(speed, 2000.0, 0.06, 3.0)[0], bracket=(1.15, 1.5)).root
-(told,) = re.findall(r"speed < ([\d.]+)", slow.doubts[0])
-assert abs(float(told) - needed) < 0.02
+(stated,) = re.findall(r"speed < ([\d.]+)", slow.warnings[0])
+assert abs(float(stated) - needed) < 0.02
 
 if __name__ == "__main__":
-    print(f"The door needs {needed:.2f} m/s. Of 100 doors with 1 to 1.6 m/s:", slow.doubts[0], sep="\n", end="\n\n")
+    print(f"The door needs {needed:.2f} m/s. Of 100 doors with 1 to 1.6 m/s:", slow.warnings[0], sep="\n", end="\n\n")
     print(bounds.check({"speed": (0.1, None), "blow": (None, 2000.0)}), "\n")
     print(bounds.contributions())
     if len(sys.argv) > 1:

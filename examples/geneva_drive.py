@@ -103,7 +103,7 @@ assert abs(peak - 5.41) < 0.005
 assert abs(run["speeds up"] / (peak * (4 * np.pi) ** 2) - 1) < 0.01
 assert abs(run["force"] / largest_force(120.0, 0.05, 5e-5) - 1) < 1e-4
 assert np.allclose(bounds["force"], [largest_force(118.0, 0.045, 2e-5), largest_force(122.0, 0.055, 8e-5)], rtol=2e-3)
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     print(

@@ -81,7 +81,7 @@ assert np.abs(run["motor_speed"] - speed(6.0, 0.3)).max() < 1e-5
 low, high = bounds["motor_speed"]
 slowest, fastest = speed(5.4, 0.33), speed(6.6, 0.27)
 assert np.abs(low - slowest).max() < 0.5 and np.abs(high - fastest).max() < 0.5
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     early, late = (scene.times[np.argmax(s > 0.9 * SYNCHRONOUS)] for s in (high, low))

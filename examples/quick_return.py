@@ -55,7 +55,7 @@ slow = np.mean(run["rate"][:-1] > 0)
 assert abs(slow / (1 - slow) - ratio(0.1, 0.25)) < 0.01
 low, high = bounds["swing"]
 assert abs(high.max() - np.arcsin(0.102 / 0.248)) < 1e-4
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     print(f"The slow stroke takes {ratio(0.1, 0.25):.3f} times as long as the fast one,")

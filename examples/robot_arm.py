@@ -63,7 +63,7 @@ def rest(load: float) -> np.ndarray:
 assert np.abs(run.values[-1] - rest(1.0)).max() < 1e-5
 low, high = bounds["tip_y"]
 assert np.allclose([low[-1], high[-1]], [rest(2.0)[1], rest(0.2)[1]], atol=1e-4)
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     wanted = L * (np.sin(TARGET[0]) + np.sin(TARGET.sum()))

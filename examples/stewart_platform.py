@@ -63,7 +63,7 @@ for place, low, high in zip(places, bounds.lower, bounds.upper, strict=True):
     jacobian = np.hstack([directions, np.cross(HEADS, directions)])
     worst = OFF * np.abs(np.linalg.inv(jacobian)[:3]).sum(axis=1)
     assert np.allclose(high - place, worst, rtol=2e-2) and np.allclose(place - low, worst, rtol=2e-2)
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     off = np.maximum(bounds.upper - places, places - bounds.lower).max(axis=0)

@@ -55,11 +55,11 @@ momentum = run(CAR * car.vy + WHEEL * arm.vy)
 pushed = np.concatenate([[0.0], np.cumsum(np.diff(run.t) * (run["pressure"][1:] + run["pressure"][:-1]) / 2)])
 assert np.abs(momentum - (pushed - weight * run.t)).max() < 0.01 * np.abs(momentum).max()
 low, high = bounds["pressure"]
-assert (low <= run["pressure"] + 1).all() and (run["pressure"] <= high + 1).all() and not bounds.doubts
+assert (low <= run["pressure"] + 1).all() and (run["pressure"] <= high + 1).all() and not bounds.warnings
 
 if __name__ == "__main__":
     nominal, worst = run["pressure"].min() / weight, low.min() / weight
-    print(f"The least pressure on the road is {nominal:.0%} of the car's weight, and {worst:.0%} at worst.")
+    print(f"The lowest pressure on the road is {nominal:.0%} of the car's weight, and {worst:.0%} at worst.")
     if len(sys.argv) > 1:
         mb.view(run, Path(sys.argv[1]) / "suspension.html")
         mb.view(bounds, Path(sys.argv[1]) / "suspension.png", output="pressure", time=0.2)

@@ -90,7 +90,7 @@ assert [event.name for event in run.events] == ["trough", "sling"]
 assert abs(run["range"] / thrown(6000.0, 90.0, 7.0, 30.0) - 1) < 1e-7
 worst = (thrown(5900.0, 94.0, 7.1, 33.0), thrown(6100.0, 86.0, 6.9, 27.0))
 assert np.allclose(bounds["range"], worst, rtol=1e-3)  # the width of the bounds is 17 % of the range
-assert not bounds.doubts
+assert not bounds.warnings
 
 if __name__ == "__main__":
     print(f"The stone flies {run['range']:.0f} m, and {bounds['range'][0]:.0f} to {bounds['range'][1]:.0f} m.\n")

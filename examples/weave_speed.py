@@ -1,7 +1,7 @@
 """Below its weave speed a bicycle does not stay upright by itself. Which tolerance matters most for this speed?
 
-Six lengths and masses of the benchmark bicycle are known to 5 %. The weave speed is the one at which the least damping
-passes zero. `python examples/weave_speed.py FOLDER` draws the shares of its variance.
+Six lengths and masses of the benchmark bicycle are known to 5 %. The weave speed is the one at which the smallest
+damping passes zero. `python examples/weave_speed.py FOLDER` draws the shares of its variance.
 
 Source: Meijaard, Papadopoulos, Ruina, Schwab (2007), Proc. R. Soc. A 463: weave speed 4.292 m/s.
 """

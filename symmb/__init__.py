@@ -1,7 +1,7 @@
 """Symbolic multibody dynamics with interval parameters.
 
 Declare bodies, joints and forces; symmb derives the equations, compiles, simulates and bounds them. Write
-`import symmb as mb`, and `help(mb.Body)` for one name. `symmb --help` tells where the guide is. The public names,
+`import symmb as mb`, and `help(mb.Body)` for one name. `symmb --help` says where the guide is. The public names,
 by subject:
 """
 

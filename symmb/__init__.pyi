@@ -63,7 +63,7 @@ from .mechanics.contact_law import LankaraniNikravesh as LankaraniNikravesh, Tab
 from .mechanics.friction import Bristle as Bristle, Coulomb as Coulomb, Friction as Friction
 from .mechanics.impact import Impact as Impact
 
-# Figures of a motion
+# Scalar outputs
 from .mechanics.figure import maximum as maximum, minimum as minimum, final as final, mean as mean
 from .mechanics.figure import first_time as first_time, value_at as value_at
 

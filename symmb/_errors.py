@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from typing import Protocol
 
 LONGEST_TEXT = 1500
 """Most characters of an error: names and lists of names that users give may have any length."""
@@ -25,7 +26,7 @@ class SymmbError(Exception):
 
 
 class DeclarationError(SymmbError, ValueError):
-    """A scene, a system or an option is declared wrongly; the text names the fault and the remedy.
+    """A scene, a system or an option is declared wrongly. The text names the fault and the remedy.
 
     Examples
     --------
@@ -88,7 +89,7 @@ class SimulationError(SymmbError, RuntimeError):
 
 
 class PropagationError(SymmbError, ValueError):
-    """A method asks for something that the simulator at hand cannot give.
+    """A method needs something that the simulator cannot give.
 
     Examples
     --------
@@ -112,12 +113,26 @@ class SymmbWarning(UserWarning):
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
     >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
     >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> with warnings.catch_warnings(record=True) as told:
+    >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always", mb.SymmbWarning)
     ...     run = mb.simulate(scene, mb.Newmark(step=0.5))
-    >>> len(told), len(run.doubts)
+    >>> len(caught), len(run.warnings)
     (1, 1)
     """
+
+
+class _Doubted(Protocol):
+    @property
+    def doubts(self) -> tuple[str, ...]: ...
+
+
+class WithWarnings:
+    """A result whose `doubts` are also called `warnings`."""
+
+    @property
+    def warnings(self: _Doubted) -> tuple[str, ...]:
+        """Warnings in sentences: what is uncertain. `doubts` is another name of it."""
+        return self.doubts
 
 
 def _shortened(text: str) -> str:
@@ -136,6 +151,6 @@ def text_of(error: BaseException) -> str:
 
 
 def warn_of(doubts: Sequence[str], subject: str) -> None:
-    """One SymmbWarning about what is doubtful in a result, at the user's line that called the caller."""
+    """One SymmbWarning about what is uncertain in a result, at the user's line that called the caller."""
     if doubts:
         warnings.warn(f"{subject}: {' '.join(doubts)}", SymmbWarning, stacklevel=3)

@@ -25,7 +25,7 @@ def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
 
     Examples
     --------
-    >>> "<td" in table([["output", "least"], ["x < y", "-1.5"]]), "x &lt; y" in table([["a"], ["x < y"]])
+    >>> "<td" in table([["output", "lowest"], ["x < y", "-1.5"]]), "x &lt; y" in table([["a"], ["x < y"]])
     (True, True)
     """
 

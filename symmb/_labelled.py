@@ -128,7 +128,7 @@ class Result:
         Dimensions are time and output, for bounds also bound (lower, upper), for comparisons method, which is chosen
         by `sel({"method": "Vertex()"})`, as `sel(method=...)` has another meaning. Parameters are
         coordinates: of a run by their names, of bounds as `box`, of failed runs along the dimension sample. Units,
-        method and doubts are attributes.
+        method and warnings (`doubts`) are attributes.
 
         Raises
         ------

@@ -77,7 +77,7 @@ class Progress:
 def shown(
     progress: Callable[[str, int, int], None] | None, label: str, unit: str = "runs"
 ) -> Iterator[Callable[[str, int, int], None] | None]:
-    """Whoever is to be told the progress: the function that a caller gave, or a bar where people may see it."""
+    """Who gets the progress: the function that a caller gave, or a bar where people may see it."""
     if progress is not None:
         yield progress
         return

@@ -15,7 +15,7 @@ def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = 
 
     Examples
     --------
-    >>> over_times([["output", "least", "at [s]"], ["x", "-1.5", "0"]], [0.0])
+    >>> over_times([["output", "lowest", "at [s]"], ["x", "-1.5", "0"]], [0.0])
     [['output', 'least'], ['x', '-1.5']]
     """
     told = [not is_timeless(t) and any(column[1:]) for column in zip(*rows, strict=True)]
@@ -38,7 +38,7 @@ def aligned(lines: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> lis
 
     Examples
     --------
-    >>> aligned([["output", "least"], ["x", "-1.5"]])
+    >>> aligned([["output", "lowest"], ["x", "-1.5"]])
     ['output  least', 'x        -1.5']
     """
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]

@@ -156,7 +156,7 @@ def test_a_full_disk_keeps_what_was_written(folder):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (90_000, limits[1]))  # of a file
     try:
-        with pytest.raises(mb.SimulationError, match=r"cannot be written.* What was written before is kept") as error:
+        with pytest.raises(mb.SimulationError, match=r"cannot be written.* Earlier entries are kept") as error:
             study(folder / "runs.db", 400)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)

@@ -34,8 +34,8 @@ QUESTIONS = [
     ("How do I use all cores?", "cores processes", "executors"),
     ("How do I go on with a study that was killed?", "study killed", "stored_runs"),
     ("Which tolerance causes it?", "tolerance contribution", "contributions"),
-    ("How do I give a parameter a normal distribution?", "normal distribution", "laws"),
-    ("What is the probability of failure?", "probability quantile", "laws"),
+    ("How do I give a parameter a normal distribution?", "normal distribution", "distributions"),
+    ("What is the probability of failure?", "probability quantile", "distributions"),
     ("How do I get natural frequencies?", "frequencies modes", "linear"),
     ("When does it become unstable?", "critical speed", "linear"),
     ("How do I make a film?", "film", "drawing"),
@@ -63,12 +63,12 @@ QUESTIONS = [
     ("How do I take results to Excel?", "export to Excel", "results"),
     ("How do I resume a study?", "resume", "stored_runs"),
     ("How do I make a stepper motor?", "stepper motor", "joints"),
-    ("Where is the process capability?", "Cpk", "laws"),
+    ("Where is the process capability?", "Cpk", "distributions"),
     ("How do I make a belt?", "belt", "declaring"),
     ("How do I make a cable?", "cable", "declaring"),
     ("Which units have numbers?", "units", "declaring"),
     ("How do I keep a point on a plane?", "point plane", "declaring"),
-    ("How many parts are rejected?", "reject rate", "laws"),
+    ("How many parts are rejected?", "reject rate", "distributions"),
 ]
 """What a new user asks, the words that they type, and a page that must be among the first three answers."""
 NOTEBOOKS = {

@@ -92,7 +92,7 @@ GROUPS = {
     "Joints, motors, stops": "joints drives",
     "Forces": "declaring",
     "Contact, friction, impacts": "contact",
-    "Figures of a motion": "figures",
+    "Scalar outputs": "scalar_outputs",
     "Runs": "sweeps drawing",
     "Solvers": "solvers",
     "Bounds and their methods": "methods",

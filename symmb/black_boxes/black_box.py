@@ -54,12 +54,12 @@ class BlackBox(ABC):
 
     @abstractmethod
     def response(self, values: dict[str, float]) -> Any:
-        """What a run with these parameters gives: (n_t, n_y), or (n_t,) where there is one output.
+        """The outputs of a run with these parameters: (n_t, n_y), or (n_t,) if there is one output.
 
         Raises
         ------
         SimulationError
-            If the run fails: the text alone is told. Of other exceptions the kind is told as well
+            If the run fails: messages show the text alone. For other exceptions they also show the kind
         """
 
     def _declare(

@@ -39,7 +39,7 @@ _TOLD = 200
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSimulator(BlackBox):
-    """Trajectories from a program that is started anew for each run, in a folder of its own. No shell is used.
+    """Trajectories from a program that is started again for each run, in a folder of its own. No shell is used.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class CommandSimulator(BlackBox):
     Raises
     ------
     DeclarationError
-        If the program is not found, a template cannot be filled, a parameter stands in no template and no argument, or
+        If the program is not found, a template cannot be filled, no template and no argument contains a parameter, or
         an option is out of its range
 
     Examples
@@ -158,7 +158,7 @@ class CommandSimulator(BlackBox):
             yield from (f"{place}: {fault}." for fault in template_faults(text, self.parameters))
         for name in self.parameters:
             if not any(is_filled(text, name) for text in places.values()):
-                yield f"parameter {name!r} stands in no template and in no argument. Write {{{name}}} there."
+                yield f"parameter {name!r} is in no template and in no argument. Write {{{name}}} there."
         yield from (f"files: {file} does not exist." for file in self.files if not file.exists())
         own = [str(PurePosixPath(name)) for name in self.templates]
         names = [_OUTPUT, _ERRORS, *own, *(file.name for file in self.files)]

@@ -294,8 +294,8 @@ class _Pool:
         if not self.submits and (not maps or is_pool or not _maps_in_order(self.executor)):
             raise DeclarationError(
                 f"executor: {shown(self.executor)} is not supported. Give an object with submit(f, x) or with an "
-                "ordered map(f, *iterables), such as a ThreadPoolExecutor, a ProcessPoolExecutor or a client of Dask, "
-                "or a function that makes one."
+                "ordered map(f, *iterables), or a function that makes one. Examples are a ThreadPoolExecutor, a "
+                "ProcessPoolExecutor and a client of Dask."
             )
 
     def submit(self, f: Callable[[Any], Any], item: Any) -> Any:

@@ -45,8 +45,8 @@ class FMUSimulator(BlackBox):
 
     Runs are made in processes of their own: an FMU that crashes costs one run, and threads run side by side. Each
     process keeps an instance. It is reset between two runs, if a run after resets is the same to the last bit; this is
-    tried once. Otherwise, and after a run that failed, a new instance is made, or a new process if a run is not the
-    same in a new instance either.
+    tried once. Otherwise, and after a failed run, a new instance is made. If a run is not the same in a new instance
+    either, a new process is made.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class FMUSimulator(BlackBox):
     Attributes
     ----------
     units : tuple of str
-        of the outputs, from the model description; '' where it tells none. Boxes know those of the parameters
+        of the outputs, from the model description; '' where it has none. Boxes know those of the parameters
 
     Raises
     ------

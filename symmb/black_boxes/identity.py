@@ -226,7 +226,7 @@ class DeclaredFiles:
             except OSError:
                 is_same = False
             if not is_same:
-                raise ChangedFileError(f"{path} has changed since the simulator was declared; declare it anew.")
+                raise ChangedFileError(f"{path} has changed since the simulator was declared; declare it again.")
 
 
 def _stamp(path: Path) -> tuple[tuple[str, int, int], ...]:

@@ -206,7 +206,7 @@ class RunDatabase:
         except (sqlite3.Error, ValueError) as error:
             _require_unlocked(self._path, error)
             raise SimulationError(
-                f"{self._path} cannot be written: {text_of(error)}. What was written before is kept."
+                f"{self._path} cannot be written: {text_of(error)}. Earlier entries are kept."
             ) from None
 
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, WithWarnings
 from symmb._options import shown
 from symmb._types import Array, Executor
 from symmb.black_boxes.black_box import BlackBox, lost_runs, samples_of_block, timed_runs
@@ -33,15 +33,15 @@ S = TypeVar("S")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StoredSimulator:
+class StoredSimulator(WithWarnings):
     """Runs of another simulator, each kept in a file as soon as it ends.
 
     A study that is started again makes only the runs that the file lacks, and so do a finer study and another method.
     Failed runs are kept with their reason, and are not made again until `symmb runs FILE --prune failed` removes them.
     Two kinds of them are made again: those whose workers died, and those that timed out if the timeout is now longer.
     Runs belong together by a digest of the simulator: its model, solver, templates or function, its times and its
-    outputs. Of a Python function its code counts, and the values and functions that it takes from outside. Modules of
-    Python and installed packages count by their names: give another `version` if they change.
+    outputs. For a Python function these are its code, and the values and functions that it takes from outside. Modules
+    of Python and installed packages count by their names: give another `version` if they change.
 
     Every sample is run by itself, also those of a scene, which otherwise run eight side by side.
 
@@ -51,12 +51,12 @@ class StoredSimulator:
     path : str or Path
         the file, an SQLite database; it is made if there is none
     version : str
-        anything that tells apart what the digest does not see
+        any text that distinguishes what the digest does not see
 
     Raises
     ------
     DeclarationError
-        If the simulator does not tell its identity; from a run, if the file is not a run store
+        If the simulator has no identity; from a run, if the file is not a run store
     SimulationError
         from a run, if the file cannot be written
 
@@ -86,15 +86,15 @@ class StoredSimulator:
         if isinstance(simulator, type) or not isinstance(getattr(simulator, "parameters", None), Mapping):
             raise DeclarationError(f"StoredSimulator: expected a simulator, got {shown(simulator)}.")
         if figures := getattr(getattr(simulator, "scene", None), "figures", None):
-            raise DeclarationError(
-                f"StoredSimulator: {', '.join(figures)} are one number a run, which it cannot store."
-            )
+            raise DeclarationError(f"StoredSimulator: {', '.join(figures)} are scalar outputs, which it cannot store.")
         if isinstance(simulator, StoredSimulator):
-            raise DeclarationError("StoredSimulator: the simulator is a StoredSimulator already. Give the one inside.")
+            raise DeclarationError(
+                "StoredSimulator: the simulator is a StoredSimulator already. Give the simulator inside it."
+            )
         if (identity := getattr(simulator, "identity", None)) is None:
             raise DeclarationError(
-                f"StoredSimulator: {simulator!r} has no method identity(). Give one that returns a text in which "
-                "everything stands that its runs depend on, but for the parameters."
+                f"StoredSimulator: {simulator!r} has no method identity(). Give one that returns a text with "
+                "everything that its runs depend on, except the parameters."
             )
         if not isinstance(path, str | Path) or not is_text(str(path)):
             raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {shown(path)}.")
@@ -112,7 +112,7 @@ class StoredSimulator:
         vars(self).update(units=getattr(simulator, "units", ()), box=getattr(simulator, "box", None))
 
     def second_look(self) -> None:
-        """That of the simulator, if it takes one. Its runs are not stored."""
+        """The second look of the simulator, if it has one. Its runs are not stored."""
         if isinstance(self.simulator, SecondLook):
             self.simulator.second_look()
 
@@ -123,7 +123,7 @@ class StoredSimulator:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What cannot be trusted about the runs."""
+        """Warnings about the runs, in sentences."""
         return getattr(self.simulator, "doubts", ())
 
     def run(self, P: Array) -> Ensemble:
@@ -134,7 +134,7 @@ class StoredSimulator:
             return database.read(number, P, (len(self.times), len(self.outputs)))
 
     def run_seconds(self, p: Array) -> float:
-        """How long the run of a sample p (d,) took, which is made if the file lacks it [s]."""
+        """Duration of the run of a sample p (d,) [s]. The run is made if the file lacks it."""
         with open_run_database(self.path) as database:
             return database.seconds(self._make(database, p[None], None, None), p)
 

@@ -12,7 +12,7 @@ from symmb._types import Array, Mask
 from symmb._units import units_of_parameters
 from symmb.bounds.contributions import Contributions, contributions_of
 from symmb.bounds.envelope import Envelope
-from symmb.bounds.laws import Correlation
+from symmb.bounds.laws import Correlation, given_once
 from symmb.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bounds.responses import GOOD, Responses
 from symmb.bounds.time_windows import ROUNDING, ROUNDING_SCALE, is_doubtful
@@ -30,7 +30,7 @@ class Answers(Envelope):
     """The part of `Bounds` that asks the runs, the surrogate, or further runs."""
 
     def worst(self, output: str, time: float | None = None) -> Worst:
-        """Where an output is least and largest: values, times, and the parameters of the runs that attain them.
+        """Where an output is lowest and highest: values, times, and the parameters of the runs that attain them.
 
         Parameters
         ----------
@@ -169,15 +169,17 @@ class Answers(Envelope):
         self,
         output: str,
         levels: float | Sequence[float] | Array,
-        laws: Mapping[str, Any],
+        laws: Mapping[str, Any] | None = None,
         correlation: Correlation | None = None,
+        *,
+        distributions: Mapping[str, Any] | None = None,
     ) -> Quantiles:
         """Quantiles of an output over time, for parameters that have distributions.
 
-        A parameter without a law may be anything in its interval, in each sample something else: there is then a least
-        and a greatest quantile. They are those of polynomials, which 32 runs verify. Where these are not good enough
-        they are those of 1,024 runs, or, if some parameters have no law, of least squares through 256 runs whose error
-        is that of ranges at some hundreds of further runs.
+        A parameter without a distribution may have any value in its interval, and another one in each sample. Then
+        there is a lowest and a highest quantile. Quantiles follow from polynomials, which 32 runs verify. If the
+        polynomials are not good enough, quantiles follow from 1,024 runs. If some parameters also have no distribution,
+        they follow from least squares through 256 runs, and some hundreds of further runs estimate the error.
 
         Parameters
         ----------
@@ -188,17 +190,20 @@ class Answers(Envelope):
             name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to the interval of
             the box
         correlation : (n, n)
-            correlations of a Gaussian copula, in the order of the laws; default: independent
+            correlations of a Gaussian copula, in the order of the distributions; default: independent
+        distributions : mapping
+            another name of `laws`
 
         Raises
         ------
         DeclarationError
-            If an output or a parameter is unknown, a law or a level is none, or lies outside of the box, or the
-            correlations are not positive definite.
+            If an output or a parameter is unknown, a distribution or a level is invalid, a distribution lies outside of
+            the box, or the correlations are not positive definite.
         PropagationError
             If runs fail.
         """
-        return quantiles_of(self._responses("Bounds.quantiles"), output, levels, laws, correlation)
+        given = given_once("Bounds.quantiles", laws, distributions)
+        return quantiles_of(self._responses("Bounds.quantiles"), output, levels, given, correlation)
 
     def probability(
         self,
@@ -206,47 +211,58 @@ class Answers(Envelope):
         *,
         above: float | None = None,
         below: float | None = None,
-        laws: Mapping[str, Any],
+        laws: Mapping[str, Any] | None = None,
         correlation: Correlation | None = None,
         error: float = 0.1,
+        distributions: Mapping[str, Any] | None = None,
     ) -> Probability:
-        """Probability that an output is above or below a value, at each time and ever; see `quantiles`.
+        """Probability that an output is above or below a value, at each time and at any time; see `quantiles`.
 
-        With both values it is the probability that the output is above the one or below the other, as the reject rate
-        of a limit with two ends.
+        With both values, it is the probability that the output is above the one or below the other. This is the reject
+        rate of a limit with two ends.
 
         Parameters
         ----------
         above, below : float
-        laws, correlation : as in `quantiles`
+        laws, correlation, distributions : as in `quantiles`
         error : float
-            the estimated error to reach, over the probability of the event at any time. Samples of the polynomials are
-            made as many as that takes. If these do not suffice, up to 1,000 runs near the limit tell probabilities down
-            to 1e-9, where all parameters have laws
+            the estimated error to reach, as a share of the probability of the event at any time. The polynomials are
+            sampled as often as that takes. If this does not suffice, and all parameters have distributions, up to 1,000
+            runs near the limit give probabilities down to 1e-9
         """
+        given = given_once("Bounds.probability", laws, distributions)
         responses = self._responses("Bounds.probability")
-        return probability_of(responses, output, above, below, laws, correlation, error)
+        return probability_of(responses, output, above, below, given, correlation, error)
 
-    def samples(self, n: int, laws: Mapping[str, Any], correlation: Correlation | None = None, seed: int = 0) -> Sweep:
-        """Responses for n random samples of parameters that all have laws; see `quantiles`.
+    def samples(
+        self,
+        n: int,
+        laws: Mapping[str, Any] | None = None,
+        correlation: Correlation | None = None,
+        seed: int = 0,
+        *,
+        distributions: Mapping[str, Any] | None = None,
+    ) -> Sweep:
+        """Responses for n random samples of parameters that all have distributions; see `quantiles`.
 
-        They are those of the polynomials that `contributions` uses, or of runs.
+        They follow from the polynomials that `contributions` uses, or from runs.
         """
-        return samples_of(self._responses("Bounds.samples"), n, laws, correlation, seed, self.nominal_parameters)
+        given = given_once("Bounds.samples", laws, distributions)
+        return samples_of(self._responses("Bounds.samples"), n, given, correlation, seed, self.nominal_parameters)
 
     def _responses(self, owner: str) -> Responses:
-        """What questions about the responses are put to."""
+        """Responses that answer questions about the bounds."""
         if self.box is None:
             raise DeclarationError(f"{owner}: these bounds do not know their box. A .csv file does not hold it.")
         adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
         surrogate = adaptive.surrogate
         is_good = adaptive.have_good_surrogate()
-        remarks = [f"The bounds are doubted: {doubt}" for doubt in self.doubts[:1]]
+        remarks = [f"The bounds have a warning: {doubt}" for doubt in self.doubts[:1]]
         if self.study is None and not is_good.all():
             if surrogate is None:
                 raise DeclarationError(
-                    f"{owner}: {self.method} leaves no polynomials, and bounds that were read from a file or pickled "
-                    "make no runs. Ask the bounds that propagate returns."
+                    f"{owner}: {self.method} has no polynomials, and bounds from a file or a pickle cannot make runs. "
+                    "Use the bounds that propagate returned."
                 )
             is_good[:] = True
             remarks.append("Polynomials that are not good enough answer here: bounds from a file make no runs.")
@@ -254,7 +270,9 @@ class Answers(Envelope):
         point = self.box.to_unit(np.array(values))
         outside = ", ".join(n for n, x in zip(self.box.names, point, strict=True) if abs(x) > 1 + 1e-12)
         if outside:
-            remarks.append(f"Nominal values are outside of the intervals, whose ends stand for them: {outside}.")
+            remarks.append(
+                f"Nominal values are outside of the intervals, so that the ends of the intervals are taken: {outside}."
+            )
         estimate = adaptive.estimate if adaptive.estimate is not None else adaptive.surrogate.error
         own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
         runs = 0 if adaptive is self else adaptive.evaluations

@@ -35,7 +35,7 @@ _SAMPLES = 2048
 """Samples of each matrix from which shares of pieces are taken."""
 _SAMPLING = 0.03
 """Error of such shares: the largest difference from exact ones in 200 random polynomials was 0.02."""
-_WHY = "Widths do not add up to the whole one: parameters act together, and extremes lie at different values of others."
+_WHY = "The widths of single parameters do not sum to the full width, because parameters act together."
 
 
 _SERIES = entry(Record.with_nan, "t", "names")
@@ -44,7 +44,7 @@ _EACH = entry(Record.with_nan, "t", "names", "parameters")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Contributions(Result, Saved):
-    """What each parameter contributes to the outputs over time.
+    """Contributions of each parameter to the outputs over time.
 
     `print` shows them where outputs are widest, by the width of each parameter alone; `plot` draws them.
 
@@ -61,8 +61,8 @@ class Contributions(Result, Saved):
     saved : (n_t, n_y, n_p)
         width that goes away if this parameter is known to be nominal
     first, total : (n_t, n_y, n_p)
-        Sobol's indices: the share of the variance that a parameter explains by itself, and with others, for uniform
-        independent parameters. nan where the variance is rounding
+        Sobol's indices: the share of the variance that a parameter explains by itself, and together with others.
+        Parameters are uniform and independent. nan where the variance is rounding
     estimate : (n_t, n_y)
         largest estimated error of alone
     saved_estimate : (n_t, n_y)
@@ -163,7 +163,7 @@ class Contributions(Result, Saved):
         title : str
             of a new figure
         ax : matplotlib Axes
-            to draw in, in the place of a new figure, one an output
+            to draw in, instead of a new figure, one an output
         label, color, legend
             of the curves: a text or a colour, or a list with one for each; and True or False
         """
@@ -261,7 +261,7 @@ def _by_runs(
 ) -> int:
     """Fill in the widths (d, n_t, n_y) and errors that are missing (d, n_y) by studies; returns how many runs.
 
-    The progress tells the number of each study of all, of which some were made before.
+    The progress counts these studies, and those that were made before.
     """
     runs, (before, of_all) = 0, studies
     for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):

@@ -42,8 +42,9 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
     ``evaluations`` leaves these runs out; a remark tells their number.
     """
     doubts, n = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
-    told = (f"{counted(n, 'further run')} checked these bounds: evaluations leave them out.",) if n else ()
-    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *told))
+    text = f"{counted(n, 'further run')} checked these bounds. The number of evaluations does not include them."
+    remarks = (*bounds.remarks, text) if n else bounds.remarks
+    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=remarks)
 
 
 def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
@@ -102,7 +103,7 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
     if beside and (beside_widths := _doubts_of_widths(motion, motion.dae.p_nominal, widths)):
         return (*own, *beside_widths), remarks
     if first.seconds > bounds.seconds + _PATIENCE:
-        left_out = f"No run at a corner was checked in another way, because one takes {first.seconds:.0f} s."
+        left_out = f"No run at a corner was checked by a second method, because one run takes {first.seconds:.0f} s."
         return own, [*remarks, left_out]
     signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends: equal ones may keep a symmetry
     p = parameter_samples(simulator, box, signs[None])[0]
@@ -157,8 +158,8 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
         return ()
     where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
     return (
-        f"At {where} a law of time has a pulse over which steps may pass: they follow the pulses at the nominal "
-        "parameters. Take nominal parameters at which it is shortest.",
+        f"At {where} a function of time has a pulse that is shorter than the steps of the solver, which may miss it. "
+        "Take nominal parameters at which the pulse is shortest.",
     )
 
 
@@ -170,7 +171,7 @@ def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
     varies = (upper - lower > ROUNDING * np.maximum(np.abs(lower), np.abs(upper))).any(axis=0)
     below = (upper <= lower + simulator.noise).all(axis=0) & varies
     names = [bounds.names[k] for k in np.flatnonzero(below)]
-    text = f"The noise of runs is larger than the width of {', '.join(names)}: this width is not known."
+    text = f"The noise of the runs is larger than the width of {', '.join(names)}, so that the width is not known."
     return (Doubt(text, names),) if names else ()
 
 

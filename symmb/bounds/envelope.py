@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from symmb._errors import WithWarnings
 from symmb._options import require_name, require_positive
 from symmb._types import Array
 from symmb.bounds.failures import Failure
@@ -23,7 +24,7 @@ _NAMED_WINDOWS = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Envelope:
+class Envelope(WithWarnings):
     """The attributes of `Bounds`, and how far they can be trusted."""
 
     t: Array = field(metadata=TIMES)
@@ -58,7 +59,7 @@ class Envelope:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
+        """Warnings in sentences: what is uncertain. Empty if no problem is known."""
         doubts = list(self.run_doubts)
         if self.failed:
             where = f" Runs fail {self.failed_region}." if self.failed_region else ""

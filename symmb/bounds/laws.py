@@ -1,4 +1,4 @@
-"""Laws of parameters: distributions, cut to the box, and dependent by a Gaussian copula."""
+"""Distributions of parameters, cut to the box, and dependent by a Gaussian copula."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,9 +14,16 @@ from symmb.model import Box
 
 Correlation = Sequence[Sequence[float]] | Array
 _LEAST_MASS = 1e-6
-"""Probability of the box below which a law lies outside of it: its quantiles there have few digits."""
-_TOLD_MASS = 1e-4
-"""Probability outside of the box from which it is told."""
+"""Probability of the box below which a distribution lies outside of it: its quantiles there have few digits."""
+_STATED_MASS = 1e-4
+"""Probability outside of the box from which a remark states it."""
+
+
+def given_once(owner: str, laws: object, distributions: object) -> Any:
+    """Distributions that are given by one of two names."""
+    if laws is not None and distributions is not None:
+        raise DeclarationError(f"{owner}: laws and distributions are two names of one argument. Give one of them.")
+    return distributions if laws is None else laws
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +50,7 @@ class Laws:
         """From distributions by name, and a matrix of correlations in their order."""
         if not isinstance(laws, Mapping) or not laws:
             raise DeclarationError(
-                f'{owner}: laws must be distributions by name, such as {{"k": scipy.stats.norm(40, 1.3)}}, '
+                f'{owner}: distributions must be given by name, such as {{"k": scipy.stats.norm(40, 1.3)}}, '
                 f"got {shown(laws)}."
             )
         laws, masses = normal_keys(owner, laws), []
@@ -58,12 +65,13 @@ class Laws:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Which laws lose a part outside of the box, in one sentence."""
+        """Which distributions lose a part outside of the box, in one sentence."""
         outside = 1.0 - (self.masses[:, 1] - self.masses[:, 0])
-        cut = {name: mass for name, mass in zip(self.names, outside.tolist(), strict=True) if mass > _TOLD_MASS}
+        cut = {name: mass for name, mass in zip(self.names, outside.tolist(), strict=True) if mass > _STATED_MASS}
         if not cut:
             return ()
-        words = "law of {} is cut to its interval" if len(cut) == 1 else "laws of {} are cut to their intervals"
+        one, more = "distribution of {} is cut to its interval", "distributions of {} are cut to their intervals"
+        words = one if len(cut) == 1 else more
         masses = ", ".join(dict.fromkeys(f"{mass:.2g}" for mass in cut.values()))
         return (f"The {words.format(', '.join(cut))}, with a probability of {masses} outside.",)
 
@@ -86,7 +94,7 @@ class Laws:
 
 
 def laws_text(laws: Mapping[str, Any]) -> str:
-    """Laws by name, as they were called."""
+    """Distributions by name, as they were called."""
     return "{" + ", ".join(f"{name!r}: {_law_text(law)}" for name, law in laws.items()) + "}"
 
 
@@ -99,10 +107,10 @@ def _law_text(law: Any) -> str:
 
 def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
     if hasattr(law, "freeze"):
-        raise DeclarationError(f"{owner}: the law of {name!r} needs numbers, such as scipy.stats.norm(40, 1.3).")
+        raise DeclarationError(f"{owner}: distribution of {name!r} needs numbers, such as scipy.stats.norm(40, 1.3).")
     if not all(callable(getattr(law, part, None)) for part in ("cdf", "ppf")):
         raise DeclarationError(
-            f"{owner}: the law of {name!r} must be a distribution with cdf and ppf, such as scipy.stats.norm(40, 1.3), "
+            f"{owner}: the distribution of {name!r} must have cdf and ppf, such as scipy.stats.norm(40, 1.3), "
             f"got {shown(law)}."
         )
     low, high = box.bounds[box.names.index(name)]
@@ -110,13 +118,13 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
         below, above = float(law.cdf(np.nextafter(low, -np.inf))), float(law.cdf(high))  # the end may have a mass
         middle = np.shape(law.ppf(np.array([below, above])))
     except Exception as error:  # of the user's class
-        raise DeclarationError(f"{owner}: the law of {name!r} has no values: {error}.") from error
+        raise DeclarationError(f"{owner}: the distribution of {name!r} has no values: {error}.") from error
     if middle != (2,):
-        raise DeclarationError(f"{owner}: ppf of the law of {name!r} must give a number for each of an array.")
+        raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must give a number for each number.")
     if not above - below >= _LEAST_MASS:
         raise DeclarationError(
-            f"{owner}: the law of {name!r} has a probability of {above - below:.1g} in its interval from {low:g} to "
-            f"{high:g}."
+            f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval from "
+            f"{low:g} to {high:g}."
         )
     return below, above
 
@@ -125,7 +133,7 @@ def _cholesky(owner: str, correlation: object, names: tuple[str, ...]) -> Array:
     matrix, n = numbers_of(correlation), len(names)
     if matrix is None or matrix.shape != (n, n):
         raise DeclarationError(
-            f"{owner}: correlation must be a {n} x {n} matrix in the order of the laws ({', '.join(names)}), "
+            f"{owner}: correlation must be a {n} x {n} matrix in the order of the distributions ({', '.join(names)}), "
             f"got {shown(correlation)}."
         )
     if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T) or not np.allclose(np.diag(matrix), 1.0):

@@ -107,7 +107,7 @@ class KeptLimit:
 
     @property
     def row(self) -> int:
-        """Number of the time of the least margin."""
+        """Number of the time of the smallest margin."""
         further = self.further
         return further.row if further and np.isfinite(further.error) else int(self.margin.argmin())
 
@@ -154,7 +154,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
     @property
     def margin(self) -> Array:
-        """(n_t,) the least distance of the bounds from a limit, below 0 beyond it."""
+        """(n_t,) the smallest distance of the bounds from a limit, below 0 beyond it."""
         return np.min([limit.margin for limit in self.limits], axis=0)
 
     def __getitem__(self, output: str) -> KeptLimit:
@@ -168,7 +168,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return f"Limits by {self.method}: {_WORDS[self.kept]}"
 
     def _rows(self, names: Sequence[str] = ()) -> list[list[str]]:
-        rows = [["limit", "result", "why", "least margin", "at [s]"]]
+        rows = [["limit", "result", "why", "smallest margin", "at [s]"]]
         for limit in self.limits:
             least, _ = self._least(limit)
             margin = f"{least:.4g}{' ' * bool(limit.unit)}{limit.unit}"
@@ -176,11 +176,12 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return over_times(rows, self.t)
 
     def _least(self, limit: KeptLimit) -> tuple[float, float]:
-        """The least margin of a limit, and its time [s]."""
+        """The smallest margin of a limit, and its time [s]."""
         return float(limit.margin[limit.row]), float(self.t[limit.row])
 
     def to_json(self) -> dict[str, dict[str, Any]]:
-        """The result of each output, why, its least margin with the time, and its limits, None where there is none."""
+        """The result of each output, why, its smallest margin with the time, and its limits, None where there is
+        none."""
         results = {}
         for limit in self.limits:
             margin, time = self._least(limit)
@@ -254,7 +255,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     if beyond > rounding:
         return _Decision(False, "A run is beyond it.", margin)
     if doubt := _doubt(bounds, bounds.names[k]):
-        return _Decision(None, f"See the doubts: {shorten(doubt, 60, placeholder=' ...')}", margin)
+        return _Decision(None, f"See the warnings: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
         return _Decision(None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}.", margin)
     if bounds.kind == "sampled":

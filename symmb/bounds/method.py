@@ -30,14 +30,14 @@ class Method(ABC):
 
     kind: ClassVar[Kind]
     unit_of_work: ClassVar[str] = "runs"
-    """What its progress counts."""
+    """The unit of its progress."""
     requires: ClassVar[str] = ""
     """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
 
     @property
     def doubtful_miss(self) -> float:
-        """Share of the width above which a disagreement with check runs is a doubt: half of the estimated error that is
-        doubtful, as a few runs see only a part of it."""
+        """Share of the width above which a disagreement with check runs is a warning. It is half of the estimated error
+        that is a warning, because a few runs see only a part of an error."""
         return 0.05
 
     def bounds(
@@ -129,7 +129,7 @@ def units_of(simulator: Simulator) -> tuple[str, ...]:
 
 
 def figures_of(simulator: Simulator) -> tuple[str, ...]:
-    """Names of the outputs that are one number a run."""
+    """Names of the scalar outputs."""
     return tuple(getattr(simulator, "figures", ()))
 
 

@@ -31,12 +31,12 @@ _NARROW = 1e-2
 class Optimization(Method):
     """Smallest and largest responses found by Newton steps from the best runs, of all outputs and times together.
 
-    A run with first derivatives gives value and gradient of every output at every time. About the best run of each
-    minimum or maximum a quadratic with secant curvature predicts a better point of the box; the next runs are
-    those with the best predictions, and each run is also used for all other extremes. This takes the first half of the
-    budget. The other half is for runs without derivatives at the points that the last quadratics predict. The bounds
-    are attained. Their ``estimate`` is their distance from the prediction plus the last change of
-    the prediction; an extreme far from every run may be missed. The executor makes the runs without derivatives.
+    A run with first derivatives gives value and gradient of every output at every time. For each minimum and maximum, a
+    quadratic about its best run predicts a better point of the box. The quadratic has secant curvature. The next runs
+    are those with the best predictions, and each run is also used for all other extremes. This takes the first half of
+    the budget. The other half is for runs without derivatives at the points that the last quadratics predict. The
+    bounds are attained. Their ``estimate`` is their distance from the prediction plus the last change of the
+    prediction; an extreme far from every run may be missed. The executor makes the runs without derivatives.
 
     Parameters
     ----------

@@ -44,15 +44,13 @@ class PolynomialChaos(Method):
     ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids for up to three
     parameters, and check runs at the extremes of the expansion. Runs near the kinks of one parameter decide them, and
     the box is cut into pieces where they do not. For more parameters each output has a sparse grid of its own that
-    grows where it varies, and check runs. Where that takes too many runs, corners and further runs near extremes attain
+    grows where it varies, and check runs. If that takes too many runs, corners and further runs near extremes attain
     the bounds. Other simulators than scenes first try corners: they are the extremes of responses that rise or fall
     with each parameter. Outputs with few times, up to eight numbers, are left to a Gaussian process that looks for
-    directions in which they vary.
-    Bumps that are narrower than 0.2 of the half width of the box in two parameters, 0.4 in three or 0.5 in four (their
-    standard deviation) may be missed without a doubt: ``PolynomialChaos(probes=200)`` looks harder.
-    ``PolynomialChaos(order=4)`` has a given order: interpolation at Clenshaw-Curtis nodes and the exact range of the
-    interpolant.
-    ``PolynomialChaos.paper(order=2)`` is the method of the paper.
+    directions in which they vary. Bumps that are narrower than 0.2 of the half width of the box in two parameters, 0.4
+    in three or 0.5 in four (their standard deviation) may be missed without a warning. ``PolynomialChaos(probes=200)``
+    finds more of them. ``PolynomialChaos(order=4)`` has a given order: interpolation at Clenshaw-Curtis nodes and the
+    exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the method of the paper.
 
     Parameters
     ----------
@@ -63,8 +61,8 @@ class PolynomialChaos(Method):
     tolerance : without order: estimated error at which to stop, as a share of the response width
     budget : without order: most runs allowed
     seconds : without order: most seconds beyond those of the runs; None: 1 s, and three times the seconds of the runs
-    probes : without order: further runs, evenly spread over the box, with which the surrogate must agree before it is
-        believed: they show what acts in a small part of the box only
+    probes : without order: further runs, evenly spread over the box, with which the surrogate must agree. They find
+        effects in small parts of the box
     lockstep : advance all nodes together from one output time to the next and expand there (Fig. 4), which needs a
         simulator that can march and does not use the executor; otherwise each node runs separately (Fig. 5)
 

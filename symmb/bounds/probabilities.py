@@ -1,4 +1,4 @@
-"""Quantiles and probabilities of outputs, for parameters with laws, and parameters that stay intervals."""
+"""Quantiles and probabilities of outputs, for parameters with distributions and for intervals."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ _FEW = 8
 _NONE = 3.0
 """Expected number of events of which none is seen in one of 20 samples: the least sampling error of a probability."""
 _CHECKS = 32
-"""Runs, spread by the laws, that verify polynomials where their values count, and not only their range."""
+"""Runs, spread by the distributions, that verify polynomials where their values count, and not only their range."""
 _MISSED = 2.0
 """Largest error over the largest one at these runs, and over the rms of errors of ranges."""
 _FITTED, _INSIDE, _FEW_INTERVALS = 256, 32, 5
@@ -58,7 +58,7 @@ class Figures(Result):
     ----------
     output, unit : str
     t : (n_t,)             times [s]
-    laws : str             of the parameters that have one
+    laws : str             distributions of the parameters that have one
     intervals : names      of the parameters that have none
     samples : int
     runs : int             further runs that were made
@@ -83,11 +83,11 @@ class Figures(Result):
     def _head(self) -> str:
         lines = [
             self._title(),
-            f"  laws         {self.laws}, {self.samples} samples, {counted(self.runs, 'further run')}",
+            f"  distribution {self.laws}, {self.samples} samples, {counted(self.runs, 'further run')}",
         ]
         if self.intervals:
             lines.append(
-                f"  intervals    {', '.join(self.intervals)}: anything in the box, so that there are two values"
+                f"  intervals    {', '.join(self.intervals)}: any value in the box, so that there are two values"
             )
         return "\n".join([*lines, *(f"  remark       {remark}" for remark in self.remarks)])
 
@@ -105,8 +105,8 @@ class Quantiles(Figures):
     Attributes
     ----------
     levels : (n_q,)                probabilities
-    lower, upper : (n_q, n_t)      least and greatest quantile, whatever the parameters without a law are in each
-                                   sample; they are the same if all have laws
+    lower, upper : (n_q, n_t)      lowest and highest quantile, for all values of the parameters without a distribution;
+                                   they are the same if all parameters have one
     estimate : (n_q, n_t)          estimated error: that of the polynomials and of sampling
     """
 
@@ -119,7 +119,7 @@ class Quantiles(Figures):
         return f"Quantiles of {self.output}, " + (f"{len(self.t)} times" if len(self.t) > 1 else "one time")
 
     def _rows(self) -> list[list[str]]:
-        ends = ["least", "at [s]", "greatest", "at [s]", "estimated error"]
+        ends = ["lowest", "at [s]", "highest", "at [s]", "estimated error"]
         rows = [["quantile", *ends]]
         for q, lower, upper, error in zip(self.levels, self.lower, self.upper, self.estimate, strict=True):
             i, j = int(lower.argmin()), int(upper.argmax())
@@ -145,7 +145,8 @@ class Probability(Figures):
     Attributes
     ----------
     event : str                the event
-    lower, upper : (n_t,)      least and greatest probability at each time; the same if all parameters have laws
+    lower, upper : (n_t,)      lowest and highest probability at each time; the same if all parameters have
+                               distributions
     estimate : (n_t,)          estimated error: that of the polynomials and of sampling
     ever : (lower, upper, estimate)    of the event at any output time
     """
@@ -162,7 +163,7 @@ class Probability(Figures):
     def _rows(self) -> list[list[str]]:
         i = int(self.upper.argmax())
         has_times = not is_timeless(self.t) and time_text(self.t, i, self.lower, self.upper) != ""
-        largest = f"greatest,{at_time(self.t, i)}", self.lower[i], self.upper[i], self.estimate[i]
+        largest = f"highest,{at_time(self.t, i)}", self.lower[i], self.upper[i], self.estimate[i]
         rows = [["", "probability", "estimated error"]]
         ever = "at any output time" if has_times else "", *self.ever
         for name, low, high, error in (ever, largest) if has_times else (ever,):
@@ -259,22 +260,22 @@ def _is_short(found: Array, error: float) -> bool:
 
 
 def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
-    """Least and greatest probability, their error, and the part of it that polynomials have (4, n_t + 1), last of the
+    """Lowest and highest probability, their error, and the part of it that polynomials have (4, n_t + 1), last of the
     event at any time.
     """
     responses, k, (bottom, top) = samples.responses, samples.column, limits
     at_times, ever = [], np.zeros((4, _REPLICATES, samples.number // _REPLICATES), dtype=bool)
     for window, low, high in samples.over_time():
-        least, greatest, e = responses.lower[window, k], responses.upper[window, k], samples.error[window]
-        low, high = np.clip((low, high), least, greatest)
+        lowest, highest, e = responses.lower[window, k], responses.upper[window, k], samples.error[window]
+        low, high = np.clip((low, high), lowest, highest)
         pairs = (low, high), (high, low), (low - e, high + e), (high + e, low - e)
         beyond = np.stack([(above_it > top) | (below_it < bottom) for above_it, below_it in pairs])
         at_times.append(beyond.mean(axis=2))
         ever |= beyond.any(axis=3)
     sets = np.concatenate([*at_times, ever.mean(axis=2)[..., None]], axis=2)  # (4, replicates, n_t + 1)
-    lower, upper, least, greatest = sets.mean(axis=1)
+    lower, upper, lowest, highest = sets.mean(axis=1)
     sampling = np.maximum(np.maximum(_scatter(sets[0]), _scatter(sets[1])), _NONE / samples.number)
-    of_polynomials = np.maximum(lower - least, greatest - upper)
+    of_polynomials = np.maximum(lower - lowest, highest - upper)
     return np.array([lower, upper, sampling + of_polynomials, of_polynomials])
 
 
@@ -314,7 +315,7 @@ def samples_of(
     lacking = [name for name, r in zip(box.names, box.radius, strict=True) if r > 0 and name not in own.names]
     if lacking:
         raise DeclarationError(
-            f"{owner}: samples need a law of every parameter, and {', '.join(lacking)} have none. "
+            f"{owner}: samples need a distribution of every parameter, and {', '.join(lacking)} have none. "
             "scipy.stats.uniform(low, width) spreads evenly."
         )
     points = np.zeros((number, len(box)))
@@ -342,7 +343,8 @@ def _values(responses: Responses, points: Array) -> Array:
 
 
 class _Samples:
-    """Samples of an output: sets of points that are spread by laws, and ranges over the parameters without a law.
+    """Samples of an output: sets of points that are spread by laws, and ranges over the parameters without a
+    distribution.
 
     Attributes
     ----------
@@ -434,7 +436,7 @@ class _Samples:
         self.runs += len(points) + runs.shape[0] * few
 
     def _ranges(self, own: Piecewise, points: Array) -> tuple[Array, Array]:
-        """Least and greatest values (N, n_t, 1) over the parameters without a law."""
+        """Lowest and highest values (N, n_t, 1) over the parameters without a distribution."""
         if not self._around.size:
             return own.ranges(points, self.free)
         low, high = np.full((2, len(points), *own.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
@@ -445,7 +447,7 @@ class _Samples:
         return low, high
 
     def over_time(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Windows of time, and the least and greatest values (replicates, n, n_t) there."""
+        """Windows of time, and the lowest and highest values (replicates, n, n_t) there."""
         surrogate, n_t = self.surrogate, len(self.responses.t)
         step = n_t
         if surrogate is not None:  # each window computes all terms at the points again

@@ -40,14 +40,15 @@ def propagate(
     solver : of a Scene, or its text such as "cvodes:1e-9"; default: chosen by pilot runs, mostly DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
-    progress : called with the finished runs and all runs; adaptive methods plan more as they go, and call its method
-        ``estimate`` with the estimated error that they have reached, if it has one; default: a bar, in notebooks and
+    progress : called with the number of finished runs and of all runs, which grows for adaptive methods. These also
+        call its method ``estimate``, if it has one, with the estimated error so far. Default: a bar, in notebooks and
         terminals
 
     Returns
     -------
     Bounds
-        ``lower`` and ``upper`` (n_t, n_y). What is doubtful about them stands in ``doubts``, and is a SymmbWarning.
+        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` say what is uncertain about them; Python issues a
+        SymmbWarning as well.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def propagate(
         except PropagationError as error:
             if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # as in a copy from a pickle
                 raise
-            doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may tell why runs fail
+            doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may say why runs fail
             raise PropagationError("\n".join((str(error), *doubts))) from error
         bounds = finished(method, simulator, bounds, executor)
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")

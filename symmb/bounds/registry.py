@@ -130,5 +130,5 @@ def read_method(text: str) -> Method:
 
 
 def method_of(owner: str, method: object) -> Method:
-    """The method that is given, or that its text on the command line stands for; DeclarationError if it is neither."""
+    """The method that is given, or that a text of the command line names; DeclarationError if it is neither."""
     return read_method(method) if isinstance(method, str) else require_method(owner, method)

@@ -42,9 +42,9 @@ class Bounds(Answers, Counted, Result, Saved):
     ----------
     t : (n_t,) times [s]
     names : n_y outputs
-    lower, upper : (n_t, n_y) best estimate of the bounds; `lower["x"]` is that of one output
-    kind : "enclosure" (proved to contain the responses), "estimate" (of a surrogate: may miss either way) or
-        "sampled" (attained by runs: the responses reach at least these values)
+    lower, upper : (n_t, n_y) best estimate of the bounds; `lower["x"]` is the lower bound of one output
+    kind : "enclosure" (proved to contain the responses), "estimate" (from a surrogate: they may be too wide or too
+        narrow) or "sampled" (attained by runs: the true bounds may be wider)
     method : text of the method's constructor
     evaluations, runs : number of runs; a run with derivatives counts as many as they cost
     estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
@@ -55,11 +55,11 @@ class Bounds(Answers, Counted, Result, Saved):
     seconds : wall time of runs and bounding [s]
     expansion : polynomial chaos of a given order, or None
     caution : from when on the method is not valid, and why; empty if it is valid
-    run_doubts : what cannot be trusted about the runs, in sentences; `doubts` are all
+    run_doubts : warnings about the runs, in sentences; `warnings` (or `doubts`) has all
     remarks : what else is known about the bounds, in sentences: a tolerance that was not reached
     units : n_y units of the outputs, '' where they are not known; empty if none is known
     box : intervals of the parameters, or None where they are not known
-    surrogate : polynomials in the place of the responses, with their error; None if the method has none, or a file
+    surrogate : polynomials that replace the responses, with their error; None if the method has none, or a file
         was read that does not hold them
     study : simulator and box, for more runs; None if they were read or pickled
     subject, solver : what was bounded, a scene by its name, and the solver of a scene in words; empty if not known
@@ -67,7 +67,7 @@ class Bounds(Answers, Counted, Result, Saved):
     nominal_parameters : nominal values of all parameters; empty if they are not known
     attaining : the runs that attain the bounds; None if they were read or pickled, or no runs are made
     worst_cases : those over all times, of bounds that were read from a file
-    figures : names of the outputs that are one number a run: their bounds are the same at all times
+    figures : names of the scalar outputs, which are one number per run; their bounds are the same at all times
     range_of : whose range an adaptive method took, in words: interpolants, runs at corners; empty of other methods
 
     Examples
@@ -86,14 +86,14 @@ class Bounds(Answers, Counted, Result, Saved):
         return {**self.__dict__, "study": None, "attaining": None}
 
     def check(self, limits: Limits) -> LimitCheck:
-        """Whether outputs keep limits for all parameters of the box, at all times.
+        """Check whether outputs keep limits for all parameters of the box, at all times.
 
-        A limit is kept if the bounds, widened by their estimated error at each time, are inside and no doubt concerns
-        the output. It is violated if a run is beyond it by more than rounding and noise. Where bounds that have an
-        estimated error are closer to a limit than twice this error, and those of a scene closer than half of their
-        width, further runs search for one beyond the limit: at most 600 or as many as the study took, of other
-        simulators no more than the latter. The limit is kept if they end inside. Otherwise it is undecided. For
-        enclosures a limit is proved to be kept; samples alone can only violate it.
+        A limit is kept if the bounds, widened by their estimated error at each time, are inside, and no warning
+        concerns the output. It is violated if a run is beyond it by more than rounding and noise. If the bounds are
+        closer to a limit than twice their estimated error, further runs search for a run beyond the limit. For a scene,
+        half of the width of the bounds is close enough. The search makes at most 600 runs, or as many as the study;
+        with other simulators no more than the study. The limit is kept if the search ends inside. Otherwise it is
+        undecided. An enclosure proves that a limit is kept. Samples alone can only show that it is violated.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class Bounds(Answers, Counted, Result, Saved):
 
         Parameters
         ----------
-        ax : matplotlib Axes to draw in, in the place of a new figure, one an output
+        ax : matplotlib Axes to draw in, instead of a new figure, one an output
         figsize : (width, height)  of a new figure [inch]
         title : str                of a new figure, in place of its own
         deviation : bool           draw deviations from the nominal run: bands may be too narrow to be seen beside it
@@ -197,8 +197,8 @@ class Bounds(Answers, Counted, Result, Saved):
         require_truth("Bounds.plot", "deviation", deviation)
         if deviation and self.nominal is None:
             raise DeclarationError(
-                "Bounds.plot: deviation needs the nominal run, which these bounds do not hold. Those by "
-                "PolynomialChaos() hold it where the nominal parameters are in the middle of the box."
+                "Bounds.plot: deviation needs the nominal run, which these bounds do not hold. Bounds by "
+                "PolynomialChaos() hold it if the nominal parameters are in the middle of the box."
             )
         figure = plot.plot_bounds(
             self.t,
@@ -218,7 +218,7 @@ class Bounds(Answers, Counted, Result, Saved):
     def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:
         """Write a report: one .html file that opens offline, and prints.
 
-        It tells first in sentences whether limits are kept, and what to do next: which tolerance to tighten, and by how
+        It first says in sentences whether limits are kept, and what to do next: which tolerance to tighten, and by how
         much. Curves and the mechanism follow. An annex holds warnings, tables, worst cases, contributions by adaptive
         methods, the equations, what is assumed, what it cost, and how to repeat it.
 
@@ -262,13 +262,13 @@ class Bounds(Answers, Counted, Result, Saved):
         ]
 
     def _head(self) -> list[str]:
-        lines = [*self._about(), *(f"  doubtful     {doubt}" for doubt in self.doubts)]
+        lines = [*self._about(), *(f"  warning      {doubt}" for doubt in self.doubts)]
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
         """Extremes of each output, the nominal run then, the largest width and estimated error. Rounding is 0."""
         then = [] if self.nominal is None else ["nominal then"]
-        rows = [["output", "least", "at [s]", *then, "greatest", "at [s]", *then, "width", "at [s]", "estimated error"]]
+        rows = [["output", "lowest", "at [s]", *then, "highest", "at [s]", *then, "width", "at [s]", "estimated error"]]
         with np.errstate(over="ignore"):
             width = self.upper - self.lower
         width = np.where(np.isnan(width), np.inf, width)

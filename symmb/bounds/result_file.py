@@ -19,8 +19,8 @@ from symmb.polynomials.ranges import Piecewise
 Kind = Literal["enclosure", "estimate", "sampled"]
 MEANING = {
     "enclosure": "proved: no response lies outside",
-    "estimate": "of a surrogate: may miss to either side",
-    "sampled": "attained by runs: the responses reach at least as far",
+    "estimate": "from a surrogate: may be too wide or too narrow",
+    "sampled": "attained by runs: the true bounds may be wider",
 }
 
 

@@ -1,7 +1,7 @@
 """Bounds by the extremes of many samples: attained, not proved."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from symmb._options import constructor_text, require_instance, require_kind, req
 from symmb._types import Array, Executor
 from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.failures import failed_region
-from symmb.bounds.laws import Correlation, Laws, laws_text
+from symmb.bounds.laws import Correlation, Laws, given_once, laws_text
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
 from symmb.bounds.result import Bounds
@@ -27,8 +27,8 @@ _RANDOM = Random()
 class MonteCarlo(Method):
     """Extremes over random samples of the box.
 
-    They lie inside the range of the responses, the farther the fewer the samples and the more the parameters. A few
-    check runs look for that: what goes beyond the bounds by more than a tenth of the width is a doubt.
+    They lie inside the range of the responses: the fewer the samples and the more the parameters, the farther. A few
+    check runs look for values beyond the bounds. More than a tenth of the width is a warning.
 
     Parameters
     ----------
@@ -37,12 +37,13 @@ class MonteCarlo(Method):
     sampler : Random(), Sobol() or LatinHypercube()
     laws : mapping of name to distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3), which is cut to its
         interval; parameters without one are spread evenly
-    correlation : correlations of a Gaussian copula, in the order of the laws; default: independent
+    correlation : correlations of a Gaussian copula, in the order of the distributions; default: independent
+    distributions : another name of `laws`. The attribute `laws` has them
 
     Raises
     ------
     DeclarationError
-        If samples is not a positive integer or the seed is negative. From `bounds`: as `Bounds.quantiles`.
+        If samples is not a positive integer or the seed is negative. Raised by `bounds`, as by `Bounds.quantiles`.
 
     Examples
     --------
@@ -55,6 +56,7 @@ class MonteCarlo(Method):
     sampler: Sampler = _RANDOM
     laws: Mapping[str, Any] | None = field(default=None, hash=False)
     correlation: Correlation | None = field(default=None, hash=False)
+    distributions: InitVar[Mapping[str, Any] | None] = None
 
     kind: ClassVar[Kind] = "sampled"
 
@@ -62,13 +64,15 @@ class MonteCarlo(Method):
     def doubtful_miss(self) -> float:  # it is known that random samples end before the extremes, and laws far before
         return 0.1 if self.laws is None else np.inf
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, distributions: Mapping[str, Any] | None) -> None:
         require_whole(self, "samples", 1)
         require_whole(self, "seed", 0)
+        object.__setattr__(self, "laws", given_once("MonteCarlo", self.laws, distributions))
         if self.laws is not None:
-            require_instance("MonteCarlo: laws", self.laws, Mapping, 'distributions by name, as {"k": norm(40, 1.3)}')
+            expected = 'distributions by name, as {"k": norm(40, 1.3)}'
+            require_instance("MonteCarlo: distributions", self.laws, Mapping, expected)
         elif self.correlation is not None:
-            raise DeclarationError("MonteCarlo: correlation is one of laws, and there are none.")
+            raise DeclarationError("MonteCarlo: correlation needs distributions, and there are none.")
         require_kind("MonteCarlo", "sampler", self.sampler, "points", "Random(), Sobol() or LatinHypercube()")
 
     def planned_runs(self, d: int) -> int:
@@ -89,7 +93,7 @@ class MonteCarlo(Method):
             return constructor_text(self, str(self.samples))
         text = constructor_text(replace(self, laws=None, correlation=None), str(self.samples))
         correlated = "" if self.correlation is None else f", correlation={np.asarray(self.correlation).tolist()}"
-        return f"{text[:-1]}, laws={laws_text(self.laws)}{correlated})"
+        return f"{text[:-1]}, distributions={laws_text(self.laws)}{correlated})"
 
 
 @dataclass(frozen=True)

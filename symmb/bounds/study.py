@@ -19,7 +19,7 @@ from symmb.nodes import Sobol
 from symmb.simulation import DAESimulator, SceneSimulator, simulator_with
 
 _FAILED = (
-    "{} of {} runs failed: {}. Take a box without failures; bounds by MonteCarlo(n, laws=...) leave failed runs out."
+    "{} of {} runs failed: {}. Take a box without failures; MonteCarlo(n, distributions=...) leaves failed runs out."
 )
 
 
@@ -58,7 +58,7 @@ class Study:
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
         """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and how many runs they took.
 
-        Parameters that are not in the box have their nominal values. The label says in the progress what it is for.
+        Parameters that are not in the box have their nominal values. The progress shows the label.
         """
         with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
             bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)

@@ -33,11 +33,10 @@ class Taylor(Method):
     """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
 
     The bounds follow by natural interval arithmetic with even powers in [0, 1]. The remainder is left out, so that they
-    are not proved. Expansions are not valid beyond kinks or jumps: ``caution`` tells where runs at centres,
-    and at the ends of intervals through them, meet some.
-    The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| = order: the
-    j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. Each part
-    counts as C(d + order, d) evaluations, the coefficients of its expansion. The executor is not used.
+    are not proved. Expansions are not valid beyond kinks or jumps: ``caution`` says where runs at centres, and at the
+    ends of intervals through them, meet some. The mixed coefficients come from univariate jets along the directions
+    alpha / order, |alpha| = order: the j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. Each
+    part counts as C(d + order, d) evaluations, the coefficients of its expansion. The executor is not used.
 
     Parameters
     ----------

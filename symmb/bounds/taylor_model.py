@@ -40,23 +40,23 @@ class TaylorModel(Method):
     Chebyshev form, and a remainder in the coordinates w of a frame B, which follows the variational equation and is
     itself a polynomial of the parameters. The polynomials need not be exact. The defect u' - f(u) is an analytic
     function; it is interpolated at Chebyshev nodes, where values have bounds of their rounding, and the error of the
-    interpolation is bounded by the largest value on ellipses around the box. Where the equations are polynomials,
-    enough nodes have no such error. Of three parameters and more, the polynomials have a total degree, and the defect
+    interpolation is bounded by the largest value on ellipses around the box. If the equations are polynomials, there is
+    no such error with enough nodes. With three or more parameters, the polynomials have a total degree, and the defect
     is a Taylor model in the parameters at nodes of time. A box for w that the equation of w cannot leave is then
     proved. Ranges of the outputs follow by Bernstein coefficients and halving.
 
     It takes chains, trees and closed loops, first-order states, and scenes without bodies whose outputs are
-    expressions. The states of loops are all coordinates, and velocities that give the others by the rows of the loops.
-    Where a nominal run finds other velocities better, the states change to these.
-    Frequencies and damping of a `ModalSimulator` are proved as long as no two may cross in the box. Values of
-    `critical` are proved as values at which one eigenvalue is imaginary, or 0. That no other one is before them is only
-    checked at a few points of the box. Both need an equilibrium, or a steady motion in coordinates that do not turn.
-    Reactions and accelerations are outputs as others are; multipliers of redundant rows are those of least norm.
+    expressions. In loops, the states are all coordinates, and as many velocities as are independent. These give the
+    other velocities. If other velocities suit the nominal run better, the states change to these. Frequencies and
+    damping of a `ModalSimulator` are proved as long as no two may cross in the box. Values of `critical` are proved as
+    values at which one eigenvalue is imaginary, or 0. A few points of the box check that no other eigenvalue comes
+    before them. This is not proved. Both need an equilibrium, or a steady motion in coordinates that do not turn.
+    Reactions and accelerations are outputs like others; multipliers of redundant rows are those of smallest norm.
     Steps end at the instants of sampled values. Kinks and jumps of forces are passed where all of the box passes them
     once, transversally and alone: drag by abs(w) w goes through w = 0. Laws that are not smooth on one side of a kink,
     such as w abs(w)**0.5, end the proof there. Impacts, and rows that depend on others for some parameters only, are
-    refused. Where nothing can be proved any more, as from a kink that a part of the box meets, or close to a singular
-    position of a loop, bounds are infinite, and ``caution`` tells until when they are proved. Outputs that are not
+    refused. Proofs can end early: at a kink that only a part of the box meets, or close to a singular position of a
+    loop. Bounds are infinite from then on, and ``caution`` says until when they are proved. Outputs that are not
     smooth, or have operations without a remainder, have infinite bounds. The executor is not used, and each box counts
     as a run.
 

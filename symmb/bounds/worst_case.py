@@ -45,7 +45,7 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class AttainingRuns:
-    """Where a study attained the least and largest values of its outputs.
+    """Where a study attained the lowest and highest values of its outputs.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class WorstCase:
 
     @property
     def _word(self) -> str:
-        return "least" if self.side == "lower" else "greatest"
+        return "lowest" if self.side == "lower" else "highest"
 
     @property
     def shortfall(self) -> float:

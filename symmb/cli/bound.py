@@ -27,7 +27,7 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     """Add the command."""
     bound = command("bound", "bound outputs, and check limits", _bound, f"{methods}\n\n{solvers}")
     bound.add_argument(
-        "--box", metavar="k=1:2", nargs="+", action="extend", default=[], help="intervals, in the place of the scene's"
+        "--box", metavar="k=1:2", nargs="+", action="extend", default=[], help="intervals, instead of the scene's"
     )
     bound.add_argument("--tolerances", metavar="F", help="a table of intervals (.csv, .toml), beside --box")
     bound.add_argument(

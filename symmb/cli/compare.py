@@ -29,8 +29,7 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
     compare.add_argument(
         "--spread",
         metavar="5%",
-        help="intervals of this share around the nominal values, as 5%% or 0.05, of those parameters that the "
-        "box of the file names; the others stay nominal",
+        help="half width of the intervals in the box of the file, as 5%% or 0.05 of the nominal values",
     )
     compare.add_argument(
         "--uncertain",
@@ -38,8 +37,7 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
         nargs="+",
         action="extend",
         default=[],
-        help="parameters that get the intervals of --spread, instead of those that the box of the file names; of a "
-        "URDF file its numbers, such as forearm.mass elbow.origin.x",
+        help="parameters for --spread, instead of those in the box of the file; of a URDF file e.g. forearm.mass",
     )
     compare.add_argument(
         "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"

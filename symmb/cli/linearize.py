@@ -11,7 +11,7 @@ from symmb.cli.scene_file import add_set, scene_and_parameters
 
 def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:
     """Add the command."""
-    linearize = command("linearize", "tell frequencies, damping, modes and stability of the scene", _linearize)
+    linearize = command("linearize", "print frequencies, damping, modes and stability of the scene", _linearize)
     add_set(linearize)
     linearize.add_argument(
         "--time", metavar="S", type=float, help="simulate the scene, and linearise it at this output time [s]"

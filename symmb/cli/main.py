@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int     0; 1 if a simulation broke down or a limit is violated, 2 on bad input, each with one sentence on stderr;
-            3 if the result is doubtful; 130 if interrupted
+            3 if the result has warnings; 130 if interrupted
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
@@ -84,7 +84,7 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
         except (SymmbError, OSError) as error:
             print(f"symmb {options.command}: {error}", file=sys.stderr)
         else:
-            print(f"symmb {options.command}: interrupted. What was found so far is in {path}.", file=sys.stderr)
+            print(f"symmb {options.command}: interrupted. The results so far are in {path}.", file=sys.stderr)
 
 
 def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
@@ -194,7 +194,7 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
     add_bound(command, methods, solvers)
     add_compare(command, methods, solvers)
 
-    simulate = command("simulate", "run the scene once and tell what its outputs do", _simulate, solvers)
+    simulate = command("simulate", "run the scene once and print its outputs", _simulate, solvers)
     add_set(simulate)
     simulate.add_argument("--solver", metavar="S", help="solver")
     simulate.add_argument("--json", metavar="F", help="write everything to this file")
@@ -211,7 +211,7 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
         "--seconds", metavar="S", type=float, default=70.0, help="time after which no run begins; default: 70"
     )
 
-    equations = command("equations", "print what was derived from the scene, and what fell away", _equations)
+    equations = command("equations", "print a summary and the equations of the scene", _equations)
     equations.add_argument("--joint", action="store_true", help="in coordinates of the joints that carry the bodies")
     equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")
 

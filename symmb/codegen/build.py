@@ -383,7 +383,7 @@ def _version(compiler: tuple[str, ...]) -> str:
     try:
         _, said = run_program([*compiler, "--version"], _PROBE_SECONDS)
     except subprocess.TimeoutExpired:
-        raise _BuildError(f"it takes longer than {_PROBE_SECONDS:.0f} s to tell its version.") from None
+        raise _BuildError(f"it takes longer than {_PROBE_SECONDS:.0f} s to print its version.") from None
     except OSError as error:
         raise _BuildError(f"it cannot be started ({error.strerror}).") from None
     return f"{said}{os.path.realpath(compiler[0])}"

@@ -98,7 +98,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
         )
     samples = bounds.attaining.samples([(side, row, column) for side in SIDES])
     middle = Sample(np.nan, np.array([[*study.simulator.parameters.values()]]), 0)
-    nominal, least, largest = attaining_runs(study, [middle, *samples])
+    nominal, lowest, highest = attaining_runs(study, [middle, *samples])
     if not np.isfinite(nominal.x).all():
         nominal = simulate(scene, study.solver)  # which tells why
     also = [at, *_extremes(bounds.lower, bounds.upper)]
@@ -112,8 +112,8 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
             draw(run, also=also),
         )
         for side, tint, run, bound in (
-            ("least", LOWER, least, bounds.lower[row, column]),
-            ("largest", UPPER, largest, bounds.upper[row, column]),
+            ("lowest", LOWER, lowest, bounds.lower[row, column]),
+            ("highest", UPPER, highest, bounds.upper[row, column]),
         )
     ]
     rows = np.minimum(np.searchsorted(bounds.t, drawing.t), len(bounds.t) - 1)  # figures have one time
@@ -243,7 +243,7 @@ def _widest(bounds: Bounds) -> int:
 
 
 def _extremes(lower: Array, upper: Array) -> list[int]:
-    """Numbers of the times at which outputs (n_t, n_y) are least or largest: the page writes these values."""
+    """Numbers of the times at which outputs (n_t, n_y) are lowest or highest: the page writes these values."""
     return [*lower.argmin(axis=0).tolist(), *upper.argmax(axis=0).tolist()]
 
 

@@ -59,7 +59,7 @@ def view(
         .html: a page to play, turn and look into, which needs no network; .png, .svg: a still; .gif, .mp4: a film; .mp4
         needs the program ffmpeg; default: a page that a notebook shows below its cell
     output : str
-        of Bounds: whose least and largest value runs attain; default: the widest
+        of Bounds: the output whose lowest and highest value the runs attain; default: the widest
     time : float
         of a still, and when the bounds are attained [s]; default: the start, and where the output's bounds are widest
     point : Point

@@ -155,7 +155,7 @@ def march(
 def _why(place: Place, reason: str) -> str:
     """Why a proof ends at a place: there may be a singular position ahead.
 
-    It is told if a determinant of the loops would be 0 soon. So is a switch that would be: the proof ends before it
+    The text says if a determinant of the loops would be 0 soon, or a switch: the proof ends before it
     only where slopes grow without bound there.
     """
     problem, front, phase = place.problem, place.front, place.problem.phase

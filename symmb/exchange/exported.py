@@ -47,7 +47,7 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     scene = scene_of(subject)
     if scene.figures:
         raise DeclarationError(
-            f"{scene.name}: output {next(iter(scene.figures))!r} is one number a run, and exported scenes have outputs "
+            f"{scene.name}: output {next(iter(scene.figures))!r} is a scalar output, and exported scenes have outputs "
             "over time. Leave it out by scene.with_outputs(...)."
         )
     inputs, simulator = tuple(scene.system.inputs), subject

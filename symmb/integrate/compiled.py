@@ -30,7 +30,7 @@ class CompiledSolver(Solver):
         return True
 
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
-        """How the engine chooses its steps, for Taylor coefficients up to an order and integrals along the motion."""
+        """The choice of steps in the engine, for Taylor coefficients up to an order and integrals along the motion."""
         return self.tolerances(dae, order, n_quad)
 
     def engine(
@@ -59,7 +59,7 @@ class CompiledSolver(Solver):
         start: Start | None = None,
         alone: bool = False,
     ) -> Lanes:
-        """What the engine runs.
+        """The stages that the engine runs.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class CompiledSolver(Solver):
         """
 
     def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
-        """The step control, with steps so short that none passes over a pulse of a law of time."""
+        """The step control, with steps so short that none passes over a pulse of a function of time."""
         self.require_affordable(times)
         control = self.step_control(dae, times, order, n_quad)
         if isinstance(control, FixedStep):

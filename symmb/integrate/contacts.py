@@ -166,8 +166,8 @@ def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
     return (
         *(
             (
-                f"{title}: its condition holds at the start, and counts where it becomes true; start where it does not "
-                f"hold, or {'leave the joint out' if opens else 'leave the Latch out'}",
+                f"{title}: its condition already holds at the start, and only acts when it becomes true. Start where "
+                f"it does not hold, or {'leave the joint out' if opens else 'leave the Latch out'}",
                 "",
             )
             for title, opens in events

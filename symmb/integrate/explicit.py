@@ -99,7 +99,7 @@ class DormandPrince(Explicit):
     """Embedded pair of order 8 with step control and dense output, compiled for many samples side by side.
 
     Samples share a step in blocks of 8, fixed by sample index. With `Projection()` positions and velocities are
-    projected onto the constraints after every step. Steps end where laws of time or forces switch, at `if_else`,
+    projected onto the constraints after every step. Steps end where functions of time or forces switch, at `if_else`,
     `fabs`, `fmax` and the like, also where the motion passes a switch twice within a step. They also end where `exp`,
     `tanh`, `erf` and `cosh` of positions or of time are steep: none passes over a smooth pulse made of these.
 

@@ -94,7 +94,7 @@ WORDS: dict[str, tuple[str, Any]] = {
 
 
 def solver_of(solver: object) -> Solver | None:
-    """The solver that is given, or that its text on the command line stands for; DeclarationError if it is neither."""
+    """The solver that is given, or that a text of the command line names; DeclarationError if it is neither."""
     if isinstance(solver, str):
         return read_solver(solver)
     if isinstance(solver, type):

@@ -44,9 +44,10 @@ class Solver(ABC):
     locates_events: ClassVar[bool] = False
     """Whether steps end at impacts."""
     meets_switches: ClassVar[bool] = False
-    """Whether its own steps end at switches of the state. Those of others end where DormandPrince meets some."""
+    """Whether its own steps end at switches of the state. Steps of other solvers end where DormandPrince meets
+    switches."""
     begins_anew: ClassVar[bool] = False
-    """Whether a fixed step takes nothing along over an output time but the state."""
+    """Whether a fixed step only keeps the state at an output time."""
     needs_compiler: ClassVar[bool] = False
     """Whether even single runs are compiled where `runs_in_lanes`."""
     gives_derivatives: ClassVar[bool] = True
@@ -72,7 +73,7 @@ class Solver(ABC):
         return False
 
     def has_dense_output(self, dae: DAE) -> bool:
-        """Whether the state at output times is interpolated, so that these leave the steps as they are."""
+        """Whether the state at output times is interpolated, so that output times do not change the steps."""
         return False
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:

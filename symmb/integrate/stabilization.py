@@ -12,7 +12,7 @@ MOST_ITERATIONS = 100
 
 @dataclass(frozen=True)
 class Baumgarte:
-    """Feedback of the drift: gamma - 2 alpha (G v + Phi_t) - beta^2 Phi in the place of gamma.
+    """Feedback of the drift: gamma - 2 alpha (G v + Phi_t) - beta^2 Phi instead of gamma.
 
     Parameters
     ----------
@@ -43,7 +43,8 @@ class Baumgarte:
 
 @dataclass(frozen=True)
 class Projection:
-    """At every output time, positions and velocities are moved onto the constraints, least in the norm of M.
+    """At every output time, positions and velocities are moved onto the constraints, by the shortest way in the norm of
+    M.
 
     CasADi's integrators cannot be interrupted within a call: they are restarted at every output time, which costs a
     multistep method its history.

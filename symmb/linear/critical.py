@@ -23,7 +23,7 @@ _ROUNDING = 1e-12
 
 
 def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "CriticalSimulator":
-    """A simulator of the values of a parameter at which the least damping of a scene passes zero.
+    """A simulator of the values of a parameter at which the smallest damping of a scene passes zero.
 
     Its other parameters are those of the scene. So the critical values get bounds like any output.
 

@@ -64,7 +64,7 @@ class ModalSimulator(BlackBox):
 
     @property
     def eigenvalues(self) -> Array:
-        """Those of the modes (m,) at the nominal parameters, with positive imaginary parts [1/s]."""
+        """Eigenvalues of the modes (m,) at the nominal parameters, with positive imaginary parts [1/s]."""
         return self._start[0].values[self._modes]
 
     def response(self, values: Mapping[str, float]) -> Any:
@@ -80,7 +80,8 @@ class ModalSimulator(BlackBox):
         """Which frequencies cross on the straight ways from the nominal parameters to the corners of a box.
 
         Frequencies that come close and part again, and exchange their shapes, veer: they keep their numbers by size.
-        Sentences tell the first corner of each crossing, and where modes exchange shapes too fast to be followed.
+        Sentences name the first corner of each crossing, and the places where modes exchange shapes too fast to be
+        followed.
         """
         nominal, told = self.family.nominal, {}
         names = list(self.parameters)

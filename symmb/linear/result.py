@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb import _html as html
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, WithWarnings
 from symmb._names import look_up_by_name
 from symmb._options import is_whole, optional_package
 from symmb._table import aligned
@@ -66,7 +66,7 @@ def _displacement_text(name: str, amplitude: complex) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Linearization(Saved):
+class Linearization(WithWarnings, Saved):
     """Linear equations x' = A x + B u, y = C x + D u of small deviations from a state, and their eigenvalues.
 
     `print` shows the modes, `save` and `load` keep them in a file.
@@ -151,12 +151,12 @@ class Linearization(Saved):
 
     @property
     def frequencies(self) -> Array:
-        """Of the modes [Hz]."""
+        """Frequencies of the modes [Hz]."""
         return np.array([mode.frequency for mode in self.modes])
 
     @property
     def damping(self) -> Array:
-        """Of the modes, as shares of the critical one [-]."""
+        """Damping of the modes, as shares of the critical damping [-]."""
         return np.array([mode.damping for mode in self.modes])
 
     @property
@@ -255,7 +255,7 @@ class Linearization(Saved):
         eigen = self._eigen
         real = eigen.values.real[(eigen.values != 0) & (np.abs(eigen.values.imag) <= eigen.errors)]
         lines = [f"real eigenvalues [1/s]: {', '.join(f'{value:.6g}' for value in real)}"] if len(real) else []
-        return [*lines, *(f"doubtful: {doubt}" for doubt in self.doubts)]
+        return [*lines, *(f"warning: {doubt}" for doubt in self.doubts)]
 
     def to_json(self) -> dict[str, Any]:
         """Matrices, eigenvalues and modes as lists, texts and numbers. Complex numbers are pairs (real, imaginary)."""

@@ -22,7 +22,7 @@ from symmb.linear.linear_equations import Blocks, LinearEquations, lifts
 from symmb.linear.point import LinearizationPoint
 
 DOUBT = (
-    "The state is neither an equilibrium nor a steady motion: A changes along the motion. Its eigenvalues tell nothing "
+    "The state is neither an equilibrium nor a steady motion: A changes along the motion. Its eigenvalues say nothing "
     "about what comes later."
 )
 _LARGE = 2e-3

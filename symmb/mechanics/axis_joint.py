@@ -95,7 +95,7 @@ class Joint(Constraint):
 class AxisJoint(Joint):
     """A joint with an axis in each body.
 
-    `turns` and `slides` tell whether it allows rotation and translation, and `aligns` whether its bodies have an
+    `turns` and `slides` say whether it allows rotation and translation, and `aligns` whether its bodies have an
     orientation to each other at which it is at zero. This is where the frames coincide with `axis_b` on `axis`. In
     place of `axis_b`, `zero` gives this orientation as the rotation of body b relative to body a. A body on such a
     joint starts at zero, unless start or guess say otherwise. `parallel` lists the columns of the joint's frames that
@@ -163,7 +163,7 @@ class AxisJoint(Joint):
     def alignment(self) -> ca.SX:
         """Rotation from axes of body a to those of body b where the joint is at zero, (3, 3).
 
-        Without `zero` it is the least one that brings the axes together. Planar bodies turn in their plane.
+        Without `zero` it is the smallest one that brings the axes together. Planar bodies turn in their plane.
         """
         if self.zero is not None:
             return self.zero.matrix.T

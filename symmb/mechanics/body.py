@@ -106,7 +106,7 @@ class Body(AbstractBody):
         centre of mass from the origin of the points, in body axes [m]
     shapes : sequence
         in which drawings show the body, `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`; default: what its
-        points and its inertia tell. They change nothing else
+        points and its inertia do. They change nothing else
 
     Examples
     --------

@@ -28,10 +28,10 @@ class Clutch(PairTorque, Constraint):
 
     While it slips, the torque of body a on body b is `capacity`, against the slip, as dry friction has it. At the
     instant at which the slip comes to 0 the shafts stick, without impact: a row of the equations keeps their speeds
-    equal, and its torque is what this needs. Where that is more than `static_ratio` times the capacity, the clutch
-    slips again, in the direction in which the torque drives it. A clutch whose shafts have the same speed at the start
-    sticks from there on, if its capacity is enough. Its torque passes on no impulse of an `Impact` or a `Latch`: shafts
-    that stick slip behind it.
+    equal, and its torque is what this needs. If that torque is more than `static_ratio` times the capacity, the clutch
+    slips again, in the direction of the torque. A clutch whose shafts have the same speed at the start sticks from
+    there on, if its capacity is enough. Its torque passes on no impulse of an `Impact` or a `Latch`: shafts that stick
+    slip behind it.
 
     Parameters
     ----------

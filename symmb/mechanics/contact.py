@@ -81,7 +81,7 @@ def distance_and_direction(d: ca.SX, least: ca.SX | float = 0.0) -> tuple[ca.SX,
 
 
 class SurfaceContact(ForceElement):
-    """A contact with a law along the normal, and perhaps friction across it."""
+    """A contact with a law along the normal, and optional friction across it."""
 
     law: ContactLaw
     friction: FrictionLaw | None
@@ -231,7 +231,7 @@ class ToothContact(PairForce):
 class TorsionContact(PairTorque):
     """A coupling with backlash. It turns freely over the backlash, and each stop pushes it back.
 
-    Where the axes of the bodies do not stay parallel, the angle is the twist, as that of `TorsionSpring`.
+    If the axes of the bodies do not stay parallel, the angle is the twist, as in `TorsionSpring`.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ class Curve:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The least and the largest s."""
+        """The smallest and the largest s."""
         return float(self.start), float(cast(float, self.end))
 
     def at(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -41,13 +41,12 @@ class CurveContact(ShapeContact):
     """A circle, a point or another curve against a curve in the xy plane of point_a's body: a roller on a cam.
 
     The foot of the circle on the curve is a first-order state, `name.foot`, which follows the motion, one for each part
-    that bends to one side by a quarter of a turn. The nearest one counts. In a corner that the circle can lie in it
-    touches at two places, with a force at each. An open curve is thin, and has two sides for a circle; a point may
-    be beneath it.
+    that bends to one side by a quarter of a turn. The nearest one counts. In a corner, the circle can touch at two
+    places, with a force at each. An open curve is thin, and has two sides for a circle; a point may be beneath it.
 
     Two curves have a foot on each, `name.foot.a` and `name.foot.b`, for each pair of parts. They touch with their
-    outsides, open ones with their left sides. Where one bends inward, the other must bend more tightly everywhere. One
-    of them may have corners.
+    outsides, open ones with their left sides. If one curve bends inward, the other must bend more tightly everywhere.
+    One of them may have corners.
 
     Parameters
     ----------
@@ -185,7 +184,7 @@ class PointOnCurve(Joint):
     inside : bool
         as of `CurveContact`
     unilateral : bool
-        a doubt tells from when on the curve would have to pull, so that a roller on a cam would lift off
+        a warning says from when on the curve would have to pull, so that a roller on a cam would lift off
 
     Examples
     --------
@@ -209,7 +208,7 @@ class PointOnCurve(Joint):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if isinstance(self.curve, Curve) and self.curve.corners:
-            yield f"{self.title}: its curve has corners, where no motion can turn at once. Use CurveContact."
+            yield f"{self.title}: its curve has corners, at which a motion cannot turn suddenly. Use CurveContact."
 
     def position_rows(self, bind: Bind) -> ca.SX:
         curve, P = self.curve, (self.point_a.body.frame.R.T @ self.d)[:2]

@@ -48,7 +48,7 @@ class Element(ABC):
 
     @property
     def kind(self) -> str:
-        """What a user declared."""
+        """An element that a user declares."""
         return type(self).__name__
 
     @property
@@ -65,7 +65,8 @@ class Element(ABC):
         return ()
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
-        """Columns that are below 0 where a run leaves what its law is made for, with sentences; {} is the time."""
+        """Expressions that are below 0 when a run leaves the range of the element's law, with sentences; {} is the
+        time."""
         yield from ()
 
     def place_faults(self) -> list[str]:
@@ -185,7 +186,7 @@ DIRECTION, TRUTH = {"faults": direction_faults}, {"faults": truth_faults}
 
 
 class Law(ABC):
-    """A law of an element. Its fields say what they accept, and `expected` tells what stands in its place."""
+    """A law of an element. Its fields say what they accept, and `expected` says what can replace it."""
 
     expected: ClassVar[str]
 

@@ -38,7 +38,7 @@ class Bounds(NamedTuple):
 
     @classmethod
     def of(cls, s: ca.SX, part: Part) -> "Bounds | None":
-        """Those at the parameter s, which feet pass without a jump, also in slopes; None of a part without ends."""
+        """Ends at the parameter s, which feet pass without a jump, also in slopes; None for a part without ends."""
         low, high = part
         return cls(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT) if np.isfinite(low) else None
 

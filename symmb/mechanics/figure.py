@@ -1,4 +1,4 @@
-"""Figures of a motion: outputs that are one number a run, such as a peak, a mean or the range at landing."""
+"""Scalar outputs, which are one number per run: a peak, a mean or the range at landing."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -17,8 +17,8 @@ Window = tuple[float | None, float | None] | None
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """An output of a Scene that is one number a run. `maximum`, `minimum`, `final`, `mean`, `first_time` and `value_at`
-    declare one.
+    """A scalar output of a Scene: one number per run. `maximum`, `minimum`, `final`, `mean`, `first_time` and
+    `value_at` declare one.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Figure:
     def _fault_of_expressions(self) -> str:
         parts = self.expression, self.condition
         if any(isinstance(part, Figure) for part in parts):
-            return "it takes expressions over time, and a figure is one number."
+            return "it takes an expression over time, and a scalar output is one number."
         if self.kind in ("first_time", "value_at") and self.condition is None:
             return f"it needs a condition. {EXAMPLE}"
         if self.kind != "first_time" and self.expression is None:
@@ -65,7 +65,9 @@ class Figure:
         return f"the window {shown(window)} ends before it begins." if crosses else ""
 
     def _refuse(self, *_: object) -> Any:
-        raise DeclarationError(f"{self.kind}: a figure is one number a run, with which outputs cannot calculate.")
+        raise DeclarationError(
+            f"{self.kind}: a scalar output is one number per run, so that expressions cannot contain it."
+        )
 
     __neg__ = __abs__ = __float__ = _refuse
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
@@ -85,9 +87,9 @@ def _is_expression(part: object) -> bool:
 
 
 def maximum(expression: Expr, window: Window = None) -> Figure:
-    """The largest value of an expression over a run, between output times as well.
+    """The highest value of an expression over a run, between output times as well.
 
-    Where the expression jumps, as velocities do at an impact, the values on both sides count.
+    If the expression jumps, as velocities do at an impact, the values on both sides count.
 
     Parameters
     ----------
@@ -111,13 +113,13 @@ def maximum(expression: Expr, window: Window = None) -> Figure:
 
 
 def minimum(expression: Expr, window: Window = None) -> Figure:
-    """The least value of an expression over a run, between output times as well. See `maximum`.
+    """The lowest value of an expression over a run, between output times as well. See `maximum`.
 
     Examples
     --------
     >>> import symmb as mb
-    >>> empty = mb.Scene(mb.System(), times=[0.0, 1.0], outputs={"least": mb.minimum((mb.t - 0.3) ** 2 + 2)})
-    >>> round(mb.simulate(empty)["least"], 9)
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 1.0], outputs={"lowest": mb.minimum((mb.t - 0.3) ** 2 + 2)})
+    >>> round(mb.simulate(empty)["lowest"], 9)
     2.0
     """
     return Figure("minimum", expression, window=window)
@@ -158,8 +160,8 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
     Parameters
     ----------
     condition : SX
-        a comparison of expressions, or several by `casadi.logic_and` and `logic_or`. Where it never holds, the
-        figure of a run is nan, which is a doubt, and the run of a study fails
+        a comparison of expressions, or several by `casadi.logic_and` and `logic_or`. If it never holds, the scalar
+        output of a run is nan, with a warning, and the run of a study fails
     window : (2,)
         first and last time [s] that count; None for those of the run
 
@@ -178,7 +180,7 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
 def value_at(expression: Expr, condition: Expr, window: Window = None) -> Figure:
     """The value of an expression at the `first_time` at which a condition holds: a range at landing.
 
-    Where the expression jumps then, it is the value before.
+    If the expression jumps at this time, it is the value before the jump.
 
     Examples
     --------

@@ -48,7 +48,7 @@ class FlexibleBody(Body):
     name : str
         without dots
     modes : Modes
-        mass, inertia, mode shapes and stiffness. Those of structures with parameters change with these
+        mass, inertia, mode shapes and stiffness. Modes of structures with parameters change with the parameters
     pose : Pose
         `Spatial()`, or `Planar()` for modes that move in the xy plane alone
 
@@ -147,7 +147,7 @@ class FlexibleBody(Body):
         Raises
         ------
         DeclarationError
-            If the place is no number, lies between nodes, or away from a node that has no rotations
+            If the place is no number, lies between nodes, or is away from a node without rotations
         """
         m = self.modes
         if not all(isinstance(part, Real) for part in (x, y, z)):

@@ -88,7 +88,7 @@ def is_moved(distance: ca.SX) -> bool:
 
 
 class ForceElement(Element):
-    """An element that adds to the generalised forces Q. `turns` tells whether its law gives a torque."""
+    """An element that adds to the generalised forces Q. `turns` says whether its law gives a torque."""
 
     turns: bool = False
 
@@ -274,8 +274,8 @@ class TorsionSpring(PairTorque):
     """Torsion spring and damper between two bodies about an axis fixed in both.
 
     The torque on body b is -(stiffness (alpha - angle) + damping alpha'), with the angle alpha of b relative to a.
-    Where the axes do not stay parallel, as on a Spherical joint, alpha is the twist: the least rotation that brings the
-    axes together does not count. The spring has the potential stiffness (alpha - angle)^2 / 2 there as well.
+    Where the axes do not stay parallel, as on a Spherical joint, alpha is the twist: the smallest rotation that brings
+    the axes together does not count. The spring has the potential stiffness (alpha - angle)^2 / 2 there as well.
 
     Parameters
     ----------

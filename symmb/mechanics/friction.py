@@ -199,7 +199,7 @@ class Friction(PairForce):
         if not normal_force.is_constant():
             yield (
                 normal_force + _SLIGHT,
-                "its normal force is below 0{}, where friction would drive. Write casadi.fmax(..., 0).",
+                "its normal force is below 0{}, so that friction would push the bodies on. Write casadi.fmax(..., 0).",
             )
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:

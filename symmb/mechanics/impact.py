@@ -21,8 +21,8 @@ class Impact(Element):
         M (v+ - v-) + G' L = W' P,      G (v+ - v-) = 0,      g'+ = -e g'-,      W = dg'/dv,
 
     so that all constraints hold after it. Simultaneous impacts are resolved in rounds, until no gap that is 0 closes.
-    Those that close at the begin of a round come one after the other, in the order of their declaration. A doubt tells
-    where other orders end otherwise. If a rebound is not higher than the rounding of positions, the contact stays
+    Gaps that close at the beginning of a round come one after the other, in the order of their declaration. A warning
+    says where other orders end otherwise. If a rebound is not higher than the rounding of positions, the contact stays
     closed: a constraint with a pushing force, until this force would pull.
 
     Parameters

@@ -289,8 +289,8 @@ class Spherical(Joint):
 class Distance(Joint):
     """Massless rod of the given length [m], not zero, between the points; its multiplier is the pull in the rod [N].
 
-    The rod pulls and pushes. It stands for a rope only while its multiplier stays positive: with `unilateral=True` a
-    doubt of a run tells from when on it pushes. A `Rope` pulls only.
+    The rod pulls and pushes. It models a rope only while its multiplier stays positive: with `unilateral=True` a
+    warning of the run says from when on it pushes. A `Rope` pulls only.
 
     Examples
     --------
@@ -372,9 +372,9 @@ class Gear(AxisJoint):
 class CamFollower(Constraint):
     """A follower that a cam moves by a law of lift: its displacement or angle is the lift at the angle of the cam.
 
-    The lift of a cam is given over its angle for the follower that it has, flat or with a roller. The row is exact, and
-    smooth where the lift is. The multiplier is minus the force of the cam on the follower [N, N m]: a doubt of a run
-    tells from when on the cam would have to pull.
+    The lift of a cam is given over its angle for the follower that it has, flat or with a roller. The row is exact. It
+    is as smooth as the lift. The multiplier is minus the force of the cam on the follower [N, N m]: a warning of the
+    run says from when on the cam would have to pull.
 
     Parameters
     ----------

@@ -117,7 +117,7 @@ class Latch(JointEvent):
 
     The rows of the joint enter the equations, where the bodies are at this instant: as if the point of body a, and the
     joint's frame on it, were where those of body b are. A Distance gets the length that it has then. The impact is
-    plastic: velocities jump by least kinetic energy so that all rows have the rate 0,
+    plastic: velocities jump with the smallest kinetic energy so that all rows have the rate 0,
 
         M (v+ - v-) + G' L = 0,    G v+ + Phi_t = 0,
 

@@ -22,7 +22,7 @@ class Motor(JointForce):
     which the angle grows, and with the opposite sign on body a. The current i is a first-order state called
     `name.current`, which starts at 0. Without inductance it follows from V and w at once. The rotor has no inertia of
     its own: add n^2 times it to the inertia of body b. Dry friction is a `Clutch` of constant capacity. In a
-    `Prismatic` joint it is a linear motor, with a force and a speed in the place of torque and angular velocity.
+    `Prismatic` joint it is a linear motor, with a force and a speed instead of torque and angular velocity.
 
     Parameters
     ----------

@@ -28,8 +28,8 @@ class Rope(ForceElement):
     """A rope that pulls k (l - length) + c l' where its way l is longer than it is, and never pushes.
 
     It slides without friction over the points between its ends, and round pulleys in the xy plane. Its pull is the same
-    everywhere. Where it is slack, it has no force. It leaves a pulley where it would have to pull it, and is straight
-    then; it may wind round one several times. Both are found as if it were always tight.
+    everywhere. A slack rope has no force. It leaves a pulley when it would have to pull the pulley, and is then
+    straight. It may wind round a pulley several times. Both are found as if it were always tight.
 
     Each pulley has a first-order state, `rope.wrap1` for the second point of a rope of this name: the angle [rad] by
     which the line through the points turns there, positive where the rope lies on the pulley. It counts whole turns,

@@ -29,7 +29,7 @@ class Sampled(OwnState):
         a number [s]
     law : Expr
         of coordinates, velocities, states, parameters and `t`; or a function of the value held so far, SX, that returns
-        one: it is called once. That value is 0 before the start, or what `Scene(start=...)` lists
+        one: it is called once. This value is 0 before the start, or the one in `Scene(start=...)`
 
     Examples
     --------

@@ -198,7 +198,9 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
     faults.raise_any()
     collected = _assemble(inertial, bind, equations)
     for name in bind.inputs_in([ca.vec(collected.M), collected.Q, collected.Phi, collected.Psi]):
-        faults.lines.append(f"Input {name!r}: it stands in a point, a mass or a shape; inputs are for laws.")
+        faults.lines.append(
+            f"Input {name!r}: a point, a mass or a shape depends on it. Only laws may depend on inputs."
+        )
     faults.raise_any()
     return collected
 

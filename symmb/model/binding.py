@@ -24,7 +24,7 @@ class Binding:
         inputs: Sequence[Input] = (),
     ) -> None:
         self.parameters = parameters
-        self.missing: Parameters | None = None  # parameters whose symbols stand in expressions and are not known
+        self.missing: Parameters | None = None  # parameters whose symbols are in expressions and are not known
         self._inputs = ca.vertcat(ca.SX(0, 1), *(u.value for u in inputs if u.name not in parameters))
         self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
         for i, name in enumerate(parameters):

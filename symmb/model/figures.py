@@ -53,7 +53,7 @@ def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], 
         margin, is_strict = condition.value, condition.is_strict
     begin, end = float(times[0]), float(times[-1])
     if begin == end:
-        raise DeclarationError(f"{what}: a figure of a motion needs two times of the scene at least.")
+        raise DeclarationError(f"{what}: a scalar output needs at least two times of the scene.")
     low, high = figure.window or (None, None)
     window = begin if low is None else float(low), end if high is None else float(high)
     if not begin <= window[0] < window[1] <= end:

@@ -49,7 +49,7 @@ class Scene:
     times : (n_t,) array
         or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
     outputs : mapping
-        name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a figure of the motion such
+        name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a scalar output such
         as `maximum(expression)`; default: all coordinates and velocities. A pair such as (expression, "mm") asks for a
         unit: all values of this output are numbers in it, in runs, bounds, limits, data, pictures and files
     box : Box
@@ -144,11 +144,11 @@ class Scene:
 
     @cached_property
     def memory(self) -> dict[Any, Any]:
-        """What was prepared for this scene, by whom it is for. Copies and pickles have none of it."""
+        """The prepared parts of this scene, by their users. Copies and pickles have none of it."""
         return {}
 
     def remembered(self, key: Any, prepare: Callable[[], T]) -> T:
-        """What was prepared for this scene under a key, at the first time."""
+        """The prepared part of this scene under a key. It is made at the first time."""
         if key not in self.memory:
             self.memory[key] = prepare()
         return self.memory[key]
@@ -189,7 +189,7 @@ class Scene:
             raise DeclarationError(f"guess: {names} needs no guess, a state starts where start says.")
         if resolved.drift:
             names = ", ".join(map(repr, resolved.drift))
-            raise DeclarationError(f"guess: nothing touches {names}. List them in start.")
+            raise DeclarationError(f"guess: no element acts on {names}. List them in start.")
         return resolved
 
     @property
@@ -241,7 +241,7 @@ class Scene:
 
     @cached_property
     def figures(self) -> dict[str, BoundFigure]:
-        """The outputs that are one number a run, by name."""
+        """The scalar outputs by name."""
         bound, faults = {}, list[str]()
         for name, (output, unit) in self.asked.items():
             if isinstance(output, Figure):
@@ -257,7 +257,7 @@ class Scene:
 
     @cached_property
     def curves(self) -> "Scene":
-        """A copy with outputs over time alone: those of this scene, and the expressions in its figures."""
+        """A copy with outputs over time alone: those of this scene, and the expressions in its scalar outputs."""
         named = {f"{name}: {k}": part for name, figure in self.figures.items() for k, part in enumerate(figure.parts)}
         own = {name: pair for name, pair in self.asked.items() if pair[1] and name in self._bound_outputs}
         return self.with_outputs(self._bound_outputs | own | named) if self.figures else self
@@ -372,8 +372,8 @@ class Scene:
         """A copy that goes on from the end of a run, with the parameters of the run as its nominal ones.
 
         Positions, velocities, states, turns of angles, held values and closed contacts are those at the end. The times
-        are shifted so that they begin there: laws of `t` go on. For other parameters, coordinates and velocities
-        deviate least until the constraints hold.
+        are shifted so that they begin there: functions of `t` go on. For other parameters, coordinates and velocities
+        change as little as possible until the constraints hold.
 
         Parameters
         ----------

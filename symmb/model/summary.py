@@ -26,7 +26,7 @@ def system_text(
 ) -> str:
     """A few lines: bodies, sizes, the structure of M (n_v, n_v), and parts that were left out.
 
-    `in_joints` tells whether the coordinates are those of the joints.
+    `in_joints` says whether the coordinates are those of the joints.
     """
     constraints = [e.kind for e in elements if isinstance(e, Constraint)]
     forces = [e.kind for e in elements if isinstance(e, ForceElement)]
@@ -42,8 +42,8 @@ def system_text(
         ("coordinates", _coordinates(c, joints, in_joints)),
         ("sizes", _sizes(c)),
         ("M", _mass_structure(M, block_sizes)),
-        ("fell away", f"{dropped} of {c.n_declared_rows} rows of Phi vanish by structure" if dropped else ""),
-        *(("fell away", f"{x} moves uniformly, nothing touches it") for x, *_ in c.decoupled),
+        ("left out", f"{dropped} of {c.n_declared_rows} rows of Phi vanish by structure" if dropped else ""),
+        *(("left out", f"{x} moves uniformly, no element acts on it") for x, *_ in c.decoupled),
         ("left out", "; ".join(_left_out(c, Phi_t, power)) or "nothing"),
     ]
     return "System\n" + "\n".join(f"  {label:<12} {text}" for label, text in parts if text)

@@ -45,7 +45,7 @@ class System(Block):
     ----------
     *elements : Body, Constraint, ForceElement or Impact, in the order of coordinates and rows
     parameters : Parameters
-        default: those whose symbols stand in the elements
+        default: those whose symbols are in the elements
 
     Raises
     ------
@@ -368,7 +368,7 @@ class System(Block):
     def force(self, name: str) -> ca.SX:
         """Force of the element of that name [N], [N m]: pull of a spring or a rope, push of a contact, law of a motor.
 
-        Of a contact at several places it is the sum, without friction.
+        For a contact at several places it is the sum, without friction.
 
         Raises
         ------
@@ -435,8 +435,8 @@ class System(Block):
     def equations(self) -> str:
         """The equations to read: the equation of motion, its unknowns, and M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma.
 
-        Parts are matrices, simplified where this takes few operations. Of wide ones, the entries that are not zero
-        stand in lines, with names for what long ones share. `latex()` has the same content.
+        Parts are matrices, simplified where this takes few operations. If a matrix is wide, its nonzero entries are
+        listed one per line, and common subexpressions get names. `latex()` has the same content.
 
         Examples
         --------

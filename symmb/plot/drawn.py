@@ -74,14 +74,14 @@ class OverTime(Panels):
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class tells; write the picture to `path` if given.
+        """Draw outputs over time, as the class says; write the picture to `path` if given.
 
         Parameters
         ----------
         outputs : str or list
             those to draw; default: all
         ax : matplotlib Axes
-            to draw in, in the place of a new figure, one an output; of a trajectory also one for all
+            to draw in, instead of a new figure, one an output; of a trajectory also one for all
         figsize : (width, height)
             of a new figure [inch]
         title : str
@@ -111,7 +111,7 @@ class OverTimeBesideGiven(Panels):
         ax: "Axes | Sequence[Axes] | None" = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class tells; options and errors are those of `Trajectory.plot`."""
+        """Draw outputs over time, as the class says; options and errors are those of `Trajectory.plot`."""
         return self._drawn(path, outputs, ax, figsize, title, **look)
 
 
@@ -133,12 +133,12 @@ class ThreeDiagrams:
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw the diagrams that the class tells of; write the picture to `path` if given.
+        """Draw the diagrams of the class; write the picture to `path` if given.
 
         Parameters
         ----------
         ax : matplotlib Axes
-            to draw in, in the place of a new figure: up to three, for these diagrams
+            to draw in, instead of a new figure: up to three, for these diagrams
         figsize : (width, height)
             of a new figure [inch]
         title : str

@@ -45,9 +45,9 @@ NUMBER_DISTANCE = 16.0
 ROUNDING = 1e-12, 1e-15
 """Spreads of an output that are rounding: over its own largest value, and over that of all outputs of its unit."""
 _FLAT = 0.05, 50.0
-"""Least room around a spread that is rounding, so that it looks flat: over its middle, and over the rounding."""
+"""Smallest room around a spread that is rounding, so that it looks flat: over its middle, and over the rounding."""
 _SIZES = 1.0, 50.0
-"""Least and largest side of a picture [inch]: larger ones need more than a gigabyte."""
+"""Smallest and largest side of a picture [inch]: larger ones need more than a gigabyte."""
 _TRUETYPE = 42
 """Type of fonts in PDF files: journals refuse matplotlib's default, type 3."""
 _LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
@@ -344,7 +344,7 @@ def shared_legend(figure: "FigureBase", panels: Sequence[Axes], columns: int = _
 
 
 def _handles(panels: Sequence[Axes]) -> dict[str, Any]:
-    """What stands for each label of the panels."""
+    """The curve of each label of the panels."""
     both = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in panels)
     return {label: handle for pairs in both for handle, label in pairs}
 

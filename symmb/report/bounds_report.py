@@ -20,9 +20,9 @@ from symmb.report.document import assumed, called, section, seed
 from symmb.report.verdict import by_urgency, next_steps, verdict
 from symmb.simulation import SceneSimulator, simulate
 
-_NO_CONTRIBUTIONS = "The polynomials of the study do not show them: {} takes further runs."
+_NO_CONTRIBUTIONS = "The polynomials of the study do not give them. {} makes the further runs that they need."
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
-_AT_MARGIN = "Outputs with limits: at the time of their least margin. Others: where they are widest."
+_AT_MARGIN = "Outputs with limits: at the time of their smallest margin. Others: where they are widest."
 
 
 def write_bounds(
@@ -36,7 +36,7 @@ def write_bounds(
 ) -> None:
     """Write the report of bounds; see `Bounds.report`.
 
-    The title block has texts by their names. A `command` repeats the bounds, in the place of lines of Python.
+    The title block has texts by their names. A `command` repeats the bounds, instead of lines of Python.
     Contributions that are not known may take runs.
     """
     require_suffix(path, ".html")
@@ -118,7 +118,7 @@ def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
 
 
 def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None, asked: str) -> str:
-    """Those that are known, or those of the polynomials of the study; at the least margin of outputs with limits."""
+    """Those that are known, or those of the polynomials of the study; at the smallest margin of outputs with limits."""
     if shares is None:
         return document.note(_NO_CONTRIBUTIONS.format(asked))
     shown = _shown(bounds, check)

@@ -20,14 +20,14 @@ _FAR, _SMALL = 0.5, 0.05
 """Distance from the middle, over the half width, from which a value is high or low; the share of the largest
 contribution below which a parameter is not named, and the factor of a tolerance below which it is not narrowed."""
 _STEPS, _SAFE = 8, 0.99
-"""Bisections of that factor, and a share that covers the rounding of tolerances that are told."""
+"""Bisections of that factor, and a share that covers the rounding of tolerances that are stated."""
 _CERTAIN = {
     "enclosure": "The bounds behind these sentences are proved.",
-    "sampled": "Only the {} cases that were run are known: others may lie farther out.",
-    "estimate": "These are estimates from {} runs, not proofs. The annex tells their errors.",
+    "sampled": "Only the {} cases that were run are known. Other cases may lie farther out.",
+    "estimate": "These are estimates from {} runs, not proofs. The annex states their errors.",
 }
 _SEARCH = "`mb.tolerances(...)` searches, with further runs, for tolerances that keep the limits."
-_AGAIN = "These tolerances are estimates: repeat the study with them before a drawing changes."
+_AGAIN = "These tolerances are estimates: repeat the study with them before you change a drawing."
 
 
 def by_urgency(check: LimitCheck) -> list[KeptLimit]:
@@ -44,12 +44,12 @@ def verdict(bounds: Bounds, check: LimitCheck | None, shares: Contributions | No
     else:
         head = _headline([limit.kept for limit in check.limits])
         some = [(STATES[limit.kept], _sentence(bounds, limit, shares)) for limit in by_urgency(check)]
-    more = [f"The annex tells the other {len(some) - _MANY}."] * (len(some) > _MANY)
+    more = [f"The annex has the other {len(some) - _MANY}."] * (len(some) > _MANY)
     more.append(_CERTAIN[bounds.kind].format(bounds.evaluations))
     if bounds.failed:
         more.append(f"{len(bounds.failed)} of {bounds.evaluations} runs failed: these cases are not known.")
     if n := len(bounds.doubts):
-        more.append(f"{'A warning tells' if n == 1 else f'{n} warnings tell'} what cannot be trusted: see the annex.")
+        more.append(f"{'A warning says' if n == 1 else f'{n} warnings say'} what is uncertain: see the annex.")
     return [("" if check is None else STATES[check.kept], head), *some[:_MANY], *(("", text) for text in more)]
 
 
@@ -73,7 +73,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
         more = [f"{len(lost) - _MANY} other outputs"] * (len(lost) > _MANY)
         texts.append(f"The nominal values violate the limit of {_listed([*words, *more])}: change them, or the limit.")
     texts += _tighten(bounds, [limit for limit in beyond if limit not in lost], shares)
-    idle = "No tolerance has to be tightened." if limits else "Give limits of outputs: this page then judges them."
+    idle = "No tolerance has to be tightened." if limits else "Give limits of outputs, and this page checks them."
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
 
 
@@ -208,11 +208,13 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit], shares: Contributions 
     if (factor := largest(box.names)) >= _SMALL:
         changes = _listed([change(n, factor) for n in names[:_FEW]])
         return [f"{goal}, multiply all tolerances by {factor:.2f}, such as {changes}.", _AGAIN]
-    return [f"{goal}, change the nominal values: they are so close to the limit that tolerances hardly help."]
+    return [
+        f"{goal}, change the nominal values: they are so close to the limit that tighter tolerances are not enough."
+    ]
 
 
 def _tolerance(nominal: float, low: float, high: float) -> str:
-    """An interval as drawings tell it."""
+    """An interval as drawings state it."""
     above, below = high - nominal + 0.0, nominal - low + 0.0
     is_even = abs(above - below) <= 1e-6 * (high - low)
     return f"{nominal:.6g} ± {above:.3g}" if is_even else f"{nominal:.6g} +{above:.3g} −{below:.3g}"

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from symmb._errors import SimulationError, SymmbWarning
+from symmb._errors import SimulationError, SymmbWarning, WithWarnings
 from symmb._interrupts import kept_interrupts
 from symmb._names import ByName
 from symmb._options import require_instance, require_numbers, whole
@@ -51,7 +51,7 @@ _LONG = 10_000
 those of a robot arm with 25,000 take a minute. `tests/benchmarks/real_robots.py` has such ones."""
 
 
-class DAESimulator:
+class DAESimulator(WithWarnings):
     """A scene that is prepared for runs: its equations, its start and its solver. `prepare` makes it.
 
     It runs samples of the parameters. It compiles once, at its first run, and it can be pickled.
@@ -172,7 +172,7 @@ class DAESimulator:
 
     @property
     def coordinates(self) -> str:
-        """Those in which the samples run: "joint" or "body"."""
+        """The coordinates in which samples run: "joint" or "body"."""
         return "joint" if self.formulation is self._joints else "body"
 
     @property
@@ -186,7 +186,7 @@ class DAESimulator:
         return self.solver.runs_in_lanes(self.formulation.dae) and not self._stateless
 
     def around(self, p: Array) -> "DAESimulator":
-        """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
+        """The same simulator for runs with parameters p (n_p,): steps follow the pulses of functions of time there."""
         bodies = self.bodies.around(p)
         joints, spare = (form and form.around(p) for form in (self._joints, self._spare))
         copy = self._with(bodies=bodies, dae=bodies.dae, _joints=joints, _spare=spare, _longest_step=None)
@@ -200,16 +200,18 @@ class DAESimulator:
         return copy
 
     def cautious(self) -> "DAESimulator":
-        """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions.
+        """The formulation that judges solvers. Loops run in coordinates of bodies, whose steps are short near singular
+        positions.
 
-        Those of many bodies run in coordinates of joints, as the equations of the bodies take minutes to derive.
+        Loops of many bodies run in coordinates of joints, because the equations of the bodies take minutes to derive.
         """
         loops = self._joints is not None and self._joints.why and self._joints.dae.n_c and self._joints.has_loops
         return self._in_bodies if loops and self.bodies.least_operations <= _LONG else self
 
     @property
     def longest_step(self) -> float:
-        """A step [s] shorter than every pulse of a law of time at the nominal parameters; infinite without pulses."""
+        """A step [s] shorter than every pulse of a function of time at the nominal parameters; infinite without
+        pulses."""
         if self._longest_step is None:
             self._longest_step = float(self.formulation.pulses(self.times)(self.dae.p_nominal[None])[0])
         return self._longest_step
@@ -317,7 +319,7 @@ class DAESimulator:
     def two_ways(self, p: Array, values: Array | None = None, finest: bool = False) -> TwoWays:
         """The run with parameters p (n_p,), with outputs (n_t, n_y) or as studies make it, and one in another way.
 
-        That is the more accurate one if it is to be the finest, or if the ways disagree.
+        It takes the more accurate second way if `finest` is true, or if the ways disagree.
         """
         other, key = self._other if values is None else self.another_way(self.times), p.tobytes() + bytes([finest])
         if values is not None or key not in self._ways:
@@ -351,7 +353,7 @@ class DAESimulator:
         return LinearTheory(scene, lambda: self._other if self.compiled else self)
 
     def second_look(self) -> None:
-        """Run the nominal parameters in two ways, at the first time. `doubts` and `noise` tell what is seen."""
+        """Run the nominal parameters in two ways, at the first time. `warnings` and `noise` say what is seen."""
         if self.noise is None:
             p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
             steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)

@@ -45,8 +45,8 @@ class Differentiable:
         simulator = simulator_for(owner, scene, solver, times, outputs)
         if isinstance(simulator, FigureSimulator):
             raise SimulationError(
-                f"{owner}: no derivatives are derived of {', '.join(simulator.figures)}, which are one number a run. "
-                "Leave them out of outputs, or ask bounds for contributions."
+                f"{owner}: scalar outputs have no derivatives: {', '.join(simulator.figures)}. Leave them out of "
+                "outputs, or ask bounds for contributions."
             )
         if not isinstance(simulator, Jets):
             raise SimulationError(f"{owner}: {shown(scene)} gives no derivatives. Give a Scene.")
@@ -160,9 +160,9 @@ def jax_function(
 
     It takes parameters (..., n_p) and gives outputs (..., n_t, n_y). All runs of a call are made together by the
     compiled code of symmb, on the host. Derivatives are exact first ones, along each parameter; they serve `jax.jvp`
-    and `jax.grad`. There are no second ones. A warning tells where a run meets jumps, of which they say nothing. Switch
-    on double precision, `jax.config.update("jax_enable_x64", True)`, or outputs are rounded to single precision. It
-    needs JAX, which `pip install 'symmb[jax]'` installs.
+    and `jax.grad`. There are no second derivatives. A warning says where a run meets jumps, which derivatives do not
+    show. Switch on double precision, `jax.config.update("jax_enable_x64", True)`, or outputs are rounded to single
+    precision. It needs JAX, which `pip install 'symmb[jax]'` installs.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def jax_function(
     parameters : list of str
         those that the function takes, in this order; default: all. Others have their nominal values.
     solver, times, outputs
-        of a scene, in the place of its own
+        of a scene, instead of its own
 
     Raises
     ------
@@ -212,7 +212,7 @@ def torch_function(
 
     It takes a tensor of parameters (..., n_p) and gives outputs (..., n_t, n_y) of its type. All runs of a call are
     made together by the compiled code of symmb, on the CPU. Derivatives are exact first ones; there are no second
-    ones, and none by `torch.func`. A warning tells where a run meets jumps, of which they say nothing. It needs
+    ones, and none by `torch.func`. A warning says where a run meets jumps, which derivatives do not show. It needs
     PyTorch, which `pip install 'symmb[torch]'` installs.
 
     Parameters

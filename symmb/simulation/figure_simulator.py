@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from symmb._errors import SimulationError
+from symmb._errors import SimulationError, WithWarnings
 from symmb._names import ByName
 from symmb._options import require_instance
 from symmb._types import Array, Executor, Indices, Mask
@@ -45,7 +45,7 @@ _SAME = 1e-13
 """Distance over the horizon of times that are the same."""
 
 
-class FigureSimulator:
+class FigureSimulator(WithWarnings):
     """A scene with figures of its motion, for studies. It has the interface of `DAESimulator`, but for derivatives.
 
     Figures are the same at all times; if there is nothing else, there is one time, 0.
@@ -87,7 +87,7 @@ class FigureSimulator:
 
     @property
     def figures(self) -> tuple[str, ...]:
-        """Names of the outputs that are one number a run."""
+        """Names of the scalar outputs, which are one number per run."""
         return tuple(rule.name for rule in self._rules)
 
     @property
@@ -110,7 +110,7 @@ class FigureSimulator:
         return self.solved_by(self.curves.tighter())
 
     def second_look(self) -> None:
-        """Run the nominal parameters in two ways, at the first time. `doubts` and `noise` tell what is seen."""
+        """Run the nominal parameters in two ways, at the first time. `warnings` and `noise` say what is seen."""
         if self.noise is not None:
             return
         self.curves.second_look()

@@ -14,7 +14,7 @@ _BISECTIONS, _ROUNDING = 50, 1e-14
 
 
 class Rule(NamedTuple):
-    """How a figure follows from curves: `expression` and `margin` are numbers of curves, -1 without."""
+    """How a scalar output follows from curves: `expression` and `margin` are numbers of curves, -1 without."""
 
     name: str
     kind: str

@@ -95,8 +95,8 @@ def _switch_doubts(runs: Runs, solver: Solver) -> tuple[str, ...]:
     stops = SwitchPasses(simulator.dae, simulator.times).stops(runs.x0, runs.p[None]).of(0)
     if np.isfinite(stops.sticks):
         return (
-            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s, and steps of a fixed length pass "
-            f"it again and again: {SMOOTH}.",
+            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s. Fixed steps pass it again and "
+            f"again: {SMOOTH}.",
         )
     times, span = stops.times[np.isfinite(stops.times)], np.ptp(simulator.times)
     if (share := len(times) * step / span) > _CROWDED:
@@ -109,8 +109,8 @@ def _switch_doubts(runs: Runs, solver: Solver) -> tuple[str, ...]:
     if not (distances <= step).any():
         return ()
     return (
-        f"Two switches of the equations follow each other in {distances.min():.1g} s at t = "
-        f"{times[distances.argmin()]:.6g} s, and a step is {step:.1g} s long: contacts or pulses may be missed.",
+        f"Two switches of the equations are {distances.min():.1g} s apart at t = {times[distances.argmin()]:.6g} s. A "
+        f"step is {step:.1g} s long, so that contacts or pulses may be missed.",
     )
 
 
@@ -151,8 +151,8 @@ def _element_doubts(runs: Runs, trajectory: Trajectory) -> Iterator[str]:
 
 
 _LETS_GO = (
-    "what it stands for lets go{}, where its force has the wrong sign. Use a contact or a Rope to follow the motion "
-    "from there."
+    "the contact or rope that it models lets go{}, where its force has the wrong sign. Use a contact or a Rope to "
+    "follow the motion from there."
 )
 
 
@@ -167,15 +167,15 @@ def _pass_doubts(runs: Runs, solver: Solver, switches: Kinks) -> tuple[str, ...]
     if is_full and switches.met(states.switch_values[later]):
         return (
             f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
-            f"{solver!r} do not end at them, and may pass over some. Use DormandPrince().",
+            f"{solver!r} do not end at them, and may miss some. Use DormandPrince().",
         )
     ends = np.append(stops.passes, [event.time for event in trajectory.events])  # an event may pass a switch as well
     missed = switches.passed_over(states.switch_values[~later], states.t[~later], ends)
     if np.isnan(missed):
         return ()
     return (
-        f"The equations have {switches}. The motion changes the side of one behind t = {missed:.6g} s, where no step "
-        "of the run ended: others may be passed over as well.",
+        f"The equations have {switches}. The motion passes one of them after t = {missed:.6g} s, where no step of the "
+        "run ended. Others may be missed as well.",
     )
 
 

@@ -144,7 +144,7 @@ def sensitivities(
     parameters : list of str
         those with respect to which derivatives are taken; default: all
     solver, times, outputs
-        of a scene, in the place of its own
+        of a scene, instead of its own
 
     Raises
     ------

@@ -11,7 +11,7 @@ import numpy as np
 from symmb._doubt import Doubt
 from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
 from symmb._interrupts import carry, kept_interrupts, runs_of
-from symmb._names import ByName, did_you_mean, normal_keys
+from symmb._names import ByName, counted, did_you_mean, normal_keys
 from symmb._options import require_truth, shown
 from symmb._progress import Progress
 from symmb._types import Array, Expr
@@ -113,17 +113,18 @@ def simulate(
     parameters : mapping
         values instead of the nominal ones; a list of them makes all these runs side by side
     rtol, atol : float
-        relative and absolute tolerance of the default solver, in the place of its own
+        relative and absolute tolerance of the default solver, instead of its own
     check : bool
         run a second time in another way: by a solver of another family, and in other coordinates if the scene has any.
-        `trajectory.error` (n_t, n_y) is the difference, and the doubts tell from when on digits are lost
+        `trajectory.error` (n_t, n_y) is the difference, and warnings say from when on digits are lost
     times, outputs
         instead of those of the scene
 
     Returns
     -------
     Trajectory
-        what is doubtful about it stands in `doubts`, and is a SymmbWarning; for a list of parameters a Sweep
+        its `warnings` say what is uncertain about it, and Python issues a SymmbWarning; for a list of parameters a
+        Sweep
 
     Raises
     ------
@@ -193,7 +194,7 @@ def _simulated(runs: "_PilotRuns", check: bool, tolerances: Mapping[str, Any]) -
             partial(for_one_run, stiff, switches), lambda solver: runs.judge(solver.at(**tolerances))
         )
         solver = solver.at(**tolerances)
-        reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
+        reason = f"a part of the motion decays too fast for explicit steps; {reason}" if stiff else reason
         reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
     run, trajectory = runs.done[solver]
     switches = runs.simulator.bodies.kinks(runs.simulator.times)
@@ -201,7 +202,7 @@ def _simulated(runs: "_PilotRuns", check: bool, tolerances: Mapping[str, Any]) -
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination
     count = switches.met(states.switch_values) if switches and reason else 0
-    reason = f"{reason}; {switches} met {count} times or more" if count else reason
+    reason = f"{reason}; {switches} met at least {counted(count, 'time')}" if count else reason
     if runs.solver is None and switches is not None and switches.on_state.any():
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
     trajectory = replace(trajectory, reason=reason)

@@ -149,7 +149,7 @@ def require_able(solver: Solver, dae: DAE, times: Array, contradiction: object) 
         if not solver.begins_anew or missed.size:
             remedy = f" or give times that contain every instant, such as {missed[0]:.6g} s" if missed.size else ""
             raise DeclarationError(
-                f"Steps of {solver!r} do not begin anew at the instants of sampled values. "
+                f"Steps of {solver!r} do not begin at the instants of sampled values. "
                 f"Use a solver that controls its steps, such as DormandPrince(){remedy if solver.begins_anew else ''}."
             )
     if dae.impacts is not None and not solver.locates_events:

@@ -104,12 +104,12 @@ def require_own(subject: object, solver: object, times: object, outputs: object)
 
 
 def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
-    """What runs of a scene share: equations, start, and solver. The scene remembers it.
+    """Prepare what all runs of a scene share: equations, start, and solver. The scene remembers it.
 
-    The nominal parameters are run in two ways, which tells the doubts.
+    The nominal parameters are run in two ways, which gives the warnings.
 
     `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way, and take what is
-    prepared in the place of a scene. So nothing is derived, chosen or compiled twice.
+    prepared instead of a scene. So nothing is derived, chosen or compiled twice.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     Returns
     -------
     DAESimulator
-        `formulation`, `solver` and `reason` tell what was chosen, `doubts` what is doubtful about the run at the
+        `formulation`, `solver` and `reason` say what was chosen, `warnings` what is uncertain about the run at the
         nominal parameters
 
     Raises

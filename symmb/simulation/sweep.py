@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb import plot
-from symmb._errors import DeclarationError, warn_of
+from symmb._errors import DeclarationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
 from symmb._limits import require_memory, require_runs
@@ -35,7 +35,7 @@ Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(plot.OverTime, Result, Saved):
+class Sweep(plot.OverTime, Result, WithWarnings, Saved):
     """Runs with several values of parameters.
 
     `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs,
@@ -60,7 +60,7 @@ class Sweep(plot.OverTime, Result, Saved):
     messages : tuple of str
         why each of the others is not, in order
     figures : tuple of str
-        outputs that are one number a run
+        scalar outputs, which are one number per run
 
     Examples
     --------
@@ -120,14 +120,14 @@ class Sweep(plot.OverTime, Result, Saved):
             f"{self.name}: {counted(len(self), 'run')}, {times}",
             f"  parameters  {varied or 'the same in all runs'}",
         ]
-        return "\n".join([*lines, *(f"  doubtful    {doubt}" for doubt in self.doubts)])
+        return "\n".join([*lines, *(f"  warning     {doubt}" for doubt in self.doubts)])
 
     def _varied(self) -> dict[str, Array]:
         return {name: values for name, values in self.parameters.items() if np.ptp(values) > 0 or name in self.grid}
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
         """Extremes of each output, with the time and the run, counted from 0."""
-        rows = [["output", "least", "at [s]", "run", "largest", "at [s]", "run"]]
+        rows = [["output", "lowest", "at [s]", "run", "highest", "at [s]", "run"]]
         for k, name in enumerate(names):
             values = self.values[self.ok, :, k]
             cells = [name]
@@ -203,7 +203,7 @@ def sweep(
     values : mapping
         name -> (m,) values
     solver, times, outputs
-        of a scene, in the place of its own
+        of a scene, instead of its own
     executor : anything with an ordered `map`, or an executor; default: runs in this process
     progress : called with the finished runs and all runs; default: a bar, in notebooks and terminals
 

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from symmb import files, plot
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, WithWarnings
 from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean, normal
 from symmb._options import require_instance
@@ -38,11 +38,11 @@ _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(plot.OverTime, Result, files.Saved):
+class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     """One run of a scene.
 
     `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
-    the scene, each (n_t,); a figure of the motion is a number. `save` and `load` keep it in a file.
+    the scene, each (n_t,); a scalar output is one number. `save` and `load` keep it in a file.
 
     Attributes
     ----------
@@ -66,9 +66,9 @@ class Trajectory(plot.OverTime, Result, files.Saved):
     error : (n_t, n_y)
         estimated error of the outputs, of a run with check=True; None for others
     run_doubts : tuple of str
-        what the start and the solver cannot vouch for; `doubts` are all
+        warnings of the start and the solver, in sentences; `warnings` (or `doubts`) has all
     figures : dict
-        outputs that are one number, by name; `values` has them at all times
+        scalar outputs by name; `values` has them at all times
     run_examination
         the examination of the run between its output times as well; None if it was read
 
@@ -221,7 +221,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
 
     @cached_property
     def examination(self) -> Examination:
-        """What the run is judged by."""
+        """The values that judge the run."""
         return self.run_examination or Examination.of(self._model[1], self._p, self.t, self.x, self.work)
 
     @cached_property
@@ -256,7 +256,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
+        """Warnings in sentences: what is uncertain. Empty if no problem is known."""
         scene, simulator = self._model
         doubts = (
             *simulator.start.doubts,
@@ -268,7 +268,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
         longest, step = simulator.longest_step, simulator.solver.step_taken(self.t)
         if step <= longest:  # 0 where steps are controlled
             return doubts
-        pulse = f"Steps of {step:.2g} s may pass over a pulse in a law of time: take less than {longest:.2g} s."
+        pulse = f"Steps of {step:.2g} s may miss a pulse in a function of time. Take less than {longest:.2g} s."
         return (*doubts, pulse)
 
     def _head(self) -> str:
@@ -292,7 +292,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
                 *_event_lines(self.events),
                 *([f"  drift       {drifts}"] if self.x.shape[1] else []),
                 *([f"  singular    {self.singularity}"] if self.singularity else []),
-                *(f"  doubtful    {doubt}" for doubt in self.doubts),
+                *(f"  warning     {doubt}" for doubt in self.doubts),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )
@@ -353,7 +353,7 @@ class Trajectory(plot.OverTime, Result, files.Saved):
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:
     """What the start held, solved for and left free, and rows that are redundant."""
     parts = "; ".join(f"{what} {', '.join(start[key])}" for key, what in _START.items() if start[key])
-    redundant = [f"  redundant   {', '.join(start['redundant'])}: least reactions"] if start["redundant"] else []
+    redundant = [f"  redundant   {', '.join(start['redundant'])}: smallest reactions"] if start["redundant"] else []
     return [*([f"  start       {parts}"] if parts else []), *redundant]
 
 
@@ -365,7 +365,7 @@ def _pulse_lines(simulator: DAESimulator) -> list[str]:
     passes = "at most {:.2g} s, so that none passes over one"
     if getattr(simulator.solver, "rtol", None) is None:  # the user chose the fixed step
         passes = "more than {:.2g} s may pass over one"
-    return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
+    return [f"  pulses      in functions of time: steps of {passes.format(longest)}"]
 
 
 def _event_lines(events: Sequence[Event]) -> list[str]:
@@ -385,6 +385,6 @@ def _extremes(t: Array, values: Array, names: Sequence[str]) -> list[list[str]]:
     size = np.abs(values)
     rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
     values = np.where(size < rounding, 0.0, values)
-    head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "least", "largest"]
+    head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "lowest", "highest"]
     columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
     return [head, *([name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(names))]

@@ -39,7 +39,7 @@ def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assem
             break
     if not parts:
         return (
-            "None of the other guesses that were tried helps, nor does any listed coordinate that is left free. "
+            "Other guesses were tried, and listed coordinates were left free. Neither helps. "
             "Check the points and lengths of this joint and of those close to it."
         )
     text = ", or ".join(parts)

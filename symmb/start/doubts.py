@@ -66,7 +66,8 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
         names = ", ".join(map(repr, redundant_names(G / sizes, rank, dae.rows)))
         yield (
             f"Outputs {outputs} depend on how the redundant constraints {names} share their load, which rigid bodies "
-            "leave open: these reactions are the least ones. Put a Bushing in the place of a joint that is not stiff, "
+            "do not determine. These reactions are the smallest ones. Put a Bushing instead of a joint that is "
+            "not stiff, "
             "or a joint with fewer rows."
         )
 

@@ -148,7 +148,7 @@ def _unstretched(scene: Scene) -> Iterator[str]:
             if np.abs(line @ (shapes[b] - shapes[a])).max() <= NEGLIGIBLE * np.abs(shapes).max():
                 yield (
                     f"FlexibleBody {body.name!r}: joints hold its nodes {a} and {b}, and none of its modes changes "
-                    f"their distance. Compute its modes with interfaces=[{a}, {b}], but for a clamped one, and with "
+                    f"their distance. Compute its modes with interfaces=[{a}, {b}], except a clamped one, and with "
                     "all shapes of these."
                 )
                 break

@@ -94,9 +94,9 @@ def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
         if rank > len(rows):
             names = ", ".join(map(repr, redundant_names(G / sizes[:, None], len(rows), dae.rows)))
             raise AssemblyError(
-                f"The start is a singular position: rank {len(rows)} of {dae.n_r} constraint rows there and {rank} "
-                f"close to it; the rows of {names} depend on each other, and the motion could go on in more than one "
-                "way. Start away from it."
+                "The start is a singular position, where the motion could go on in more than one way. The rows of "
+                f"{names} depend on each other: the rank of the {dae.n_r} constraint rows is {len(rows)} there, and "
+                f"{rank} close to it. Start away from it."
             )
     return rows
 

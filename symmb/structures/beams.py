@@ -139,7 +139,8 @@ class Beam:
         return replace(self, section=sections[0] if one else sections, material=Material(E=E, density=density, G=G))
 
     def laws(self) -> list[list[Expr]]:
-        """Of each section: EA, GA_y, GA_z, GJ, EI_y, EI_z [N, N m^2] and ρA, ρI_y, ρI_z [kg/m, kg m].
+        """Stiffness and mass of each section: EA, GA_y, GA_z, GJ, EI_y, EI_z [N, N m^2] and ρA, ρI_y, ρI_z [kg/m, kg
+        m].
 
         A section that is rigid in shear has the bending stiffness in place of the shear stiffness.
         """

@@ -110,7 +110,7 @@ class FiniteElements:
         True
         """
         if not beams:
-            raise DeclarationError("FiniteElements.beams: give one Beam at least.")
+            raise DeclarationError("FiniteElements.beams: give at least one Beam.")
         for beam in beams:
             require_instance("FiniteElements.beams", beam, Beam, "a Beam")
         owner = "FiniteElements.beams"
@@ -226,8 +226,8 @@ class FiniteElements:
         damping : Expr, (n,)
             modal damping ratio ζ, of all modes or of each. An expression of parameters is for all modes
         stiffening : bool
-            beams shorten when they bend, which needs a clamped node: all loads along them (centrifugal, of gravity or
-            at their ends) then stiffen or soften them. Without it a fast rotor becomes too soft
+            beams shorten when they bend, so that loads along them stiffen or soften them: centrifugal forces, gravity,
+            forces at their ends. It needs a clamped node. Without it a fast rotor becomes too soft
         planar : bool
             only motion in the xy plane, for bodies whose pose is `Planar()`
 

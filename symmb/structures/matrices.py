@@ -83,7 +83,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
                 *shape, entries = mminfo(source)[:3]  # before much is read
                 _require_size(tuple(shape), name, k)
                 if not entries <= shape[0] * shape[1]:
-                    raise ValueError(f"its head tells of {entries} entries in {shape[0]} rows")
+                    raise ValueError(f"its head announces {entries} entries in {shape[0]} rows")
                 source = mmread(source)
         except FileError:
             raise
@@ -116,7 +116,7 @@ def checked(positions: Array, K: Sparse, M: Sparse) -> None:
     if K.shape != M.shape:
         raise DeclarationError(f"{OWNER}: K has the shape {K.shape}, M {M.shape}. They must be the same.")
     if not np.ptp(positions, axis=0).any():
-        raise DeclarationError(f"{OWNER}: a structure has two nodes at least, at different places.")
+        raise DeclarationError(f"{OWNER}: a structure has at least two nodes, at different places.")
     motions = rigid_motions(positions - positions.mean(axis=0), K.shape[0] // len(positions))
     largest = abs(K) @ np.abs(motions)
     wrong = np.abs(K @ motions) > STRAIN * np.maximum(largest, largest.max(axis=0) * 1e-3)
@@ -126,8 +126,8 @@ def checked(positions: Array, K: Sparse, M: Sparse) -> None:
         row = int(wrong.any(axis=1).argmax())
         raise DeclarationError(
             f"{OWNER}: K strains in a rigid {motion} {axis} (row {row}). Give the matrices of the body without "
-            "supports, positions in the units of K, and degrees of freedom node by node: three translations, then "
-            "three rotations, in the axes of the positions."
+            "supports, and positions in the units of K. The degrees of freedom are ordered by nodes: three "
+            "translations, then three rotations, in the axes of the positions."
         )
     if not definite(M, K):
         raise DeclarationError(f"{OWNER}: {INDEFINITE}")

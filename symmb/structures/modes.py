@@ -153,7 +153,7 @@ class Modes:
     shapes2: Array
 
     family: ClassVar[Family | None] = None
-    """Of structures with parameters, see `ParametricModes`."""
+    """For structures with parameters, see `ParametricModes`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))
@@ -167,7 +167,7 @@ class Modes:
         if (self.stiffness <= 0).any():
             raise DeclarationError(
                 f"Modes: stiffness must be above 0, got {self.stiffness.min():g}. "
-                "Leave out rigid modes: the frame's own motion stands for them."
+                "Leave out rigid modes: the frame's own motion replaces them."
             )
         if (self.damping < 0).any():
             raise DeclarationError(f"Modes: damping must not be negative, got {self.damping.min():g}.")
@@ -219,7 +219,7 @@ class Modes:
     def turns(self, eta: Array) -> Array:
         """Largest rotation of a node against the frame (m,) [rad] for modal coordinates (m, n).
 
-        Where nodes have no rotations, it follows from the chords of the body.
+        If nodes have no rotations, it follows from the chords of the body.
         """
         if self.rotations.any() or len(self.positions) < 2:
             turned = np.einsum("kan,mn->mka", self.rotations, eta)

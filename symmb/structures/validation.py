@@ -17,8 +17,8 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
     """A read-only copy of finite numbers in one of the shapes, where a letter stands for any size, or a scalar."""
     if any(type(item).__module__.split(".")[0] in ("casadi", "sympy") for item in _items(value)):
         raise DeclarationError(
-            f"{owner}: {name} holds a symbol. Modes are computed once, in numbers; a parameter of the scene would need "
-            "them anew at every value. Put what is uncertain into joints, forces or rigid bodies, or into materials, "
+            f"{owner}: {name} holds a symbol. Modes are computed once, in numbers. A parameter would need new modes at "
+            "every value. Put uncertain numbers into joints, forces or rigid bodies, or into materials, "
             "sections and damping ratios."
         )
     shapes = shapes or ((),)

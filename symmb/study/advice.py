@@ -62,13 +62,13 @@ def _good(trials: Sequence[Trial], standard: Standard) -> list[Trial]:
 
 def _choice(good: Sequence[Trial], standard: Standard) -> str:
     if standard.fault:
-        return f"No setting is known to be good, for want of a reference: {standard.fault}."
+        return f"No setting is known to be good, because there is no reference: {standard.fault}."
     if not good:
         return f"No setting reached an error of {GOOD:g}: take finer ones, or a shorter horizon."
     first = good[0]
     other = next((t for t in good if t.family != first.family), None)
     also = f", then {_timed(other)}" if other else ""
-    return f"To {GOOD:g} of the motion the fastest is {_timed(first)}{also}."
+    return f"For errors up to {GOOD:g} of the motion, the fastest is {_timed(first)}{also}."
 
 
 def _timed(trial: Trial) -> str:
@@ -77,13 +77,13 @@ def _timed(trial: Trial) -> str:
 
 
 def _stiffness(fastest: Stiffness, span: float) -> str:
-    text = f"what dies away fastest does so at {fastest.decay:.1e} 1/s, "
-    text += f"what swings fastest at {fastest.frequency:.1e} rad/s"
+    text = f"the fastest decay is {fastest.decay:.1e} 1/s, "
+    text += f"the fastest oscillation {fastest.frequency:.1e} rad/s"
     if fastest.is_stiff(span):
-        return f"It is stiff: {text}.\nExplicit steps have to follow the first, implicit ones need not."
+        return f"It is stiff: {text}.\nExplicit steps have to follow the decay, implicit ones need not."
     if fastest.rate * span > STIFF:
-        return f"It swings fast for long: {text}.\nOnly methods that damp it can take steps longer than that."
-    return f"It is not stiff: {text}. Explicit steps do."
+        return f"It swings fast for long: {text}.\nOnly methods that damp this oscillation can take longer steps."
+    return f"It is not stiff: {text}. Explicit steps are suitable."
 
 
 def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
@@ -108,7 +108,8 @@ def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
     lines = [f"No step of {', '.join(enough)} was small enough."] if enough else []
     if cut:
         lines.append(
-            f"Whether smaller steps of {', '.join(cut)} are small enough is not known: they had no time to end."
+            f"Smaller steps of {', '.join(cut)} had no time to end, so that it is not known whether they are small "
+            "enough."
         )
     return lines
 
@@ -134,7 +135,7 @@ def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
         lines.append(
             "  Stiffer springs were not tried: no element has a stiffness, and laws of forces stay as they are."
         )
-    return [f"To {GOOD:g} of the motion under stress:", *lines]
+    return [f"For errors up to {GOOD:g} of the motion, under stress:", *lines]
 
 
 def _verdict(trials: Sequence[Trial], standard: Standard) -> str:

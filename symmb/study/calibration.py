@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from symmb import plot
-from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._errors import DeclarationError, SimulationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Counted, Labelled, Result, texts
 from symmb._names import ByName, counted, normal_keys
@@ -36,7 +36,7 @@ _PART = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(plot.OverTimeBesideGiven, Counted, Result, Saved):
+class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved):
     """Estimates of parameters from data, and how far they can be trusted.
 
     `print` shows them, `plot` draws the data and the fitted run, `save` and `load` keep them.
@@ -122,6 +122,11 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, Saved):
         self._require_determined("laws")
         return ByName((name, norm(self.parameters[name], size)) for name, size in self.deviations.items())
 
+    @property
+    def distributions(self) -> dict[str, Any]:
+        """Another name of `laws`."""
+        return self.laws
+
     def box(self, level: float = 0.95) -> Box:
         """Intervals that hold all true values with at least this probability.
 
@@ -155,7 +160,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, Saved):
             [
                 f"{self.name}: {numbers[0]} from {numbers[1]}, {numbers[2]}",
                 *(f"  noise       {name}: {noise:.3g}" for name, noise in self.noise.items()),
-                *(f"  doubtful    {text}" for text in self.doubts),
+                *(f"  warning     {text}" for text in self.doubts),
             ]
         )
 
@@ -223,11 +228,11 @@ def calibrate(
     *,
     noise: Mapping[str, float] | None = None,
 ) -> Calibration:
-    """The parameters whose run comes closest to measured outputs, from the nominal ones on.
+    """Find the parameters whose run comes closest to measured outputs. The search begins at the nominal parameters.
 
-    Squares of the residuals over the noise of each output are summed. Where the noise is not known, it is estimated
-    from the residuals of each output, and the outputs are weighted by it. Where the residuals are not noise, other fits
-    begin elsewhere, and the best one counts.
+    Squares of the residuals over the noise of each output are summed. If the noise is not known, it is estimated from
+    the residuals of each output. The outputs are weighted by it. If the residuals are not noise, further fits begin
+    elsewhere, and the best one counts.
 
     Parameters
     ----------
@@ -245,8 +250,8 @@ def calibrate(
     Returns
     -------
     Calibration
-        combinations that the data do not determine are a SymmbWarning, and stay as close to the nominal values as the
-        data allow, in shares of these; so are doubts, where the residuals of the best fit are not noise
+        it has warnings about combinations that the data do not determine, and about residuals that are not noise. Such
+        combinations stay as close to the nominal values as the data allow, in shares of these
 
     Raises
     ------
@@ -294,7 +299,7 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
     for name, values in normal_keys(OWNER, data).items():
         require_name(OWNER, "output", name, scene.output_names)
         if name in scene.figures:
-            raise DeclarationError(f"{OWNER}: {name!r} is one number a run. Data are values of an output over time.")
+            raise DeclarationError(f"{OWNER}: {name!r} is a scalar output. Data are values of an output over time.")
         pair = isinstance(values, tuple) and len(values) == 2 and np.ndim(values[0]) == 1
         t, y = (numbers_of(part) for part in (values if pair else (scene.times, values)))
         if t is None or y is None or t.ndim != 1 or y.shape != t.shape:
@@ -374,7 +379,7 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
     """The fit from the nominal parameters, and its doubts; where there are any, the best one of many fits."""
     nominal = fit.p[fit.columns] / fit.sizes
     if not np.isfinite(fit(nominal)[0]).all():
-        raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) tells why.")
+        raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) says why.")
     best, doubts, cost = None, (), np.inf
     for k, begin in enumerate(itertools.chain([nominal], other_minima(fit, nominal))):
         found = _minimum(fit, nominal, begin, known_noise)

@@ -192,7 +192,7 @@ def compare_simulator(
         raise
     if not ran:
         reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
-        raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
+        raise PropagationError(f"No method could run. {reasons}".rstrip())
     if tighter is None:
         difference, noise = None, noise_from_runs(simulator)
     else:  # at the centre and at two opposite corners of the box
@@ -329,10 +329,10 @@ def _announcement(
     fewer = ""
     if reference is None:
         parts.insert(0, f"{planned_runs(d, runs)} runs for the reference")
-        fewer = f" The reference takes {planned_runs(d)} runs where runs are faster." if runs < RUNS else ""
+        fewer = f" With faster runs, the reference would take {planned_runs(d)} runs." if runs < RUNS else ""
     elif isinstance(reference, Method):
         parts.insert(0, f"{reference.planned_runs(d) or 'some'} runs for the reference {reference!r}")
-    often = f"{_REPEATS} times or more for its run time, and once if it takes {LONG:g} s" if repeats > 1 else "once"
+    often = f"at least {_REPEATS} times for its run time, and once if it takes {LONG:g} s" if repeats > 1 else "once"
     return f"This comparison makes {', '.join(parts)}.{fewer} Each method runs {often}."
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from symmb import _html as html
 from symmb import plot
+from symmb._errors import WithWarnings
 from symmb._labelled import Labelled, Result
 from symmb._types import Array
 from symmb.bounds import box_entries, box_of
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(plot.OverTime, Result, Saved):
+class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     """Bounds of one scene by several methods, measured against one reference.
 
     `print` gives a table, `save` the file that `load` reads. `plot` draws bounds over time, for the named outputs or
@@ -105,7 +106,7 @@ class Comparison(plot.OverTime, Result, Saved):
         return [
             *report.not_run(self.not_run),
             *report.failed(self.rows),
-            *(report.wrapped(f"doubtful: {doubt}") for doubt in self.doubts),
+            *(report.wrapped(f"warning: {doubt}") for doubt in self.doubts),
             *report.cautions(self.rows),
             *report.zero_width(self.rows, yardstick, self.outputs),
             "error, outer (error of the bounds widened by the method's estimate), over, under: shares",
@@ -166,7 +167,7 @@ class Comparison(plot.OverTime, Result, Saved):
     def report(self, path: str | Path) -> None:
         """Write a report: one .html file that opens offline, and prints.
 
-        It tells doubts, the table and the picture, what the comparison assumes and costs, and how to repeat it.
+        It has the warnings, the table and the picture, what the comparison assumes and costs, and how to repeat it.
 
         Raises
         ------
@@ -218,7 +219,7 @@ class Comparison(plot.OverTime, Result, Saved):
         if self.repeats is None or self.threads is None:
             return "evaluations and bounding, warm, median"
         if self.repeats == 1:
-            return "bounding, and those evaluations that no method before it has stored"
+            return "bounding, and the evaluations that earlier methods have not stored"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
         once = f", of 1 above {LONG:g} s" if any(row.run_seconds > LONG for row in self.rows) else ""
         return f"evaluations and bounding, warm, median of at least {self.repeats}{once}, {threads}"

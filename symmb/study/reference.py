@@ -206,7 +206,7 @@ def _of_bounds(bounds: Bounds, seconds: float | None) -> Reference:
         first, output = np.argwhere(infinite)[0]
         raise PropagationError(
             f"The reference {bounds.method} has infinite bounds of {bounds.names[output]} at t = {bounds.t[first]:g} s."
-            " Errors cannot be told there. Give times that end earlier, or another reference, such as Scanning(21)."
+            " Errors are not known there. Give times that end earlier, or another reference, such as Scanning(21)."
         )
     unknown = np.full(len(bounds.names), np.nan)
     yardstick = Yardstick(bounds.lower, bounds.upper, unknown)

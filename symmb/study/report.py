@@ -43,7 +43,10 @@ def failed(rows: Iterable[Row]) -> list[str]:
     failing = [row for row in rows if row.failed]
     if not failing:
         return []
-    lines = ["failed: runs that broke down; the bounds are those of the others. print(propagate(...)) tells which."]
+    lines = [
+        "failed: runs that broke down; the bounds are those of the other runs. print(propagate(...)) names the "
+        "failed runs."
+    ]
     lines += [f"Runs of {row.name} fail {row.failed_region}." for row in failing if row.failed_region]
     lines += [f"The first of {row.name}: {row.failure}" for row in failing[:1] if row.failure]
     return [wrapped(line) for line in lines]

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb import plot
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, WithWarnings
 from symmb._labelled import Counted
 from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
@@ -25,12 +25,12 @@ MOST_VALUES = 10_000
 """Most values of the parameter: the modes at each take a millisecond."""
 _CORNERS = 6
 """Parameters of a box up to which all corners are looked at for oscillations that end inside the box."""
-_HEAD = ("mode", "from", "to", "frequency [Hz]", "", "least damping [-]", "at")
+_HEAD = ("mode", "from", "to", "frequency [Hz]", "", "smallest damping [-]", "at")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RootLocus(plot.ThreeDiagrams, Counted, Saved):
-    """Eigenvalues over one parameter. `print` tells its oscillations, `save` and `load` keep all.
+class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
+    """Eigenvalues over one parameter. `print` lists the oscillations, `save` and `load` keep all.
 
     `plot` draws the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
 
@@ -116,7 +116,7 @@ class RootLocus(plot.ThreeDiagrams, Counted, Saved):
         bands = []
         if self.box is not None:
             bands = [f"bands over {self.box} by {self.method}, {self.evaluations} evaluations"]
-        return [*bands, *self.remarks, *(f"doubtful: {doubt}" for doubt in self.doubts)]
+        return [*bands, *self.remarks, *(f"warning: {doubt}" for doubt in self.doubts)]
 
     def _figure(self, style: plot.Style) -> Figure:
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
@@ -242,7 +242,7 @@ def _others(scene: Scene, parameter: str, box: Box | None) -> Box | None:
     for name in box.names:
         if name not in scene.system.parameters:
             known = did_you_mean(name, scene.system.parameters)
-            raise DeclarationError(f"root_locus: no parameter {name!r}, which the box names.{known}")
+            raise DeclarationError(f"root_locus: the box has {name!r}, which is no parameter.{known}")
     return box.with_units(units_of_parameters(scene.system.parameters)).without(parameter)
 
 

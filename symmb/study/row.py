@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from symmb._errors import WithWarnings
 from symmb._labelled import Counted
 from symmb._types import Array
 from symmb.bounds import INNER, inner_entries, kind_of
@@ -16,7 +17,7 @@ _OPTIONAL = ("estimate", "inner_lower", "inner_upper", "failure", "failed_region
 
 
 @dataclass(frozen=True)
-class Row(Counted):
+class Row(Counted, WithWarnings):
     """A method that ran.
 
     Attributes

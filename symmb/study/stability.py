@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb import plot
-from symmb._errors import SimulationError
+from symmb._errors import SimulationError, WithWarnings
 from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable, require_positive
 from symmb._progress import shown
@@ -48,7 +48,7 @@ _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Stability(plot.ThreeDiagrams, Saved):
+class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
     """Results of the solvers on a scene. `print` shows them, `save` and `load` keep them in a file.
 
     `plot` draws error against run time, the drift of positions over time, and errors of the harder variants.
@@ -168,11 +168,11 @@ def stability(
     """Try every solver on a scene and on harder variants, each run within 3 s and all within about a minute.
 
     The variants have springs 100 and 10,000 times as stiff, a lightest body 100 and 10,000 times as light, a time scale
-    a tenth and ten times as long (of laws of time, start velocities and gravity, not of springs and dampers), and
-    horizons 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
+    a tenth and ten times as long (of functions of time, start velocities and gravity, but not of springs and dampers),
+    and horizons 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
 
     Fixed steps follow the horizon and the fastest motion. Errors are those against a solution on which two tolerances
-    of a solver agree, and whose energy holds. Where there is none, errors are not known and no setting is advised.
+    of a solver agree, and whose energy holds. If there is none, errors are not known and no setting is advised.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ class Search:
         return np.array(places)
 
     def _margin(self, factors: Array, places: Array) -> float:
-        """The least margin over the nominal one of runs at places (n, d) of a box; minus infinity if one fails."""
+        """The smallest margin over the nominal one of runs at places (n, d) of a box; minus infinity if one fails."""
         P = parameter_samples(self._simulator, self._box(factors), places)
         Y, failed = gathered(self._simulator, P, self._executor)
         self.evaluations += len(P)
@@ -206,7 +206,11 @@ class Search:
         """Why factors (d,) are not larger, if parameters would change their signs."""
         ends = (self._most < MOST) & (factors >= self._most * (1 - _SETTLED))
         names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
-        return (f"Larger tolerances are not looked for: {', '.join(names)} would reach 0.",) if names else ()
+        return (
+            (f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0.",)
+            if names
+            else ()
+        )
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
         """The factors of least cost, and bounds over their box.

@@ -32,12 +32,12 @@ class Tolerances(Counted, Result):
     ----------
     box : Box
     factor : float
-        of the box that was given, by which all its intervals are stretched about the nominal values; of an allocation
-        the least of `factors`
+        by which all intervals of the given box are stretched about the nominal values. With costs it is the smallest of
+        `factors`
     factors : dict
         that of each parameter
     cost : float
-        of an allocation; None of others
+        of tolerances by costs; None without costs
     binding : WorstCase
         the run that comes closest to the limit that binds; None if none does, up to 16 times the box
     check : LimitCheck
@@ -133,9 +133,8 @@ def tolerances(
 
     All deviations of the box from the nominal values are multiplied by one factor, up to 16, or, with costs, each by
     its own. A parameter whose interval has one sign, such as a mass, keeps it. Studies with PolynomialChaos() find the
-    worst places of a box, runs there show at which factor a limit is met, and a last study and `Bounds.check` over the
-    box that is found verify it. Costs are searched on the polynomials of studies. Outputs of a scene without a limit
-    take no part.
+    worst places of a box. Runs there show at which factor a limit is met. At the end, a study and `Bounds.check` verify
+    the box. Costs are searched on the polynomials of studies. Outputs of a scene without a limit take no part.
 
     Parameters
     ----------
@@ -145,9 +144,10 @@ def tolerances(
     box : Box
         shape of the intervals, which hold the nominal values; default: that of the scene
     costs : mapping
-        parameter -> function of its half width, whose sum is least; those that are left out cost the half width in the
-        box over their own. {} is that for all of them. A function is the same for all. They should fall smoothly: a
-        search finds the least cost near its start
+        parameter -> cost as a function of its half width. The sum of the costs is made as small as possible. Without a
+        function, the cost is the half width in the box over its own; {} takes this cost for all parameters. One
+        function instead of a mapping is the cost of every parameter. Costs should fall smoothly, because the search
+        finds the smallest sum near its start
     solver : of a Scene
     executor, progress : as of `propagate`
 

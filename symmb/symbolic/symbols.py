@@ -123,7 +123,7 @@ def is_time(symbol: ca.SX) -> bool:
 def initial(expression: ca.SX) -> ca.SX:
     """Value that a position expression has at the start of a run, a first-order state without rate.
 
-    Where a scene starts from is often solved for, such as a static equilibrium; `x - initial(x)` is the way since then.
+    The start of a scene is often solved for, such as a static equilibrium. `x - initial(x)` is the way since the start.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def ddt(expression: ca.SX) -> ca.SX:
     Raises
     ------
     DeclarationError
-        if a velocity or a multiplier stands in the expression: its rate needs the equations of motion
+        if the expression contains a velocity or a multiplier: its rate needs the equations of motion
 
     Examples
     --------

@@ -45,7 +45,7 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
         if lack.share > MISSING:
             doubts.append(
                 f"FlexibleBody {lack.loads.body.name!r}: its modes lack {lack.share:.0%} of the deflections by the "
-                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, told by {lack.output}, so that it is "
+                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, seen in {lack.output}, so that it is "
                 f"too stiff. {lack.loads.remedy}"
             )
     return tuple(doubts)
@@ -90,8 +90,9 @@ def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
     first, worst = t[int((turn > TURN).argmax())], t[int(turn.argmax())]
     if turn.max() > TURN:
         yield (
-            f"FlexibleBody {body.name!r}: its cross sections turn against its frame by more than {TURN:g} rad from "
-            f"t = {first:.3g} s on, by {turn.max():.2g} rad at t = {worst:.3g} s. Its modes are linear: deflections "
+            f"FlexibleBody {body.name!r}: its cross sections turn by up to {turn.max():.2g} rad against its frame, at "
+            f"t = {worst:.3g} s, and by more than {TURN:g} rad from t = {first:.3g} s on. Its modes are linear: "
+            "deflections "
             "become too large, and its ends do not come closer as they should. Divide it into several bodies."
         )
 

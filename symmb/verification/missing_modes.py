@@ -63,7 +63,7 @@ class AttachedLoads:
                 f"count= out, or ask for more than {structure.of_interfaces}."
             )
         return (
-            "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one. "
+            "Compute its modes with interfaces=[...]: the nodes where joints and forces act, except a clamped one. "
             "With them, a larger count= follows inertia."
         )
 

@@ -150,7 +150,7 @@ DECLARATIONS = [
     ({"command": "solver in.txt"}, "command must be a list"),
     ({"command": []}, "command must be a list"),
     ({"command": ["no_such_program"]}, "the program 'no_such_program' is not found"),
-    ({"templates": {"in.txt": "nothing"}}, "parameter 'k' stands in no template"),
+    ({"templates": {"in.txt": "nothing"}}, "parameter 'k' is in no template"),
     ({"templates": {"in.txt": "{k:d}"}}, "{k:d} is no format of a number"),
     ({"templates": {"../in.txt": "{k}"}}, "must be inside the folder"),
     ({"templates": {"/in.txt": "{k}"}}, "must be inside the folder"),

@@ -75,7 +75,7 @@ def test_doubts_do_not_depend_on_units(factor):
 def test_noise_that_is_told_is_no_disagreement():
     rng = np.random.default_rng(1)
     simulator, box = function(lambda a, b: 1e-3 * a + rng.uniform(-1e-2, 1e-2), noise={"y": 2e-2})
-    with pytest.warns(mb.SymmbWarning, match="noise of runs is larger than the width"):
+    with pytest.warns(mb.SymmbWarning, match="noise of the runs is larger than the width"):
         bounds = mb.propagate(simulator, mb.Vertex(), box)
     assert len(bounds.doubts) == 1
 
@@ -157,4 +157,4 @@ def test_one_check_run_is_told_in_the_singular(monkeypatch, n, told):
     monkeypatch.setattr("symmb.bounds.doubts.check_doubts", lambda *_: ((), n))
     simulator, box = function(lambda a: a, 1)
     bounds = mb.propagate(simulator, mb.Vertex(), box)
-    assert f"{told} these bounds: evaluations leave them out." in bounds.remarks
+    assert f"{told} these bounds. The number of evaluations does not include them." in bounds.remarks

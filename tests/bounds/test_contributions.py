@@ -131,7 +131,7 @@ def test_contributions_are_shown_and_labelled(tmp_path):
     bounds = mb.propagate(simulator(), mb.PolynomialChaos(), BOX)
     found = bounds.contributions()
     text = str(found)
-    assert "Widths do not add up" in text
+    assert "do not sum to the full width" in text
     assert text.index("b  ") < text.index("a  ")  # the largest first
     assert found.to_xarray()["saved"].sel(time=2.0, output="y", parameter="b") == pytest.approx(12)
     assert len(found.to_pandas()) == 12
@@ -157,7 +157,7 @@ def test_pieces_are_kept_in_files(tmp_path):
 def test_bounds_without_polynomials_from_a_file_tell_so(tmp_path):
     bounds = mb.propagate(simulator(), mb.Vertex(), BOX)
     bounds.save(tmp_path / "b.npz")
-    with pytest.raises(mb.DeclarationError, match="leaves no polynomials"):
+    with pytest.raises(mb.DeclarationError, match="has no polynomials"):
         mb.Bounds.load(tmp_path / "b.npz").contributions()
     bounds.save(tmp_path / "b.csv")
     with pytest.raises(mb.DeclarationError, match="do not know their box"):

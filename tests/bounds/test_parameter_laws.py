@@ -44,7 +44,7 @@ def test_parameters_without_a_law_give_two_quantiles():
     exact = 0.5 + st.norm.ppf(LEVELS)[:, None]
     assert (np.abs(found.lower - (exact - T)) <= found.estimate).all()
     assert (np.abs(found.upper - (exact + 3 * T)) <= found.estimate).all()
-    assert "b: anything in the box" in str(found)
+    assert "b: any value in the box" in str(found)
 
 
 def test_an_extreme_inside_of_an_interval_counts():
@@ -64,13 +64,14 @@ def test_laws_are_cut_to_the_box():
     found = bounds.quantiles("y", LEVELS, {"a": st.expon()})
     cut = st.truncexpon(1.0)
     assert np.allclose(found.lower[:, 0], cut.ppf(LEVELS), atol=found.estimate[:, 0])
-    assert found.remarks == ("The law of a is cut to its interval, with a probability of 0.37 outside.",)  # exp(-1)
+    told = "The distribution of a is cut to its interval, with a probability of 0.37 outside."  # exp(-1)
+    assert found.remarks == (told,)
 
 
 def test_laws_that_are_cut_are_told_together():
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0.0, 1.0), b=(0.0, 1.0)))
     (told,) = bounds.quantiles("y", 0.5, {"a": st.expon(), "b": st.uniform(0, 2)}).remarks
-    assert told == "The laws of a, b are cut to their intervals, with a probability of 0.37, 0.5 outside."
+    assert told == "The distributions of a, b are cut to their intervals, with a probability of 0.37, 0.5 outside."
     (told,) = bounds.quantiles("y", 0.5, {"a": st.expon(), "b": st.expon()}).remarks
     assert told.endswith("with a probability of 0.37 outside.")
 
@@ -146,7 +147,7 @@ def test_intervals_without_good_polynomials_give_two_quantiles():
 
 def test_a_probability_is_printed_and_labelled():
     found = mb.propagate(sums(), mb.PolynomialChaos(), WIDE).probability("y", above=2.0, laws=NORMAL)
-    for text in ("Probability of y above 2", "at any output time", "greatest, at 2 s"):
+    for text in ("Probability of y above 2", "at any output time", "highest, at 2 s"):
         assert text in str(found) and text in found._repr_html_()
     assert np.array_equal(found.to_xarray()["lower"], found.lower)
     assert found.to_xarray().attrs["ever_lower"] == found.ever[0]
@@ -164,7 +165,7 @@ def test_samples_follow_their_laws():
 
 def test_monte_carlo_draws_from_laws():
     method = mb.MonteCarlo(4000, laws={"a": st.norm(0, 0.1)})
-    assert repr(method) == "MonteCarlo(4000, laws={'a': norm(0, 0.1)})"
+    assert repr(method) == "MonteCarlo(4000, distributions={'a': norm(0, 0.1)})"
     bounds = mb.propagate(sums(), method, mb.Box(a=(-9, 9), b=(0, 0)))
     assert bounds.upper[0, 0] == pytest.approx(0.36, abs=0.1)  # largest of 4000 normal numbers
     assert not bounds.doubts
@@ -174,7 +175,7 @@ def test_monte_carlo_draws_from_laws():
     ("change", "text"),
     [
         ({"output": "z"}, "no output 'z'"), ({"levels": 1.5}, "above 0 and below 1"),
-        ({"levels": []}, "above 0 and below 1"), ({"laws": {}}, "distributions by name"),
+        ({"levels": []}, "above 0 and below 1"), ({"laws": {}}, "must be given by name"),
         ({"laws": {"a": 3.0}}, "cdf and ppf"), ({"laws": {"c": st.norm()}}, "'c' is not in the box"),
         ({"laws": {"a": st.norm(99, 1)}}, "probability of 0 in its interval"),
         ({"correlation": [[1, 2], [2, 1]]}, "not positive definite"), ({"correlation": [[1]]}, "2 x 2 matrix"),
@@ -193,7 +194,22 @@ def test_other_malformed_calls():
     refused("below is not the larger one", bounds.probability, "y", above=1.0, below=2.0, laws=NORMAL)
     with pytest.raises(mb.DeclarationError, match="error must be above 0 and below 1"):
         bounds.probability("y", above=1.0, laws=NORMAL, error=0.0)
-    with pytest.raises(mb.DeclarationError, match="need a law of every parameter"):
+    with pytest.raises(mb.DeclarationError, match="need a distribution of every parameter"):
         bounds.samples(3, {"a": st.norm()})
     refused("n must be", bounds.samples, 0, NORMAL)
     refused("correlation", mb.MonteCarlo, 3, correlation=[[1.0]])
+
+
+def test_distributions_is_another_name_of_laws():
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
+    asked = {
+        "quantiles": lambda **own: bounds.quantiles("y", LEVELS, **own).lower,
+        "probability": lambda **own: bounds.probability("y", above=1.0, **own).lower,
+        "samples": lambda **own: bounds.samples(9, **own)["y"],
+        "MonteCarlo": lambda **own: mb.propagate(sums(), mb.MonteCarlo(9, **own), WIDE).lower,
+    }
+    for name, ask in asked.items():
+        assert (ask(distributions=NORMAL) == ask(laws=NORMAL)).all(), name
+        refused("two names of one argument", ask, laws=NORMAL, distributions=NORMAL)
+        if name != "MonteCarlo":
+            refused("distributions must be given by name", ask)

@@ -43,7 +43,7 @@ def test_runs_follow_pulses_at_their_own_parameters(width):
 
 def test_pulses_at_a_corner_of_the_box_are_doubtful():
     scene = hit(agnesi, {"width": 1.0})
-    with pytest.warns(mb.SymmbWarning, match="pulse over which steps may pass"):
+    with pytest.warns(mb.SymmbWarning, match="pulse that is shorter than the steps of the solver"):
         bounds = mb.propagate(scene, mb.MonteCarlo(50, seed=0), mb.Box(width=(1e-3, 1.0)))
     assert any("width = 0.001" in doubt for doubt in bounds.doubts)
 

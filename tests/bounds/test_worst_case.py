@@ -58,7 +58,7 @@ def test_worst_cases_of_a_scene_are_runs_of_it(method):
             assert run[name][np.abs(run.t - case.time).argmin()] == pytest.approx(case.attained, abs=1e-6)
             assert dict(case.scene.system.parameters) == case.parameters
             assert abs(case.shortfall) <= 0.02 * case.width + 1e-9
-    assert "l1" in str(worst) and str(worst.upper).startswith("greatest theta2")
+    assert "l1" in str(worst) and str(worst.upper).startswith("highest theta2")
     assert worst.to_xarray()["parameters"].dims == ("bound", "parameter")
     (row,) = worst.to_pandas().to_dict("records")
     assert (row["l1_lower"], row["l1_upper"]) == (worst.lower.parameters["l1"], worst.upper.parameters["l1"])
@@ -112,7 +112,7 @@ def test_parameters_that_do_not_act_are_not_told(tmp_path, method):
 
 def test_a_constant_output_has_no_parameters():
     flat = mb.FunctionSimulator(lambda a: np.full_like(T, 3.0), {"a": 1.0}, T, ["y"])
-    assert str(mb.propagate(flat, mb.PolynomialChaos(), mb.Box(a=(0, 2))).worst("y").upper) == "greatest y 3 at 0 s"
+    assert str(mb.propagate(flat, mb.PolynomialChaos(), mb.Box(a=(0, 2))).worst("y").upper) == "highest y 3 at 0 s"
 
 
 def test_a_run_that_falls_short_of_the_bound_says_so():

@@ -128,7 +128,7 @@ def test_simulate_prints_and_writes(scene, tmp_path, capsys):
 def test_simulate_tells_the_extremes_of_every_output(scene, capsys):
     assert main(["simulate", scene(CUBIC), "--set", "x=1.0", "--set", "y=-0.5"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-2].split() == ["output", "at", "0", "s", "at", "2", "s", "least", "largest"]
+    assert lines[-2].split() == ["output", "at", "0", "s", "at", "2", "s", "lowest", "highest"]
     assert lines[-1].split() == ["f", "-0.5", "1.5", "-0.5", "1.5"]
 
 
@@ -384,7 +384,7 @@ def test_what_was_found_before_an_interrupt_is_printed_and_written(scene, tmp_pa
     assert main(["compare", scene(CUBIC), "--json", str(file)]) == 130
     told = capsys.readouterr()
     assert "Bounds by Vertex()" in told.out
-    assert f"interrupted. What was found so far is in {tmp_path / 'out.partial.json'}." in told.err
+    assert f"interrupted. The results so far are in {tmp_path / 'out.partial.json'}." in told.err
     assert mb.Bounds.load(tmp_path / "out.partial.json").evaluations == 2 and not file.exists()
     assert main(["compare", scene(CUBIC), "--json", "/dev/stdout"]) == 130
     assert capsys.readouterr().err == ""

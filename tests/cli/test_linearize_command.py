@@ -52,7 +52,7 @@ def test_a_state_out_of_equilibrium_exits_with_3(tmp_path, capsys):
         warnings.simplefilter("always")
         assert main(["linearize", str(path)]) == 3
     told = capsys.readouterr()
-    assert "doubtful: The state is neither an equilibrium" in told.out
+    assert "warning: The state is neither an equilibrium" in told.out
     assert "symmb linearize: linearize(oscillators): The state is neither" in told.err
 
 

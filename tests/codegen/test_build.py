@@ -333,7 +333,7 @@ def test_a_cc_that_is_not_there_is_told(folder, compilers, monkeypatch, given):
 def test_a_compiler_that_does_not_answer_in_time_is_named(folder, compilers, monkeypatch):
     let_hang_briefly(monkeypatch)
     monkeypatch.setattr(build, "_candidates", lambda: iter([(shutil.which("sh"), "-c", "sleep 5", "sh")]))
-    with pytest.warns(mb.SymmbWarning, match="longer than 20 s to tell its version"):
+    with pytest.warns(mb.SymmbWarning, match="longer than 20 s to print its version"):
         refused(
             "^A study needs a C compiler, .*sleep 5.*longer than 20 s",
             build.require_compiler,
@@ -383,7 +383,7 @@ BAD = {
     "only reports success": ("#!/bin/sh\nexit 0", "reports success, but writes no library"),
     "writes rubbish": ('#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done; echo rubbish > $2', ""),
     "fails": ("#!/bin/sh\necho 'error: no licence' >&2; exit 1", "error: no licence"),
-    "hangs at once": ("#!/bin/sh\nsleep 60", "longer than 20 s to tell its version"),
+    "hangs at once": ("#!/bin/sh\nsleep 60", "longer than 20 s to print its version"),
     "hangs": ('#!/bin/sh\n[ "$1" = --version ] || sleep 60', "longer than 20 s"),
     "is for C++": (f'#!/bin/sh\nexec {shutil.which("g++")} -xc++ "$@"', "error"),
 }

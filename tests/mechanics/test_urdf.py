@@ -300,7 +300,7 @@ def test_a_moment_that_is_negative_by_rounding_is_repaired(seed, tmp_path):
     inertial = f'<inertial><origin xyz="0.1 0 0"/><mass value="1"/><inertia {moments}/></inertial>'
     axis = '<axis xyz="{} {} {}"/>'.format(*np.eye(3, dtype=int)[k - 1])  # about which it has an inertia
     text = f'<link name="base"/><link name="arm">{inertial}</link>' + joint("hinge", "continuous", "base", "arm", axis)
-    with pytest.warns(mb.SymmbWarning, match="The nearest possible inertia stands for that of 'arm'") as told:
+    with pytest.warns(mb.SymmbWarning, match="symmb takes the nearest possible inertia for 'arm'") as told:
         robot = load(tmp_path, text)
     assert len(told) == 1 and robot.numbers[f"arm.inertia.{'xyz'[k] * 2}"] == 0
     assert mb.System(*robot.elements).M.shape

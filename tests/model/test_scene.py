@@ -44,7 +44,7 @@ FAULTS = [
     ({"start": {"rod.x": np.nan}}, r"start 'rod\.x': contains NaN"),
     ({"start": {"rod.x": mb.Parameters(b=1.0).b}}, r"start 'rod\.x': symbol 'b' belongs to no parameter"),
     ({"guess": {"rod.vx": 1.0}}, "guess: velocities need no guess, .* List them in start"),
-    ({"guess": {"ball.x": 1.0}}, r"guess: nothing touches 'ball\.x'\. List them in start"),
+    ({"guess": {"ball.x": 1.0}}, r"guess: no element acts on 'ball\.x'\. List them in start"),
     ({"guess": {"rod.xx": 1.0}}, r"guess: no coordinate or velocity 'rod\.xx'\. Did you mean"),
     ({"outputs": {"r": ca.vertcat(ROD.x, ROD.y)}}, "output 'r': has 2 components; give each its own"),
     (

@@ -81,7 +81,7 @@ def test_print_tells_what_was_found_and_what_fell_away(make, lines):
 
 def test_print_leaves_out_what_is_there():
     assert "quaternions" not in str(spatial())
-    assert "fell away" not in str(spatial())
+    assert "vanish by structure" not in str(spatial())
     assert "Phi_tt" not in str(driven())
 
 

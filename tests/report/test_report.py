@@ -67,7 +67,7 @@ def test_numbers_are_those_of_the_result(scene_report):
     for case in bounds._all_worst():
         speed = [f"{case.parameters['speed']:.6g}"] * (case.output == "x")  # y = -t^2 / 20 in all runs
         place = (
-            f"{'least' if case.side == 'lower' else 'greatest'} {case.output} {case.value + 0.0:.6g} {case.time:.6g}"
+            f"{'lowest' if case.side == 'lower' else 'highest'} {case.output} {case.value + 0.0:.6g} {case.time:.6g}"
         )
         assert " ".join([place, *speed, f"{case.attained + 0.0:.6g}"]) in text
     for cells in (*check._rows(), *bounds.contributions()._rows(0, -1)):
@@ -158,9 +158,9 @@ def test_contributions_are_at_the_least_margin(tmp_path):
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
     text, *_ = reported(bounds, tmp_path, {"x": (None, 7)})
     assert "x at 1 s alone" in text and "x at 2 s alone" not in text and "y at 2 s alone" in text
-    assert "at the time of their least margin" in text
+    assert "at the time of their smallest margin" in text
     text, *_ = reported(bounds, tmp_path)
-    assert "x at 2 s alone" in text and "least margin" not in text
+    assert "x at 2 s alone" in text and "smallest margin" not in text
 
 
 def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
@@ -189,7 +189,7 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     assert ("Worst cases" in found) == ("What each parameter contributes" in found) == (suffix != ".csv")
     assert (f"Worst case: {words(bounds.check({'x': (None, 2)}).worst)}" in text) == (suffix != ".csv")
     if suffix != ".csv":
-        assert "greatest x 1.1 1 1.1 1.1" in text and "0.9 1.1 1" in text
+        assert "highest x 1.1 1 1.1 1.1" in text and "0.9 1.1 1" in text
         assert f"Bounds of {rolling().name}" in text and f"solver {bounds.study.solver!r}" in text
 
 
@@ -221,7 +221,7 @@ def test_the_annex_has_the_warnings(tmp_path):
     assert page.index('<p class="remark">') < page.index("Limits</h2>")
     assert all(f"Warning: {words(doubt)}" in text for doubt in bounds.doubts)
     n = len(bounds.doubts)
-    assert ("A warning tells what" if n == 1 else f"{n} warnings tell what") in text.partition("Annex")[0]
+    assert ("A warning says what" if n == 1 else f"{n} warnings say what") in text.partition("Annex")[0]
 
 
 @pytest.mark.parametrize("subject", ["scene", "black box", "loaded", "comparison"])

@@ -169,7 +169,7 @@ def test_a_condition_that_never_holds_is_doubted_in_a_run_and_fails_it_in_a_stud
         (lambda ball: {"f": mb.first_time(True)}, "first_time: the condition is True at all times"),
         (lambda ball: {"f": mb.first_time(None)}, "first_time: it needs a condition"),
         (lambda ball: {"f": mb.maximum(None)}, "maximum: it needs an expression"),
-        (lambda ball: {"f": mb.maximum(mb.mean(ball.y))}, "a figure is one number"),
+        (lambda ball: {"f": mb.maximum(mb.mean(ball.y))}, "a scalar output is one number"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(0.0, 5.0))}, "0 to 5 s, is no part of the run from 0 to 1 s"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(1.0, 0.0))}, "ends before it begins"),
         (lambda ball: {"f": mb.maximum(ball.y, window=3)}, "window must be two times"),
@@ -182,7 +182,7 @@ def test_faults_are_told(outputs, message):
 
 
 def test_one_time_is_no_motion():
-    refused("needs two times", thrown, lambda ball: {"f": mb.maximum(ball.y)}, times=[0.0])
+    refused("needs at least two times", thrown, lambda ball: {"f": mb.maximum(ball.y)}, times=[0.0])
 
 
 def mixed():
@@ -208,13 +208,13 @@ def test_sweeps_have_one_number_a_run(tmp_path):
 
 
 def test_what_needs_derivatives_is_refused():
-    with pytest.raises(mb.SimulationError, match="no derivatives are derived of height"):
+    with pytest.raises(mb.SimulationError, match="scalar outputs have no derivatives: height"):
         mb.sensitivities(mixed())
     with pytest.raises(mb.PropagationError, match="gives values only"):
         mb.propagate(mixed(), mb.Taylor(2))
     with pytest.raises(mb.PropagationError, match="gives values only"):
         mb.propagate(mixed(), mb.TaylorModel())
-    with pytest.raises(mb.DeclarationError, match="'height' is one number a run"):
+    with pytest.raises(mb.DeclarationError, match="'height' is a scalar output"):
         mb.calibrate(mixed(), {"height": np.zeros(6)})
 
 
@@ -269,9 +269,9 @@ def test_an_unknown_text_in_a_condition_is_told_once():
 
 def test_outputs_cannot_calculate_with_figures():
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    with pytest.raises(mb.DeclarationError, match="maximum: a figure is one number a run"):
+    with pytest.raises(mb.DeclarationError, match="maximum: a scalar output is one number per run"):
         mb.maximum(ball.x) - mb.minimum(ball.x)
-    with pytest.raises(mb.DeclarationError, match="final: a figure is one number a run"):
+    with pytest.raises(mb.DeclarationError, match="final: a scalar output is one number per run"):
         2.0 * mb.final(ball.x)
 
 

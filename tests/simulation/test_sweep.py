@@ -63,7 +63,7 @@ def test_failed_runs_are_told_and_the_others_stay():
 
     with pytest.warns(mb.SymmbWarning, match="2 of 4 runs failed: too stiff"):
         runs = mb.sweep(mb.FunctionSimulator(f, {"k": 1.0}, T, ["x"]), {"k": [3.0, 1.0, 4.0, 2.0]})
-    assert runs.ok.tolist() == [False, True, False, True] and "doubtful" in str(runs)
+    assert runs.ok.tolist() == [False, True, False, True] and "warning" in str(runs)
     np.testing.assert_allclose(runs["x"][3], 2 * T)
     assert np.isnan(runs["x"][0]).all()
     assert [line.split() for line in str(runs).splitlines()][-1] == "x 0 0 1 6 3 3".split()

@@ -35,7 +35,7 @@ def test_bricard_moves_as_in_relative_coordinates(solver, error, drift, referenc
     run = mb.simulate(bricard.scene(TIMES), solver)
     assert_allclose(run.values, reference, rtol=0, atol=error)
     assert run.energy_drift < drift
-    assert "doubtful" not in str(run)
+    assert "warning" not in str(run)
 
 
 @pytest.mark.parametrize(

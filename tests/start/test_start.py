@@ -324,14 +324,16 @@ def test_redundant_joints_share_their_load_with_least_reactions():
     for joint in ("lower", "upper"):
         assert_allclose(run.reaction(joint)[0][0, 2], 1.5 * 9.81, rtol=1e-9)
     assert run.drift.position.max() < 1e-12
-    assert "least reactions" in str(run)
+    assert "smallest reactions" in str(run)
 
 
 def test_a_singular_start_is_told():
     """All links of the parallel four-bar in a line: it may go on as a parallelogram or as a kite."""
     guess = {"left.x": 0.5, "coupler.x": 2.0, "right.x": 2.5, "left.theta": -np.pi / 2, "right.theta": -np.pi / 2}
     scene = mb.Scene(four_bar(mb.Planar()), {"left.theta": -np.pi / 2}, guess=guess)
-    with pytest.raises(mb.AssemblyError, match=r"The start is a singular position: rank 7 of 8 .* and 8 close to it"):
+    with pytest.raises(
+        mb.AssemblyError, match=r"singular position.* rank of the 8 constraint rows is 7 there, and 8 close to"
+    ):
         mb.DAESimulator(scene)
 
 

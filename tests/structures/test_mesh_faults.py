@@ -12,7 +12,7 @@ LENGTH = P.length
 LINE = [(0, 0, 0), (1, 0, 0)]
 CIRCLE = Section.circle(0.1)
 POSITIONS, K, M, _ = lattice()
-REASON = "Modes are computed once, in numbers; a parameter .* Put what is uncertain into joints, forces or rigid bodies"
+REASON = "Modes are computed once, in numbers. A parameter .* Put uncertain numbers into joints, forces or rigid bodies"
 
 FAULTS = {
     "parameter without a value": (
@@ -49,7 +49,7 @@ FAULTS = {
     "sections": (lambda: Beam(LINE, [CIRCLE] * 3, STEEL), "3 sections at 2 points"),
     "shear at one end": (lambda: Beam(LINE, [CIRCLE, SLENDER], STEEL), "some sections are rigid in shear"),
     "orientation": (lambda: Beam(LINE, CIRCLE, STEEL, orientation=(2, 0, 0)), "is along the beam. Give a direction"),
-    "no beam": (FiniteElements.beams, "give one Beam at least"),
+    "no beam": (FiniteElements.beams, "give at least one Beam"),
     "beams apart": (
         lambda: FiniteElements.beams(Beam(LINE, CIRCLE, STEEL), Beam(np.array(LINE) + 5, CIRCLE, STEEL)).modes(count=1),
         "motions without strain energy besides the rigid ones",

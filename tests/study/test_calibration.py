@@ -180,7 +180,7 @@ def test_what_is_no_noise_is_doubted(noise, tmp_path):
     spoilt = y + np.where(np.arange(41) == 17, 0.2, 0.0)
     with pytest.warns(mb.SymmbWarning, match="1 of 41 values of x are outliers: that at t = 1.7 s is"):
         found = mb.calibrate(particle(), {"x": spoilt}, noise=given)
-    assert len(found.doubts) == 1 and "doubtful" in str(found)
+    assert len(found.doubts) == 1 and "warning" in str(found)
     found.save(tmp_path / "a.npz")
     assert mb.Calibration.load(tmp_path / "a.npz").doubts == found.doubts
     why = "the noise that was given" if noise else "resemble those at neighbouring times"

@@ -96,7 +96,7 @@ def test_slips_are_told_before_anything_runs(arguments, message):
 
 
 def test_no_method_that_can_run_is_an_error():
-    with pytest.raises(mb.PropagationError, match=r"None of the methods.*Taylor\(order=1\).*derivatives"):
+    with pytest.raises(mb.PropagationError, match=r"No method could run.*Taylor\(order=1\).*derivatives"):
         compare_simulator(simulator(lambda k: k * T), [mb.Taylor(1)], BOX)
 
 
@@ -192,7 +192,7 @@ def test_a_comparison_announces_its_runs(caplog):
     compare_simulator(simulator(lambda k: k * T), [mb.Vertex(), mb.PolynomialChaos(order=3), mb.PolynomialChaos()], BOX)
     (told,) = caplog.messages
     assert "3002 runs for the reference, 6 for the methods, as many as they choose for PolynomialChaos()." in told
-    assert "Each method runs 3 times or more for its run time, and once if it takes 10 s." in told
+    assert "Each method runs at least 3 times for its run time, and once if it takes 10 s." in told
 
 
 def test_the_reference_of_slow_runs_is_smaller(caplog):
@@ -206,7 +206,7 @@ def test_the_reference_of_slow_runs_is_smaller(caplog):
     (told,) = caplog.messages
     assert result.reference.evaluations < 1000
     assert f"{result.reference.evaluations} runs for the reference" in told
-    assert "The reference takes 3002 runs where runs are faster." in told
+    assert "With faster runs, the reference would take 3002 runs." in told
 
 
 @pytest.mark.parametrize(

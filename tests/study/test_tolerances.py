@@ -38,7 +38,7 @@ def test_parameters_whose_interval_has_one_sign_keep_it(nominal, low, high, cost
     """A mass or a length below 0 is none: far limits are no reason for one."""
     simulator = mb.FunctionSimulator(lambda a: [[a]], {"a": nominal}, [0.0], ["y"])
     found = mb.tolerances(simulator, {"y": (-50.0, 50.0)}, mb.Box(a=(low, high)), costs=costs)
-    assert found.remarks == ("Larger tolerances are not looked for: a would reach 0.",)
+    assert found.remarks == ("The search ends here, because with larger tolerances a would reach 0.",)
     if costs is None:
         assert found.binding is None
     closest = found.box.lower[0] if nominal > 0 else -found.box.upper[0]
@@ -138,7 +138,7 @@ def test_it_is_printed_and_labelled():
     found = mb.tolerances(chain(), {"gap": (None, 0.25)}, BOX, costs={})
     text = str(found)
     assert "cost" in text
-    assert "greatest gap" in text
+    assert "highest gap" in text
     assert "<table" in found._repr_html_()
     assert found.to_xarray()["factor"].sel(parameter="b") == found.factors["b"]
     table = found.to_pandas()

@@ -57,8 +57,8 @@ def adaptive_bounds(
         runs = runs.anew()
         if first > runs.left:
             raise PropagationError(
-                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to "
-                "begin anew. Take the logarithm as an output, or a larger budget."
+                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to begin "
+                "again. Take the logarithm as an output, or a larger budget."
             )
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
     lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise)
@@ -148,7 +148,7 @@ def _of_accuracy(
     short = _SHORT.format(tolerance=tolerance, error=error)
     if is_enough or not runs.clock.is_cut:
         return (short,), ()
-    cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error tells what it costs each output
+    cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error says what it costs each output
     return ((short,), (cut,)) if error > DOUBTFUL else ((short, cut), ())
 
 
@@ -180,14 +180,14 @@ def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
     if not listed:
         return ()
     return (
-        f"{listed}: a width below 1e-9 of the values counts as rounding. FunctionSimulator(..., noise=...) tells a "
+        f"{listed}: a width below 1e-9 of the values counts as rounding. FunctionSimulator(..., noise=...) states a "
         "smaller error of runs.",
     )
 
 
 _CUT = (
-    "The study was ended before it reached the tolerance {tolerance:g}, because it took more than 1 s and three times "
-    "as long as its runs. PolynomialChaos(seconds=...) allows more."
+    "The study ended before it reached the tolerance {tolerance:g}: beside its runs it took more than 1 s, and more "
+    "than three times as long as they did. PolynomialChaos(seconds=...) allows more."
 )
 """What is doubtful where there was no time, if the tolerance is far."""
 _SHORT = "The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width."

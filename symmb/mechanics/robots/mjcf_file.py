@@ -46,7 +46,7 @@ def load_mjcf(
     `Revolute` and `Prismatic`, ball joints `Spherical`, and a free joint leaves its body free. Several joints of one
     body have bodies without mass between them. Armature is a disc on the ground that turns at the rate of the joint.
     Equality constraints become rigid joints and rows, where MuJoCo has stiff springs. Springs, damping, tendons through
-    sites, actuators, weight compensation and gravity are elements. A SymmbWarning tells by name what is left out, such
+    sites, actuators, weight compensation and gravity are elements. A SymmbWarning names what is left out, such
     as contacts.
 
     Parameters

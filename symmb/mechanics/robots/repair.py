@@ -47,7 +47,7 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
             f"{description.path}: no body has the inertia of {names}. The nearest possible one would change the energy "
             f"of a motion by {min(share, 10):.0%}. Correct the file."
         )
-    said = f"The nearest possible inertia stands for that of {names}; it changes the energy of no motion by more than "
+    said = f"symmb takes the nearest possible inertia for {names}; it changes the energy of no motion by more than "
     description = replace(description, numbers=description.numbers | better)
     return replace(building, description=description, values={**values, **better}), [f"{said}{share:.1g} of itself."]
 

@@ -80,9 +80,9 @@ def load_urdf(
         or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each; None: limits do not
         act. Equal lower and upper limits do not act either
     strict : bool
-        whether all faults are errors. By default one SymmbWarning tells those that do not matter: attributes of
-        other programs, <mimic> of joints that cannot follow, dots in names, and inertias that no body has. The nearest
-        possible one stands for such an inertia, unless it changes the motion much
+        whether all faults are errors. By default one SymmbWarning names harmless faults: attributes of other programs,
+        <mimic> of joints that cannot follow, dots in names, and inertias that no body has. The nearest possible one
+        stands for such an inertia, unless it changes the motion much
 
     Returns
     -------

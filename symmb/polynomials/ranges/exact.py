@@ -63,8 +63,8 @@ class Exact:
     Notes
     -----
     Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors fall with the
-    cube of the box size, so that a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C compiler
-    the bounds are those of Bernstein or ChebyshevInclusion, which are wider, and the points those of a search along one
+    cube of the box size, so that a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C compiler the
+    bounds are those of Bernstein or ChebyshevInclusion, which are wider. The points then come from a search along one
     parameter after the other.
 
     Examples
