@@ -20,6 +20,7 @@ tip = rod.point(p.length / 2, 0)
 hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(-p.length / 2, 0))
 spring = mb.Spring("spring", ground.point(1, 1), tip, p.stiffness, length=0.8)
 system = mb.System(rod, hinge, spring, mb.Gravity(0, -9.81), parameters=p)
+print(system.joint_space().equations(), end="\n\n")
 scene = mb.Scene(
     system,
     start={"rod.theta": 0.0},  # the rest follows from the joints

@@ -7,7 +7,7 @@ from typing import Any
 from symmb.mechanics import with_si_symbols
 from symmb.symbolic import is_zero, plain, printer, set_names, simplified, typeset, with_names
 
-_WIDTH = 110
+_WIDTH = 94
 """Columns of text up to which a matrix is printed as such. Of wider ones the entries that are not zero are printed."""
 _LONGEST = 60
 """Operations of the longest entry up to which what the entries share has no names."""
