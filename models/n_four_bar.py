@@ -27,9 +27,9 @@ def scene(N: int = 2) -> mb.Scene:
     """
     p = mb.Parameters(length=1.0, mass=1.0)
     ground, L = mb.Ground(), p.length
-    rod = {"mass": p.mass, "inertia": p.mass * L**2 / 12}
-    cranks = [mb.Body(f"crank{i}", **rod) for i in range(N + 1)]  # along their y
-    couplers = [mb.Body(f"coupler{i}", **rod) for i in range(N)]  # along their x
+    rod = p.mass, p.mass * L**2 / 12  # mass and moment of inertia
+    cranks = [mb.Body(f"crank{i}", *rod) for i in range(N + 1)]  # along their y
+    couplers = [mb.Body(f"coupler{i}", *rod) for i in range(N)]  # along their x
     joints = [mb.Revolute(f"foot{i}", ground.point(i * L, 0), crank.point(0, -L / 2)) for i, crank in enumerate(cranks)]
     for i, coupler in enumerate(couplers):
         left, right = cranks[i].point(0, L / 2), cranks[i + 1].point(0, L / 2)

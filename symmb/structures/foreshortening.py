@@ -23,7 +23,7 @@ def foreshortening(K: Sparse, free: Indices, samples: MassSamples, axial: AxialF
     np.add.at(loads, axial.dofs, np.einsum("ed,eij->edij", axial.force, short))
     pairs = np.triu_indices(n)
     D = np.zeros((len(X), n, n))
-    D[np.ix_(free)[0][:, None], pairs[0], pairs[1]] = factorized(K[free][:, free])(loads[free][:, *pairs])
+    D[free[:, None], pairs[0], pairs[1]] = factorized(K[free][:, free])(loads[free][:, *pairs])
     D[:, pairs[1], pairs[0]] = D[:, pairs[0], pairs[1]]
     at = (samples.translation @ D.reshape(len(X), n * n)).reshape(len(samples.mass), 3, n, n)
     # Displacements along an element are linear between its nodes; foreshortening is not.
