@@ -31,6 +31,8 @@ class Unit(NamedTuple):
         return Unit(self.number * other.number**power, self.pi + power * other.pi, powers)
 
 
+_LONGEST, _LARGEST = 100, 10**100
+"""Characters of a unit, and its factor over SI units: more is no unit of a machine, and beyond the range of numbers."""
 NO_UNIT = Unit(Fraction(1), 0, (0,) * len(BASES))
 _PREFIXES = {"u": -6, "\N{MICRO SIGN}": -6, "\N{GREEK SMALL LETTER MU}": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 _KINDS = {
@@ -74,6 +76,8 @@ def unit_of(owner: str, text: str) -> Unit:
         return NO_UNIT
     plain = _RAISED.sub(lambda raised: "^" + raised[0].translate(_LOWERED), text).replace("**", "^")
     unit = NO_UNIT
+    if len(text) > _LONGEST:
+        raise DeclarationError(f"{owner}: {shown(text)} is too long for a unit.")
     for k, piece in enumerate(map(str.strip, _DIVIDES.split(plain))):
         if piece[:1] == "(" and piece[-1:] == ")" and len(piece) > 2:
             unit = unit.times(unit_of(owner, piece[1:-1]), -1 if k else 1)
@@ -86,6 +90,8 @@ def unit_of(owner: str, text: str) -> Unit:
             if match is None:
                 raise DeclarationError(f"{owner}: {shown(text)} is no unit. Write it as mm, N/mm, kg m^2 or N/(m s).")
             unit = unit.times(_named(owner, text, match[1]), int(match[2] or 1) * (-1 if k else 1))
+    if not Fraction(1, _LARGEST) < unit.number < _LARGEST:
+        raise DeclarationError(f"{owner}: {shown(text)} is beyond the range of numbers.")
     return unit
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -144,12 +145,18 @@ class Answers(Envelope):
         PropagationError
             If too many of these runs fail.
         """
+        return self._contributions
+
+    @cached_property
+    def _contributions(self) -> Contributions:
         found = contributions_of(self._responses("Bounds.contributions"))
         assert found is not None
         return found
 
     def _known_contributions(self) -> Contributions | None:
-        """Those that take no further runs."""
+        """Those that take no further runs, or have taken them."""
+        if "_contributions" in self.__dict__:
+            return self._contributions
         if not self.range_of and self.study is not None:
             return None
         return contributions_of(self._responses("Bounds.contributions"), may_run=False)

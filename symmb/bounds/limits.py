@@ -290,9 +290,9 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     if bounds.study is not None and (margin < near).any():
         further = _closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"))
         inside, error = -further.beyond, max(further.error, rounding)
+        own = limit - further.values if side == "upper" else further.values - limit
         if inside < -rounding:
-            own = limit - further.values if side == "upper" else further.values - limit
-            return _Decision(False, "A further run is beyond it.", np.minimum(margin, own), further)
+            return _Decision(False, "A further run is beyond it.", np.fmin(margin, own), further)
         if further.failed:
             return _Decision(None, f"{further.failed} of {further.runs} further runs near it failed.", margin, further)
         if inside <= rounding:
@@ -301,7 +301,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
             )
         if np.isfinite(error):
             why = f"{further.runs} further runs near it stay {inside:.1e} inside, and may be off by {error:.1e}."
-            return _Decision(True if inside > error else None, why, np.maximum(margin, inside), further)
+            return _Decision(True if inside > error else None, why, np.fmin(np.maximum(margin, inside), own), further)
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
         why = f"The bounds are beyond it by more than their estimated error of {error:.1e}."

@@ -60,7 +60,8 @@ class Binding:
                 raise DeclarationError(f"{what}: {error}") from None
         expression = given(law)
         if expression is None:
-            raise DeclarationError(f"{what}: {shown(law)} is no number and no CasADi SX or SymPy expression.")
+            more = " Write numbers in SI units, as np.deg2rad(80) for 80°." if isinstance(law, str | tuple) else ""
+            raise DeclarationError(f"{what}: {shown(law)} is no number and no CasADi SX or SymPy expression.{more}")
         if expression.numel() != 1 and not any_size:
             raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
         self.check(expression, what, also)

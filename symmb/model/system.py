@@ -80,9 +80,9 @@ class System(Block):
 
     def __exit__(self, *error: object) -> None:
         super().__exit__(*error)
-        elements, parameters = (*self.elements, *self._made), self.parameters or None
-        vars(self).clear()  # what was derived without the elements
-        if error[0] is None:
+        if error[0] is None:  # else the system stays what it was
+            elements, parameters = (*self.elements, *self._made), self.parameters or None
+            vars(self).clear()  # what was derived without the elements
             self.__init__(*elements, parameters=parameters)
 
     def __reduce__(self) -> tuple:

@@ -13,7 +13,11 @@ from symmb.polynomials.ranges import Piecewise
 
 STATES = {False: "violated", None: "undecided", True: "kept"}
 """Names of results of limits, the most urgent first, and what is said of one limit and of several."""
-_SAID = {False: ("may be violated",) * 2, None: ("is not decided", "are not decided"), True: ("is kept", "are kept")}
+_SAID = {
+    False: ("is violated in some cases", "are violated in some cases"),
+    None: ("is not decided", "are not decided"),
+    True: ("is kept", "are kept"),
+}
 _MANY, _FEW = 6, 3
 """Limits or ranges that have a sentence, and parameters that one sentence names."""
 _FAR, _SMALL = 0.5, 0.05
@@ -27,7 +31,7 @@ _CERTAIN = {
     "estimate": "These are estimates from {} runs, not proofs. The annex states their errors.",
 }
 _SEARCH = "`mb.tolerances(...)` searches, with further runs, for tolerances that keep the limits."
-_AGAIN = "These tolerances are estimates: repeat the study with them before you change a drawing."
+_AGAIN = "These tolerances are cautious estimates: `mb.tolerances(...)` finds and checks larger ones by further runs."
 
 
 def by_urgency(check: LimitCheck) -> list[KeptLimit]:
@@ -66,7 +70,8 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     """What decides limits, which tolerances to tighten and by how much, and which parameters matter most."""
     limits = [] if check is None else by_urgency(check)
     texts = [f"{limit.output}: {limit.why}" for limit in limits if limit.kept is None][:_MANY]
-    beyond = [limit for limit in limits if not limit.kept and limit.margin[limit.row] < 0]
+    ends = {limit: limit.high if bounds._side(limit) == "upper" else limit.low for limit in limits if not limit.kept}
+    beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -ROUNDING * abs(end)]
     lost = [limit for limit in beyond if _nominal_excess(bounds, limit) > 0]
     if lost:
         words = [f"{limit.output} by {_text(_nominal_excess(bounds, limit), limit.unit)}" for limit in lost[:_MANY]]
@@ -114,9 +119,12 @@ def _sentence(bounds: Bounds, limit: KeptLimit, shares: Contributions | None) ->
     where = "" if name in bounds.figures or is_timeless(bounds.t) else f", at {bounds.t[limit.row]:.4g} s"
     where += _when(bounds, limit, shares)
     least = f"The smallest margin is {_text(margin, limit.unit)}{where}."
+    end = limit.high if bounds._side(limit) == "upper" else limit.low
+    if abs(margin) <= ROUNDING * abs(end):
+        return f"{name} reaches its limit of {_text(end, limit.unit, 6)}{where}, within rounding."
     if limit.kept:
         return f"{name} is {_inside(limit)} in all cases within the tolerances. {least}"
-    verb, end = ("exceed", limit.high) if bounds._side(limit) == "upper" else ("fall below", limit.low)
+    verb = "exceed" if bounds._side(limit) == "upper" else "fall below"
     beyond = f"{name} may {verb} its limit of {_text(end, limit.unit, 6)} by {_text(-margin, limit.unit)}{where}."
     if limit.kept is None:
         return f"It is not decided whether {name} is {_inside(limit)}. {least if margin >= 0 else beyond}"
@@ -134,8 +142,10 @@ def _when(bounds: Bounds, limit: KeptLimit, shares: Contributions | None) -> str
     place = dict(zip(box.names, box.to_unit(np.array([case.parameters[name] for name in box.names])), strict=True))
     units = dict(zip(box.names, _units(box), strict=True))
     names = _important(bounds, _column(bounds, limit), limit.row, shares)
-    names = [n for n in names if n in case.varied and abs(place[n]) >= _FAR][:_FEW]
-    words = [f"{n} is {'high' if place[n] > 0 else 'low'} ({_text(case.parameters[n], units[n], 4)})" for n in names]
+    names = [n for n in names if n in case.varied and abs(place[n]) >= _FAR]
+    some = names[:_MANY]
+    words = [f"{n} is {'high' if place[n] > 0 else 'low'} ({_text(case.parameters[n], units[n], 4)})" for n in some]
+    words += [f"{len(names) - _MANY} others are high or low"] * (len(names) > _MANY)
     return f", when {_listed(words)}" if words else ""
 
 
@@ -206,11 +216,9 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit], shares: Contributions 
         one = "tighten one of these tolerances" if len(best) > 1 else "tighten this tolerance"
         return [f"{goal}, {one}: {_listed([change(n, factors[n]) for n in best], 'or')}.", _AGAIN]
     if (factor := largest(box.names)) >= _SMALL:
-        changes = _listed([change(n, factor) for n in names[:_FEW]])
+        changes = _listed([change(n, factor) for n in names])
         return [f"{goal}, multiply all tolerances by {factor:.2f}, such as {changes}.", _AGAIN]
-    return [
-        f"{goal}, change the nominal values: they are so close to the limit that tighter tolerances are not enough."
-    ]
+    return [_SEARCH]  # the error of the polynomials leaves no room
 
 
 def _tolerance(nominal: float, low: float, high: float) -> str:

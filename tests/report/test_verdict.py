@@ -65,7 +65,7 @@ def test_a_violated_limit_and_what_keeps_it(seed, side):
     ends = (end, None) if side == "lower" else (None, end)
     check, ((state, head), (own, text), *_), steps = told(bounds, {bounds.names[0]: ends})
     limit, excess = check.limits[0], abs(end - outer)
-    assert state == own == "violated" and head == "The limit may be violated."
+    assert state == own == "violated" and head == "The limit is violated in some cases."
     verb = "fall below" if side == "lower" else "exceed"
     start = f"{bounds.names[0]} may {verb} its limit of {end:.6g} by {-limit.margin[limit.row]:.3g}"
     assert text.startswith(start) and -limit.margin[limit.row] == pytest.approx(excess, rel=1e-3)
@@ -143,7 +143,7 @@ def test_urgent_limits_come_first_and_the_annex_has_the_rest(tmp_path):
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
     limits = {name: (None, 40.0 if k < 28 else 30.5) for k, name in enumerate(names)}
     _, sentences, steps = told(bounds, limits)
-    assert sentences[0] == ("violated", "Of 30 limits, 2 may be violated and 28 are kept.")
+    assert sentences[0] == ("violated", "Of 30 limits, 2 are violated in some cases and 28 are kept.")
     assert [state for state, _ in sentences[1:7]] == ["violated"] * 2 + ["kept"] * 4
     assert sentences[7] == ("", "The annex has the other 24.")
     assert "k from 1 ± 0.1 to 1 ± 0.016" in steps[0]
