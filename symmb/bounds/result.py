@@ -244,7 +244,7 @@ class Bounds(Answers, Counted, Result, Saved):
         >>> bounds = mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0)))
         >>> path = pathlib.Path(tempfile.mkdtemp()) / "report.html"
         >>> bounds.report(path, {"x": (0.1, None)}, author="A. Miller", drawing="D-17")
-        >>> "x stays at least 0.1 in all cases" in path.read_text()
+        >>> "x is at least 0.1 in all cases" in path.read_text()
         True
         """
         # Reports stand on drawings, which stand on bounds. Only who asks for one loads them.

@@ -18,6 +18,7 @@ from symmb.model.contact_equations import Impacts
 from symmb.model.lazy import Lazy, known
 from symmb.model.sampling import Sampling
 from symmb.model.scales import Scales
+from symmb.symbolic import Branches
 
 T = TypeVar("T")
 NO_TIMES: Array = np.empty(0)
@@ -130,6 +131,11 @@ class DAE:
         if key not in self.memory:
             self.memory[key] = derive(self, times)
         return self.memory[key]
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Branches are of symbols of a Function that has others in another process. They are derived there again.
+        memory = {key: value for key, value in self.memory.items() if not isinstance(value, Branches)}
+        return {**self.__dict__, "memory": memory}
 
     def around(self, p: Array) -> "DAE":
         """The same equations for runs with parameters p (n_p,)."""

@@ -161,7 +161,7 @@ class CheckRounds:
     def _errors(self, spread: bool = False) -> list[Array]:
         """Errors (n_t, 1) of the range and, where corners have been run, of what runs attain."""
         foreseen, exceeding, (lowest, highest) = self._foreseen, self._unattained().max(axis=0), self.runs.extremes
-        errors = [(self._remaining, self._upper - self._lower, foreseen.attained)]
+        errors = [(self._remaining, self._upper - self._lower, min(foreseen.attained, foreseen.unconfirmed))]
         if self.has_corners and len(self._gains) > 2 * ROUNDS - 1:
             gaps = self._between.share(self._between.attained) * between_times(self.runs)[1].max(axis=0)
             gained = np.max([*self._gains[-ROUNDS:], growth_inside(self.runs), gaps], axis=0)
