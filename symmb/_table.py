@@ -11,12 +11,12 @@ def is_timeless(t: Sequence[float] | np.ndarray) -> bool:
 
 
 def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = ()) -> list[list[str]]:
-    """Rows below their head, whose columns "at [s]" are left out where there are no times, or none is told.
+    """Rows below their head, whose columns "at [s]" are left out where there are no times, or none is stated.
 
     Examples
     --------
     >>> over_times([["output", "lowest", "at [s]"], ["x", "-1.5", "0"]], [0.0])
-    [['output', 'least'], ['x', '-1.5']]
+    [['output', 'lowest'], ['x', '-1.5']]
     """
     told = [not is_timeless(t) and any(column[1:]) for column in zip(*rows, strict=True)]
     kept = [i for i, name in enumerate(rows[0]) if name != "at [s]" or told[i]]
@@ -39,7 +39,7 @@ def aligned(lines: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> lis
     Examples
     --------
     >>> aligned([["output", "lowest"], ["x", "-1.5"]])
-    ['output  least', 'x        -1.5']
+    ['output  lowest', 'x         -1.5']
     """
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return [

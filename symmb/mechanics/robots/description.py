@@ -99,6 +99,6 @@ def inertia_fault(moments: tuple[float, ...]) -> str:
     if high - middle - low > _TRIANGLE * total:
         return (
             f"the largest principal moment of inertia {high:.4g} exceeds the sum of the others, {low + middle:.4g}, "
-            "which is impossible. Check the entries and their signs."
+            "which is impossible: check the entries and their signs."
         )
     return ""

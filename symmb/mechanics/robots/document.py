@@ -225,6 +225,6 @@ class _Reading:
 
     def _entity(self, name: str, *_: object) -> None:
         raise DeclarationError(
-            f"{self.file}, line {self.parser.CurrentLineNumber}, <!ENTITY {name}>: entities are not read. Write the "
+            f"{self.file}, line {self.parser.CurrentLineNumber}, <!ENTITY {name}>: entities are not read: write the "
             "text of this one itself."
         )
