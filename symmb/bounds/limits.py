@@ -353,7 +353,7 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
     enough = _rounding(bounds, k)
     found = direct_search(beyond, points, most, enough)
     if study.has_lanes and 0 <= -best[0] < _CLOSE * (bounds.upper - bounds.lower)[:, k].max():
-        lines = np.repeat(best[1][None, None], len(box), axis=0).repeat(_LINE, axis=1)
+        lines = np.tile(best[1], (len(box), _LINE, 1))
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, _LINE)
         found = direct_search(beyond, np.concatenate([best[1][None], *lines]), most, enough)
     return FurtherRun(side, best[1], best[2], best[0], found.error, runs, failed)

@@ -69,8 +69,9 @@ class CheckRounds:
 
     The runs of a round show the error of the expansion that those before have corrected. Rounds end when it is small
     enough or does not fall. An error at a place where the continuation leaves the share s(x) of the typical
-    error suggests the error e / s(x) elsewhere. Of what the range has beyond all runs, the share counts that runs have
-    attained of what was predicted beyond former ones. So much is an error as well.
+    error suggests the error e / s(x) elsewhere. The range may exceed all runs. Of this excess the bounds keep the share
+    that runs attained of former predictions. Its error is that share of the excess, or the share that runs did not
+    confirm if this is smaller.
 
     What runs attain is an answer where corners have been run. Its error is what the last rounds attained beyond those
     before, what twice as many runs brought inside of the box, and what the range, and lines between peaks at other
