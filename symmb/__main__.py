@@ -2,4 +2,4 @@
 
 from runpy import run_module
 
-run_module("symmb.cli", run_name="__main__")
+run_module("symmb.show.cli", run_name="__main__")

@@ -19,8 +19,8 @@ from joints import ALL_JOINTS as ALL_JOINTS
 from joints import ALL_POSES as ALL_POSES
 
 from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, HyperbolicCross, Leja, SparseGrid, TensorDegree, TotalDegree
-from symmb.bounds import METHODS
-from symmb.integrate import SOLVERS
+from symmb.bound.bounds import METHODS
+from symmb.run.integrate import SOLVERS
 
 ALL_SOLVERS = tuple(entry.accurate for entry in SOLVERS if entry.accurate is not None)
 

@@ -15,7 +15,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from symmb.codegen import build
+from symmb.run.codegen import build
 
 SLOW_SECONDS = 0.1
 """Processor seconds of a slow test. The others take less than three minutes on two cores, with an empty cache."""

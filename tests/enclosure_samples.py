@@ -7,8 +7,8 @@ import mpmath
 import numpy as np
 from scipy.integrate import DOP853
 
-from symmb.enclosures.problem import Problem, StartEquations
-from symmb.symbolic import interpret, operation_name
+from symmb.declare.symbolic import interpret, operation_name
+from symmb.prove.problem import Problem, StartEquations
 
 FINE, COARSE = 1e-13, 3e-13
 """Relative tolerances of samples, and of those that tell their errors."""

@@ -9,7 +9,7 @@ from scipy.integrate import solve_bvp
 from scipy.linalg import eigh, null_space
 
 import symmb as mb
-from symmb.mechanics import Point
+from symmb.declare.mechanics import Point
 
 GROUND = mb.Ground()
 IN_PLANE = [0, 1, 5]

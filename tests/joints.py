@@ -8,8 +8,8 @@ import numpy as np
 
 import symmb as mb
 from symmb import compile_dae
-from symmb.mechanics.joint import Joint
-from symmb.model.dae import DAE
+from symmb.declare.mechanics.joint import Joint
+from symmb.equations.model.dae import DAE
 
 ORIENTED = {"Planar", "Spatial", "Ground"}
 ANY = ORIENTED | {"Particle"}

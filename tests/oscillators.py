@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb import Box
-from symmb.black_boxes.simulator import Ensemble, stream
+from symmb.connect.simulator import Ensemble, stream
 
 TIMES = np.linspace(0.0, 6.0, 61)
 BOX = Box(amplitude=(0.9, 1.1), w=(0.95, 1.05))

@@ -14,44 +14,35 @@ import pytest
 import symmb
 
 ROOT = Path(symmb.__file__).parent
-FLOORS = {
-    unit: floor
-    for floor, units in enumerate(
-        (
-            "_errors _types _names _options _specs _table _doubt _html _labelled _progress _cleanup _interrupts _limits"
-            " _threads _citation _units",
-            "files plot structures symbolic",
-            "mechanics",
-            "model",
-            "black_boxes schemes",
-            "codegen",
-            "start",
-            "events",
-            "integrate",
-            "formulations",
-            "verification polynomials",
-            "nodes simulation",
-            "linear",
-            "enclosures",
-            "bounds",
-            "study drawing exchange",
-            "report",
-            "symmb",  # symmb/__init__.py, the public names
-            "models cli",  # clients of the public names
-            "__main__",
-        )
-    )
-    for unit in units.split()
+WINGS = {
+    "": "_errors _types _names _options _specs _table _doubt _html _labelled _progress _cleanup _interrupts _limits"
+    " _threads _citation _units",
+    "results": "files plot",
+    "declare": "symbolic structures mechanics",
+    "equations": "model start",
+    "connect": "",
+    "run": "schemes codegen events integrate formulations verification simulation linear",
+    "prove": "",
+    "bound": "polynomials nodes bounds",
+    "study": "",
+    "show": "drawing exchange report",
 }
-HEAVY = "sympy fmpy matplotlib pandas xarray tqdm scipy.sparse scipy.stats scipy.optimize symmb.cli".split()
+"""The rooms of each wing, from the ground up. The first are files of the ground floor. A wing without rooms is one."""
+ROOMS = [f"{wing}.{room}".strip(".") for wing, rooms in WINGS.items() for room in rooms.split() or [""]]
+ABOVE = ["symmb", "models", "show.cli", "__main__"]
+"""The public names, and their clients."""
+FLOORS = {unit: floor for floor, unit in enumerate([*ROOMS, *ABOVE])} | dict.fromkeys(WINGS[""].split(), 0)
+HEAVY = "sympy fmpy matplotlib pandas xarray tqdm scipy.sparse scipy.stats scipy.optimize symmb.show.cli".split()
 LONGEST = 500
 """Lines of a file. Files of one thought may be long: they take less to read than fragments that call each other."""
 FILES = sorted(path for path in ROOT.rglob("*.py") if "models" not in path.relative_to(ROOT).parts)
 
 
 def unit(module: str) -> str:
-    """The package or module right under symmb that a dotted name belongs to, or symmb itself."""
-    return (module.split(".") * 2)[1]
+    """The room that a dotted name belongs to, the file of the ground floor, or symmb itself."""
+    _, *inner = module.split(".")
+    depth = 2 if inner and WINGS.get(inner[0]) else 1
+    return ".".join(inner[:depth]) or "symmb"
 
 
 def module_name(path: Path) -> str:
@@ -122,7 +113,12 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
 
 
 def test_every_unit_has_a_floor():
-    assert {unit(module_name(path)) for path in FILES} <= FLOORS.keys()
+    assert {unit(module_name(path)) for path in FILES} <= FLOORS.keys() | WINGS.keys()
+
+
+def test_wings_only_say_what_they_are():
+    wings = [ROOT / wing / "__init__.py" for wing, rooms in WINGS.items() if wing and rooms]
+    assert not [path for path in wings for node in ast.parse(path.read_text()).body if not isinstance(node, ast.Expr)]
 
 
 def test_imports_go_down():
@@ -170,7 +166,7 @@ def test_import_is_lean(eager):
 
 
 def room(module: str) -> str:
-    """The folder that holds a module, as a dotted name: "symmb.bounds.adaptive" for its modules and for itself."""
+    """The folder that holds a module, as a dotted name: "symmb.study" for its modules and for itself."""
     return module if (ROOT.parent / module.replace(".", "/")).is_dir() else module.rpartition(".")[0]
 
 

@@ -13,7 +13,7 @@ import pytest
 import sympy
 
 import symmb as mb
-from symmb.cli.specs import method, solver
+from symmb.show.cli.specs import method, solver
 
 ROOT = Path(__file__).parents[1]
 SCENE = '''

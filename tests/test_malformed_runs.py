@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.black_boxes import run_database
-from symmb.cli.main import main
+from symmb.connect import run_database
+from symmb.show.cli.main import main
 
 TIMES = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(k=(0.5, 1.5))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.bounds.worst_case import Worst, WorstCase
+from symmb.bound.bounds.worst_case import Worst, WorstCase
 
 nbclient = pytest.importorskip("nbclient")
 nbformat = pytest.importorskip("nbformat")

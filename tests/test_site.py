@@ -13,7 +13,7 @@ from browser import PROGRAM, Browser
 from page_fit import misfits
 
 import symmb
-from symmb.cli.scene_file import shipped_names
+from symmb.show.cli.scene_file import shipped_names
 
 pytest.importorskip("furo")
 pytest.importorskip("myst_nb")

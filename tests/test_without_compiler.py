@@ -9,12 +9,12 @@ from faults import refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
-from symmb.black_boxes.simulator import Reduction
-from symmb.cli.main import main
-from symmb.codegen import NoCompilerError, build
-from symmb.polynomials import basis_values
-from symmb.polynomials.legendre import tensor_degree, total_degree
-from symmb.polynomials.ranges import attained_extremes
+from symmb.bound.polynomials import basis_values
+from symmb.bound.polynomials.legendre import tensor_degree, total_degree
+from symmb.bound.polynomials.ranges import attained_extremes
+from symmb.connect.simulator import Reduction
+from symmb.run.codegen import NoCompilerError, build
+from symmb.show.cli.main import main
 
 INSTALL = r"Install gcc or clang, or run `pip install 'symmb\[compiler\]'`, or set CC\."
 TOLD = f"No C compiler found. Without a C compiler runs take about 100 times as long. {INSTALL}"

@@ -21,7 +21,7 @@ from urllib.request import urlopen
 
 import symmb
 from symmb._names import public_names
-from symmb.cli.scene_file import shipped_names
+from symmb.show.cli.scene_file import shipped_names
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent

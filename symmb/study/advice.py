@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from symmb.integrate import STIFF, Stiffness
+from symmb.run.integrate import STIFF, Stiffness
 from symmb.study.ladders import FIXED
 from symmb.study.standard import Standard
 from symmb.study.trials import LEFT_OUT, Trial, by_family, by_reason, named

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from symmb import plot
 from symmb._errors import DeclarationError, SimulationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Counted, Labelled, Result, texts
@@ -15,10 +14,11 @@ from symmb._names import ByName, counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array, Figure
 from symmb._units import label, units_of_parameters
-from symmb.files import Record, Saved, entry
-from symmb.integrate import Solver
-from symmb.model import Box, Scene
-from symmb.simulation import chosen_parameters, simulator_with
+from symmb.equations.model import Box, Scene
+from symmb.results import plot
+from symmb.results.files import Record, Saved, entry
+from symmb.run.integrate import Solver
+from symmb.run.simulation import chosen_parameters, simulator_with
 from symmb.study.residuals import (
     STEPS,
     UNDETERMINED,

@@ -14,11 +14,11 @@ from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable
 from symmb._progress import RunProgress, shown
 from symmb._types import Array, Executor, Expr
-from symmb.black_boxes import Simulator, StoredSimulator, noise_from_runs
-from symmb.bounds import METHODS, Bounds, Method, checked, doubted, method_of, parameter_samples, units_of
-from symmb.integrate import Solver
-from symmb.model import Box, Scene
-from symmb.simulation import SceneSimulator, simulator_of
+from symmb.bound.bounds import METHODS, Bounds, Method, checked, doubted, method_of, parameter_samples, units_of
+from symmb.connect import Simulator, StoredSimulator, noise_from_runs
+from symmb.equations.model import Box, Scene
+from symmb.run.integrate import Solver
+from symmb.run.simulation import SceneSimulator, simulator_of
 from symmb.study.comparison_result import Comparison
 from symmb.study.enclosed import Limits
 from symmb.study.metrics import Yardstick

@@ -7,8 +7,8 @@ import numpy as np
 
 from symmb._labelled import BOUND, Labelled, Named, known, over_outputs, texts, unit_text
 from symmb._types import Array
-from symmb.bounds import box_coordinates
-from symmb.model import Box
+from symmb.bound.bounds import box_coordinates
+from symmb.equations.model import Box
 from symmb.study.reference import Reference
 from symmb.study.row import Row
 

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symmb import _html as html
-from symmb import plot
 from symmb._errors import WithWarnings
 from symmb._labelled import Labelled, Result
 from symmb._types import Array
-from symmb.bounds import box_entries, box_of
-from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
-from symmb.model import Box
+from symmb.bound.bounds import box_entries, box_of
+from symmb.equations.model import Box
+from symmb.results import plot
+from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.study import report
 from symmb.study.comparison_arrays import labelled
 from symmb.study.reference import Reference
@@ -175,7 +175,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         FileError              if the file cannot be written; the previous one is kept
         """
         # Reports stand on drawings, which stand on bounds. Only who asks for one loads them.
-        import_module("symmb.report").write_comparison(self, path)
+        import_module("symmb.show.report").write_comparison(self, path)
 
     def _head(self) -> list[str]:
         yardstick = self.reference.yardstick

@@ -2,9 +2,18 @@
 
 from collections.abc import Sequence
 
-from symmb.integrate import CVODES, NSTIFFSI2, SOLVERS, DormandPrince, Rosenbrock, Solver, StabilizedIndex2, stiffness
-from symmb.model import Scene
-from symmb.simulation import prepare_equations
+from symmb.equations.model import Scene
+from symmb.run.integrate import (
+    CVODES,
+    NSTIFFSI2,
+    SOLVERS,
+    DormandPrince,
+    Rosenbrock,
+    Solver,
+    StabilizedIndex2,
+    stiffness,
+)
+from symmb.run.simulation import prepare_equations
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
 """Relative tolerances that are tried: coarse, usual and fine."""

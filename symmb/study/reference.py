@@ -9,11 +9,11 @@ import numpy as np
 
 from symmb._errors import PropagationError, SimulationError
 from symmb._types import Array, Executor
-from symmb.black_boxes import Simulator
-from symmb.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, gathered
-from symmb.files import Record, entry
-from symmb.model import Box
-from symmb.nodes import Sobol
+from symmb.bound.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, gathered
+from symmb.bound.nodes import Sobol
+from symmb.connect import Simulator
+from symmb.equations.model import Box
+from symmb.results.files import Record, entry
 from symmb.study.metrics import Yardstick
 
 RUNS = 2000

@@ -7,8 +7,8 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array
-from symmb.nodes import Sobol
-from symmb.simulation import DAESimulator
+from symmb.bound.nodes import Sobol
+from symmb.run.simulation import DAESimulator
 
 ROUNDS = 3
 """Fits with weights by the residuals of the fit before: they settle to 1 % where each output has ten values."""

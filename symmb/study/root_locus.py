@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from symmb import _html as html
-from symmb import plot
 from symmb._errors import DeclarationError, WithWarnings
 from symmb._labelled import Counted
 from symmb._names import did_you_mean
@@ -15,11 +14,12 @@ from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array, Figure
 from symmb._units import units_of_parameters
-from symmb.bounds import Method, PolynomialChaos, box_entries, box_of, method_of, parameter_samples, propagate
-from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
-from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
-from symmb.model import Box, Scene
-from symmb.simulation import scene_of
+from symmb.bound.bounds import Method, PolynomialChaos, box_entries, box_of, method_of, parameter_samples, propagate
+from symmb.equations.model import Box, Scene
+from symmb.results import plot
+from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
+from symmb.run.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
+from symmb.run.simulation import scene_of
 
 MOST_VALUES = 10_000
 """Most values of the parameter: the modes at each take a millisecond."""

@@ -10,24 +10,24 @@ from typing import Any
 import numpy as np
 
 from symmb import _html as html
-from symmb import plot
 from symmb._errors import SimulationError, WithWarnings
 from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array, Figure
-from symmb.codegen import compiler_advice, has_compiler
-from symmb.files import NOT_KEPT, Record, Saved, attributes, entries, entry
-from symmb.integrate import Stiffness, stiffness
-from symmb.model import Box, Scene
-from symmb.simulation import prepare_equations, scene_of, simulator_with
+from symmb.equations.model import Box, Scene
+from symmb.results import plot
+from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
+from symmb.run.codegen import compiler_advice, has_compiler
+from symmb.run.integrate import Stiffness, stiffness
+from symmb.run.simulation import prepare_equations, scene_of, simulator_with
+from symmb.run.verification import linear_theory_doubts
 from symmb.study.advice import advice
 from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
 from symmb.study.standard import Standard, standard_of
 from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs
-from symmb.verification import linear_theory_doubts
 
 TIMES = 51
 """Output times: enough to show drift over time. Steps end at output times, so more of them would shorten steps."""

@@ -8,9 +8,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from symmb.mechanics import Gravity, Point
-from symmb.model import Scene, System
-from symmb.symbolic import from_sympy, is_sympy, t
+from symmb.declare.mechanics import Gravity, Point
+from symmb.declare.symbolic import from_sympy, is_sympy, t
+from symmb.equations.model import Scene, System
 
 _LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
 """Factors on stiffness and mass ratios, on time scales, and on the horizon: up to those that engineers meet."""

@@ -9,10 +9,10 @@ import numpy as np
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
-from symmb.black_boxes import Progress, Simulator
-from symmb.bounds import Bounds, LimitCheck, PolynomialChaos, Study, WorstCase, gathered, parameter_samples
-from symmb.model import Box
-from symmb.polynomials.ranges import Piecewise
+from symmb.bound.bounds import Bounds, LimitCheck, PolynomialChaos, Study, WorstCase, gathered, parameter_samples
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.connect import Progress, Simulator
+from symmb.equations.model import Box
 
 OWNER = "tolerances"
 TOLERANCE = 1e-2

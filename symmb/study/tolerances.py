@@ -14,11 +14,11 @@ from symmb._options import is_finite_number, require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor
-from symmb.black_boxes import Progress, Simulator
-from symmb.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, WorstCase, finished, limit_pairs, units_of
-from symmb.integrate import Solver
-from symmb.model import Box, Scene
-from symmb.simulation import SceneSimulator, simulator_of
+from symmb.bound.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, WorstCase, finished, limit_pairs, units_of
+from symmb.connect import Progress, Simulator
+from symmb.equations.model import Box, Scene
+from symmb.run.integrate import Solver
+from symmb.run.simulation import SceneSimulator, simulator_of
 from symmb.study.tolerance_search import MOST, OWNER, TOLERANCE, Search
 
 Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]

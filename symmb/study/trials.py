@@ -15,10 +15,10 @@ import numpy as np
 from symmb._cleanup import end_groups, lead_group, note_group
 from symmb._errors import SymmbError
 from symmb._types import Array
-from symmb.files import NOT_KEPT, Record, entries, entry
-from symmb.integrate import Solver
-from symmb.model import Scene
-from symmb.simulation import Trajectory, simulate
+from symmb.equations.model import Scene
+from symmb.results.files import NOT_KEPT, Record, entries, entry
+from symmb.run.integrate import Solver
+from symmb.run.simulation import Trajectory, simulate
 from symmb.study.ladders import CONTROLLED
 
 LEFT_OUT = "left out for want of time"

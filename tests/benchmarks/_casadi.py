@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from _timing import spent
 
-from symmb.integrate.initial_value_problem import build_problem
-from symmb.model.dae import DAE
+from symmb.equations.model.dae import DAE
+from symmb.run.integrate.initial_value_problem import build_problem
 
 Run = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

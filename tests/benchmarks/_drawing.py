@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 
 import symmb as mb
-from symmb.mechanics import Rotation
-from symmb.mechanics.body import Point
+from symmb.declare.mechanics import Rotation
+from symmb.declare.mechanics.body import Point
 
 Place = tuple[float, float]
 

@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 
 import symmb as mb
-from symmb.bounds.method import Method
-from symmb.integrate import Solver
-from symmb.mechanics import AbstractBody, Element, Point
+from symmb.bound.bounds.method import Method
+from symmb.declare.mechanics import AbstractBody, Element, Point
+from symmb.run.integrate import Solver
 
 T = np.linspace(0.0, 0.2, 5)
 DECAY = mb.FunctionSimulator(lambda **p: np.exp(-p["l"] * T), {"l": 1.0}, T, ["x"])

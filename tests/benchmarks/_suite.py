@@ -23,7 +23,7 @@ from models import (
     spherical_pendulum,
 )
 from symmb import DAESimulator
-from symmb.bounds.method import Method
+from symmb.bound.bounds.method import Method
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from symmb._types import Array
-from symmb.black_boxes import Simulator
-from symmb.bounds.method import parameter_samples
-from symmb.model import Box
+from symmb.bound.bounds.method import parameter_samples
+from symmb.connect import Simulator
+from symmb.equations.model import Box
 
 POINTS = 13
 """Logarithm of 2 of the Sobol points. A third of them are moved to corners, a third to edges and faces."""

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 import symmb as mb
 from models import double_pendulum, spherical_pendulum
-from symmb.bounds.method import Method
+from symmb.bound.bounds.method import Method
 
 CHEBYSHEV = {"nodes": mb.ChebyshevGauss(), "range": mb.ChebyshevInclusion()}
 

@@ -13,7 +13,7 @@ import numpy as np
 from problems import Problem, all_problems
 
 import symmb as mb
-from symmb.integrate.solver import Solver
+from symmb.run.integrate.solver import Solver
 from symmb.study.trials import Job, run_jobs
 
 LIMIT = 30.0

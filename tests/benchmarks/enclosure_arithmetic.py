@@ -13,8 +13,8 @@ import casadi as ca
 import flint
 import numpy as np
 
-from symmb.enclosures import discs, points
-from symmb.enclosures.errors import ProofError
+from symmb.prove import discs, points
+from symmb.prove.errors import ProofError
 
 GROUP = 50
 """Arguments that are treated together: they share a bound of errors, or must all be where the operation is analytic."""

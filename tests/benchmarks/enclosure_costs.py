@@ -17,8 +17,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import symmb as mb
-from symmb.enclosures import enclose, problem_of
-from symmb.simulation import DAESimulator
+from symmb.prove import enclose, problem_of
+from symmb.run.simulation import DAESimulator
 
 ORDERS, MASSES, PARAMETERS = (2, 4, 6, 8, 12), (1, 2, 3, 4, 6), (1, 2, 3, 4, 5, 6)
 FAR = 30.0

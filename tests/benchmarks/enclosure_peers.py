@@ -21,9 +21,9 @@ import numpy as np
 from enclosure_samples import parameters, solutions
 from enclosure_scenes import double_pendulum, duffing, pendulum, van_der_pol
 
-from symmb.enclosures import enclose, problem_of
-from symmb.simulation import DAESimulator
-from symmb.symbolic import interpret, operation_name
+from symmb.declare.symbolic import interpret, operation_name
+from symmb.prove import enclose, problem_of
+from symmb.run.simulation import DAESimulator
 
 CASES = (
     (pendulum, 0.01, 10.0, 12),

@@ -18,8 +18,8 @@ from enclosure_scenes import TEN, chain_of_four, duffing, pendulum, spherical_pe
 
 import symmb as mb
 from models import andrews, double_pendulum, four_bar, slider_crank
-from symmb.enclosures import enclose, problem_of
-from symmb.simulation import DAESimulator
+from symmb.prove import enclose, problem_of
+from symmb.run.simulation import DAESimulator
 
 MOST = 5
 """Disputed samples of a problem that are redone in 50 digits, the worst first."""

@@ -21,10 +21,10 @@ from _machines_b import MACHINES as MACHINES_B
 from _true_ranges import true_range
 
 import symmb as mb
-from symmb.bounds.adaptive import runs as adaptive_runs
-from symmb.bounds.adaptive.runs import rms
-from symmb.bounds.time_windows import average_over_window
-from symmb.simulation import simulator_of
+from symmb.bound.bounds.adaptive import runs as adaptive_runs
+from symmb.bound.bounds.adaptive.runs import rms
+from symmb.bound.bounds.time_windows import average_over_window
+from symmb.run.simulation import simulator_of
 
 MACHINES = MACHINES_A | MACHINES_B
 SILENT = 1e-2

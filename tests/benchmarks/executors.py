@@ -26,9 +26,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
 from models import double_pendulum
-from symmb.black_boxes import RunDatabase, executors, open_run_database
-from symmb.black_boxes.run_database import StoredStudy
-from symmb.black_boxes.simulator import Ensemble
+from symmb.connect import RunDatabase, executors, open_run_database
+from symmb.connect.run_database import StoredStudy
+from symmb.connect.simulator import Ensemble
 
 sys.path.insert(0, str(Path(__file__).parent))
 from _faulty_executors import FAULTS, FaultyMap, FaultySubmit

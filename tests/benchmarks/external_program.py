@@ -25,7 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
-from symmb.black_boxes import open_run_database
+from symmb.connect import open_run_database
 
 TIMES = np.linspace(0.0, 2.0, 5)
 BOX = mb.Box(a=(0.9, 1.1), b=(1.8, 2.2), c=(0.4, 0.6), d=(2.9, 3.1))

@@ -12,7 +12,7 @@ import chaospy
 import numpy as np
 
 from symmb import Gauss, TotalDegree
-from symmb.nodes.fit import Fit
+from symmb.bound.nodes.fit import Fit
 
 OUTPUTS, TIMES = 64, 1001
 t = np.linspace(0.0, 10.0, TIMES)[:, None]

@@ -24,8 +24,8 @@ from _random_scenes import draw
 
 import models
 import symmb as mb
-from symmb.formulations.formulation import formulations
-from symmb.model import DAE
+from symmb.equations.model import DAE
+from symmb.run.formulations.formulation import formulations
 from tests.model.test_joint_space import random_state, tree
 
 STATES, ALLOWED, TRAJECTORY, CERTAIN = 20, 1e-9, 1e-8, 1e-9

@@ -15,9 +15,9 @@ from pathlib import Path
 from PIL import Image
 
 import symmb as mb
-from symmb.cli.scene_file import load_scene, shipped_names
-from symmb.drawing.exhibit import of_run
-from symmb.drawing.still import canvas, paint
+from symmb.show.cli.scene_file import load_scene, shipped_names
+from symmb.show.drawing.exhibit import of_run
+from symmb.show.drawing.still import canvas, paint
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PICTURES = EXAMPLES / "figures" / "mechanisms"

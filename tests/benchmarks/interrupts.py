@@ -88,7 +88,7 @@ if __name__ == "__main__":
         with {"threads": ThreadPoolExecutor, "processes": ProcessPoolExecutor}[sys.argv[2]](2) as pool:
             mb.propagate(run, mb.MonteCarlo(100), box, executor=pool)
 """
-_COMMAND = ["-m", "symmb.cli", "compare", "{}.py", "--methods", "mc:50"]
+_COMMAND = ["-m", "symmb.show.cli", "compare", "{}.py", "--methods", "mc:50"]
 STUDIES = {
     "command": _COMMAND,
     "command with workers": [*_COMMAND, "--workers", "2"],
@@ -127,7 +127,7 @@ def interrupted(name: str, number: signal.Signals, moment: float) -> tuple[float
         if name == "build":
             environment["XDG_CACHE_HOME"] = str(Path(folder, "cache"))
         process = subprocess.Popen(
-            [sys.executable, "-m", "symmb.cli", *COMMANDS[name]],
+            [sys.executable, "-m", "symmb.show.cli", *COMMANDS[name]],
             cwd=place,
             env=environment,
             stdout=subprocess.PIPE,

@@ -30,8 +30,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
-from symmb.black_boxes import RunDatabase, open_run_database
-from symmb.black_boxes.run_database import sample_keys
+from symmb.connect import RunDatabase, open_run_database
+from symmb.connect.run_database import sample_keys
 
 RUNS = 400
 BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))

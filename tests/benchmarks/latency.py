@@ -21,7 +21,7 @@ from models import double_pendulum, four_bar
 
 import symmb as mb
 from symmb import DAESimulator
-from symmb.integrate.solver import Solver
+from symmb.run.integrate.solver import Solver
 
 try:
     import chaospy
@@ -34,7 +34,7 @@ from _timing import spent
 begin = time.perf_counter()
 import symmb as mb
 from models.double_pendulum import scene
-from symmb.simulation.dae_simulator import DAESimulator
+from symmb.run.simulation.dae_simulator import DAESimulator
 imported = time.perf_counter()
 pendulum = scene()
 declared = time.perf_counter()

@@ -18,8 +18,8 @@ from everyday_machines import MACHINES, kept_truth
 from scipy.optimize import brentq
 
 import symmb as mb
-from symmb.bounds.method import parameter_samples
-from symmb.simulation import simulator_of
+from symmb.bound.bounds.method import parameter_samples
+from symmb.run.simulation import simulator_of
 
 ALLOWED = 1.02
 """A factor may be so many times too small."""

@@ -38,7 +38,7 @@ import _malformed_uses as uses
 from _malformed_values import NONSENSE, ODD, is_wrong, other_form
 
 import symmb as mb
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 
 MOST = 10.0
 """Time for a call [s]."""

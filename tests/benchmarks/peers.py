@@ -12,7 +12,7 @@ from _timing import median, pin
 
 import symmb as mb
 from models import andrews, four_bar, n_four_bar
-from symmb.integrate.solver import Solver
+from symmb.run.integrate.solver import Solver
 
 AUGMENTED = mb.AugmentedLagrangian()
 

@@ -56,7 +56,7 @@ FAULTS = (
     Fault(
         "gamma",
         "the sign of drives' accelerations in gamma",
-        "symmb/model/system.py",
+        "symmb/equations/model/system.py",
         "-(ca.jtimes(self.Phi_dot, x, rates) + ca.jacobian(self.Phi_dot, t))",
         "-(ca.jtimes(self.Phi_dot, x, rates) - ca.jacobian(self.Phi_dot, t))",
         "model mechanics",
@@ -64,7 +64,7 @@ FAULTS = (
     Fault(
         "tableau",
         "an entry of a tableau in its seventh digit",
-        "symmb/schemes/dop853.py",
+        "symmb/run/schemes/dop853.py",
         "4: 0.06021653898045596,",
         "4: 0.06021663898045596,",
         "codegen integrate",
@@ -72,7 +72,7 @@ FAULTS = (
     Fault(
         "jacobian",
         "the derivative by time in steps of Rosenbrock",
-        "symmb/integrate/rosenbrock_step.py",
+        "symmb/run/integrate/rosenbrock_step.py",
         "right = f(now, p, begin + c * h) + d * in_time",
         "right = f(now, p, begin + c * h)",
         "integrate",
@@ -80,7 +80,7 @@ FAULTS = (
     Fault(
         "newton",
         "the tolerance of Newton's method in implicit steps",
-        "symmb/codegen/c/implicit_step.h",
+        "symmb/run/codegen/c/implicit_step.h",
         "(M)(change <= s->newton)",
         "(M)(change <= 1.0)",
         "integrate codegen",
@@ -88,7 +88,7 @@ FAULTS = (
     Fault(
         "switch",
         "switches that are passed to and fro within a step",
-        "symmb/codegen/c/switches.h",
+        "symmb/run/codegen/c/switches.h",
         "box[0] = v_smaller(x, x_end) + v_smaller(zero(), v_smaller(from, to)) - off;",
         "box[0] = v_smaller(x, x_end);",
         "integrate events codegen",
@@ -96,7 +96,7 @@ FAULTS = (
     Fault(
         "reset",
         "the restitution of impacts",
-        "symmb/codegen/c/impacts.h",
+        "symmb/run/codegen/c/impacts.h",
         "to = -b->law[2 * N_I * N_V + N_I + k][0] * from",
         "to = -from",
         "events",
@@ -104,7 +104,7 @@ FAULTS = (
     Fault(
         "cache",
         "libraries of other flags are taken from the cache",
-        "symmb/codegen/build.py",
+        "symmb/run/codegen/build.py",
         "key = _key(source, *compiler.command, compiler.version, *compiler.flags)",
         "key = _key(source, *compiler.command, compiler.version)",
         "codegen",
@@ -112,7 +112,7 @@ FAULTS = (
     Fault(
         "row",
         "a row of a joint",
-        "symmb/mechanics/joint.py",
+        "symmb/declare/mechanics/joint.py",
         "return ca.vertcat(self._parallel(), ca.dot(A[:, 2], self.d))",
         "return self._parallel()",
         "mechanics",
@@ -120,7 +120,7 @@ FAULTS = (
     Fault(
         "friction",
         "the sign of friction",
-        "symmb/mechanics/friction.py",
+        "symmb/declare/mechanics/friction.py",
         "return -normal_force * mu_over_u * w, ()",
         "return normal_force * mu_over_u * w, ()",
         "mechanics",
@@ -128,7 +128,7 @@ FAULTS = (
     Fault(
         "mass",
         "lumped masses of structures whose nodes turn",
-        "symmb/structures/matrices.py",
+        "symmb/declare/structures/matrices.py",
         "np.trace(moved[:, :3], axis1=1, axis2=2) / 3",
         "np.trace(moved[:, :3], axis1=1, axis2=2) / per_node",
         "structures",
@@ -136,7 +136,7 @@ FAULTS = (
     Fault(
         "taylor",
         "the factor of Taylor coefficients from the second on",
-        "symmb/symbolic/jets.py",
+        "symmb/declare/symbolic/jets.py",
         "ca.jtimes(coefficients[-1], at, towards) / j)",
         "ca.jtimes(coefficients[-1], at, towards) / min(j, 2))",
         "simulation bounds",
@@ -144,7 +144,7 @@ FAULTS = (
     Fault(
         "weight",
         "weights of sparse grids",
-        "symmb/nodes/quadrature.py",
+        "symmb/bound/nodes/quadrature.py",
         "math.comb(d - 1, level - total)",
         "math.comb(d, level - total)",
         "nodes",
@@ -152,7 +152,7 @@ FAULTS = (
     Fault(
         "moments",
         "mean squares of Legendre polynomials of degree 2 and more",
-        "symmb/polynomials/legendre.py",
+        "symmb/bound/polynomials/legendre.py",
         "np.prod(2.0 * alpha + 1.0, axis=1)",
         "np.prod(np.minimum(2.0 * alpha + 1.0, 3.0), axis=1)",
         "polynomials nodes",
@@ -160,7 +160,7 @@ FAULTS = (
     Fault(
         "narrow",
         "lower bounds of Taylor expansions, whose even terms are left out",
-        "symmb/bounds/taylor.py",
+        "symmb/bound/bounds/taylor.py",
         "lower = lower + (np.minimum(c[even], 0.0).sum(axis=0) - swing)",
         "lower = lower - swing",
         "bounds",
@@ -168,7 +168,7 @@ FAULTS = (
     Fault(
         "quantile",
         "quantiles, by up to one sample",
-        "symmb/bounds/probabilities.py",
+        "symmb/bound/bounds/probabilities.py",
         "place = q * (values.shape[-1] - 1)",
         "place = q * (values.shape[-1] - 2)",
         "bounds",
@@ -176,7 +176,7 @@ FAULTS = (
     Fault(
         "rounding",
         "bounds of rounding errors, which are rounded inward",
-        "symmb/enclosures/rounding.py",
+        "symmb/prove/rounding.py",
         "_SAFE = 1.0 + 2.0**-30",
         "_SAFE = 1.0 - 2.0**-30",
         "enclosures",
@@ -184,7 +184,7 @@ FAULTS = (
     Fault(
         "key",
         "a key of files",
-        "symmb/files/formats.py",
+        "symmb/results/files/formats.py",
         '_IN_JSON = {"t": "times", "names": "outputs"}',
         '_IN_JSON = {"t": "times"}',
         "files cli",
@@ -192,7 +192,7 @@ FAULTS = (
     Fault(
         "identity",
         "stored runs of a function whose constants have changed",
-        "symmb/black_boxes/identity.py",
+        "symmb/connect/identity.py",
         '*("co_name", "co_consts", "co_names",',
         '*("co_name", "co_names",',
         "black_boxes",
@@ -200,7 +200,7 @@ FAULTS = (
     Fault(
         "doubt",
         "doubts about impacts that a run has missed",
-        "symmb/simulation/single_run.py",
+        "symmb/run/simulation/single_run.py",
         "*_gap_doubts(runs, solver), ",
         "",
         "simulation events verification",
@@ -208,7 +208,7 @@ FAULTS = (
     Fault(
         "energy",
         "the sign of the work in the balance of energy",
-        "symmb/verification/examination.py",
+        "symmb/run/verification/examination.py",
         "balance = energy.kinetic + energy.potential - energy.work",
         "balance = energy.kinetic + energy.potential + energy.work",
         "verification",
@@ -216,7 +216,7 @@ FAULTS = (
     Fault(
         "equilibrium",
         "unstable equilibria, which are taken as starts",
-        "symmb/start/equilibrium.py",
+        "symmb/equations/start/equilibrium.py",
         "if damped or is_stable(J[:n, :n], J[n:, :n]):",
         "if damped or J is not None:",
         "start",
@@ -224,7 +224,7 @@ FAULTS = (
     Fault(
         "damping",
         "the sign of the damping of modes",
-        "symmb/linear/result.py",
+        "symmb/run/linear/result.py",
         "else -self.eigenvalue.real / abs(self.eigenvalue)",
         "else self.eigenvalue.real / abs(self.eigenvalue)",
         "linear",
@@ -240,7 +240,7 @@ FAULTS = (
     Fault(
         "unit",
         "units of an FMU, whose seconds and radians are exchanged",
-        "symmb/exchange/description.py",
+        "symmb/show/exchange/description.py",
         'zip(("m", "kg", "s", "rad"), powers_of(unit), strict=True)',
         'zip(("m", "kg", "rad", "s"), powers_of(unit), strict=True)',
         "exchange",
@@ -248,7 +248,7 @@ FAULTS = (
     Fault(
         "status",
         "the exit status of doubtful results",
-        "symmb/cli/main.py",
+        "symmb/show/cli/main.py",
         "else _DOUBTFUL if result else 0",
         "else 0",
         "cli",

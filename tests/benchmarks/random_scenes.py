@@ -156,7 +156,7 @@ def judge(number: int, seed: int, blind: bool) -> Verdict:
         except UnusableError as error:
             redrawn.append(str(error))
     if blind:  # in this process alone
-        import_module("symmb.symbolic.switching")._KINKS.clear()
+        import_module("symmb.declare.symbolic.switching")._KINKS.clear()
     m, begin = drawn.mechanism, _seconds()
     known = {
         "kind": m.kind,

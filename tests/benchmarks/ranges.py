@@ -15,9 +15,9 @@ from models import double_pendulum
 
 import symmb as mb
 from symmb._types import Array
-from symmb.codegen.build import has_compiler
-from symmb.nodes.fit import Fit
-from symmb.polynomials.legendre import MultiIndices, basis_values, tensor_degree, total_degree
+from symmb.run.codegen.build import has_compiler
+from symmb.bound.nodes.fit import Fit
+from symmb.bound.polynomials.legendre import MultiIndices, basis_values, tensor_degree, total_degree
 
 TOLERANCE = 1e-3
 SAMPLES = 10_000

@@ -26,7 +26,7 @@ import numpy as np
 from models import chain, n_four_bar
 
 import symmb as mb
-from symmb.codegen.build import has_compiler
+from symmb.run.codegen.build import has_compiler
 from symmb import DAESimulator
 
 AXES = ((0, 0, 1), (1, 0, 0), (0, 1, 0))

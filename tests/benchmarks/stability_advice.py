@@ -22,7 +22,7 @@ from scipy.integrate import ode
 
 import symmb as mb
 from models import car_axis, heavy_top, stick_slip
-from symmb.simulation import DAESimulator
+from symmb.run.simulation import DAESimulator
 from symmb.study.stability import TIMES, Stability
 from symmb.study.stress import lighter, stresses
 from symmb.study.trials import Trial

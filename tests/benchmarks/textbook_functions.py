@@ -16,7 +16,7 @@ import scipy.stats as st
 from scipy.stats import qmc
 
 import symmb as mb
-from symmb.simulation import simulator_of
+from symmb.run.simulation import simulator_of
 
 PI = np.pi
 

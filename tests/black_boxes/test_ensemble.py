@@ -3,7 +3,7 @@
 import numpy as np
 
 from symmb import FunctionSimulator
-from symmb.black_boxes.simulator import BLOCK, blocks, run_blocks
+from symmb.connect.simulator import BLOCK, blocks, run_blocks
 
 TIMES = np.linspace(0.0, 1.0, 11)
 

@@ -17,8 +17,8 @@ from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
 from faults import refused, told_in_a_line
 
 import symmb as mb
-from symmb.black_boxes import executors, open_run_database, run_blocks
-from symmb.black_boxes.executors import _require_same_versions
+from symmb.connect import executors, open_run_database, run_blocks
+from symmb.connect.executors import _require_same_versions
 
 TIMES = np.linspace(0.0, 1.0, 11)
 SAMPLES = np.linspace(0.5, 1.5, 40)[:, None]

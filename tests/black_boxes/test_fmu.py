@@ -200,7 +200,7 @@ def test_a_file_that_changes_is_not_run(springs, folder, libraries, monkeypatch)
     own = simulator(path)
     fmus.spring(path, libraries, experiment="<!-- changed -->")
     assert own.run(samples(1)).ok.all()  # it was extracted when it was declared
-    monkeypatch.setattr("symmb.black_boxes.fmu_description._EXTRACTED", {})  # as in another process
+    monkeypatch.setattr("symmb.connect.fmu_description._EXTRACTED", {})  # as in another process
     (message,) = pickle.loads(pickle.dumps(own)).run(samples(1)).messages
     assert message.startswith("changing.fmu has changed since it was declared (")
 

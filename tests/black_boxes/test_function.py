@@ -15,7 +15,7 @@ import pytest
 from processes import in_time, runs
 
 from symmb import DeclarationError, FunctionSimulator, simulate
-from symmb.black_boxes import run_blocks
+from symmb.connect import run_blocks
 
 TIMES = np.array([0.0, 1.0, 2.0])
 

@@ -15,7 +15,7 @@ from faults import told_in_a_line
 from scipy.interpolate import CubicSpline
 
 import symmb as mb
-from symmb.black_boxes.identity import digest
+from symmb.connect.identity import digest
 
 FACTOR = "def f(k):\n    return FACTOR * k"
 HELPED = "def g(k):\n    return {} * k\ndef f(k):\n    return g(k)"

@@ -17,9 +17,9 @@ from faults import told_in_a_line
 
 import symmb as mb
 from models import double_pendulum
-from symmb.black_boxes import run_blocks, run_database
-from symmb.black_boxes.run_database import open_run_database
-from symmb.cli.main import main
+from symmb.connect import run_blocks, run_database
+from symmb.connect.run_database import open_run_database
+from symmb.show.cli.main import main
 
 TIMES = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))

@@ -13,12 +13,12 @@ from unit_functions import unit_function
 import symmb as mb
 from models import double_pendulum
 from symmb import ClenshawCurtis, Exact
-from symmb.bounds.adaptive.continuation import Continuation, Corrected, extrapolated_sizes
-from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.nodes.grid import Grid, line
-from symmb.polynomials import Expansion
-from symmb.polynomials.legendre import basis_values, tensor_degree
-from symmb.polynomials.ranges.dense import dense_extremes
+from symmb.bound.bounds.adaptive.continuation import Continuation, Corrected, extrapolated_sizes
+from symmb.bound.bounds.adaptive.error_estimate import TruncationError
+from symmb.bound.nodes.grid import Grid, line
+from symmb.bound.polynomials import Expansion
+from symmb.bound.polynomials.legendre import basis_values, tensor_degree
+from symmb.bound.polynomials.ranges.dense import dense_extremes
 from symmb.study.metrics import Yardstick
 
 RNG = np.random.default_rng(7)

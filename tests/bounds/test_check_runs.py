@@ -154,7 +154,7 @@ def test_methods_with_an_estimate_have_no_check_runs():
 
 @pytest.mark.parametrize(("n", "told"), [(1, "1 further run checked"), (2, "2 further runs checked")])
 def test_one_check_run_is_told_in_the_singular(monkeypatch, n, told):
-    monkeypatch.setattr("symmb.bounds.doubts.check_doubts", lambda *_: ((), n))
+    monkeypatch.setattr("symmb.bound.bounds.doubts.check_doubts", lambda *_: ((), n))
     simulator, box = function(lambda a: a, 1)
     bounds = mb.propagate(simulator, mb.Vertex(), box)
     assert f"{told} these bounds. The number of evaluations does not include them." in bounds.remarks

@@ -7,7 +7,7 @@ from unit_functions import unit_function
 
 import symmb as mb
 from models import double_pendulum
-from symmb.bounds import Study
+from symmb.bound.bounds import Study
 
 T = np.array([0.0, 1.0, 2.0])
 

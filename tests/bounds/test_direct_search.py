@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from symmb.bounds.direct_search import direct_search
+from symmb.bound.bounds.direct_search import direct_search
 
 
 def ridge(x):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.bounds.failures import failed_region, find_failed_region
-from symmb.nodes import grid
+from symmb.bound.bounds.failures import failed_region, find_failed_region
+from symmb.bound.nodes import grid
 
 NAMES = "abcde"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from symmb import Box, IntervalArithmetic, PropagationError, propagate
-from symmb.bounds.interval import EXTENSIONS, Interval, operate
+from symmb.prove.interval import EXTENSIONS, Interval, operate
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ import pytest
 
 import symmb as mb
 from models import bouncing_ball
-from symmb.black_boxes.simulator import run_blocks
-from symmb.bounds.adaptive import clock
+from symmb.bound.bounds.adaptive import clock
+from symmb.connect.simulator import run_blocks
 
 G = 9.81
 TIMES = np.linspace(0.0, 3.0, 151)

@@ -10,7 +10,7 @@ from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 import symmb
 from symmb import Box, FunctionSimulator, MonteCarlo, Optimization, PolynomialChaos, Swarm, Taylor, Vertex, propagate
 from symmb import _errors as errors
-from symmb.bounds.method import Method
+from symmb.bound.bounds.method import Method
 
 # Largest root mean square error over root mean square width; 2e-4 where nothing is said.
 LARGEST_ERROR = {

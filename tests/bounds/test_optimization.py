@@ -10,8 +10,8 @@ from problems import read
 import symmb as mb
 from models.double_pendulum import scene
 from symmb import Box, Optimization, propagate
-from symmb.black_boxes.simulator import Ensemble, stream
-from symmb.bounds.quadratic_models import _box_minima, quadratics
+from symmb.bound.bounds.quadratic_models import _box_minima, quadratics
+from symmb.connect.simulator import Ensemble, stream
 
 
 def _quadratic(rng, d, m):

@@ -5,8 +5,8 @@ import pytest
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 
 import symmb as mb
-from symmb.nodes.fit import Fit
-from symmb.polynomials.legendre import basis_ranges, basis_values, total_degree, univariate_minimum
+from symmb.bound.nodes.fit import Fit
+from symmb.bound.polynomials.legendre import basis_ranges, basis_values, total_degree, univariate_minimum
 
 CUBIC = mb.FunctionSimulator(lambda x: [[x**3 - 2 * x**2 + x]], {"x": 0.5}, [0.0], ["f"])
 

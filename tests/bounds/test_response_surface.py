@@ -10,8 +10,8 @@ from scipy.stats import multivariate_normal
 from unit_functions import unit_function
 
 import symmb as mb
-from symmb.bounds.covariances import Ridge, Smooth, Sum
-from symmb.bounds.gaussian_process import GaussianProcess, Kernel
+from symmb.bound.bounds.covariances import Ridge, Smooth, Sum
+from symmb.bound.bounds.gaussian_process import GaussianProcess, Kernel
 
 PATIENT = mb.PolynomialChaos(seconds=600.0)
 """These tests are of what surfaces find, not of how long that takes on a machine that does other work as well."""

@@ -10,7 +10,7 @@ import scipy.stats
 from oscillators import BOX, TIMES, Wave, wave
 
 import symmb as mb
-from symmb.bounds.failures import Failure
+from symmb.bound.bounds.failures import Failure
 
 
 def _fails_above(amplitude, w):

@@ -9,7 +9,7 @@ from scipy.special import ellipj, ellipk
 
 import symmb as mb
 from models import double_pendulum
-from symmb.simulation import DAESimulator
+from symmb.run.simulation import DAESimulator
 
 TIMES = np.linspace(0.0, 2.0, 41)
 

@@ -8,8 +8,8 @@ import pytest
 import sympy as sp
 
 from symmb import Box, PropagationError, Taylor, propagate
-from symmb.bounds.taylor import _mixed
-from symmb.polynomials.legendre import homogeneous
+from symmb.bound.bounds.taylor import _mixed
+from symmb.bound.polynomials.legendre import homogeneous
 
 TIMES = np.array([0.0, 0.5, 2.0])
 

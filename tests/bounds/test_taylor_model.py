@@ -89,7 +89,7 @@ def test_one_of_two_formulas_that_is_not_smooth():
 
 def test_a_long_proof_tells_early_how_long_it_takes(monkeypatch):
     seconds = itertools.count(0.0, 20.0)
-    monkeypatch.setattr("symmb.bounds.taylor_model.time.monotonic", lambda: next(seconds))
+    monkeypatch.setattr("symmb.bound.bounds.taylor_model.time.monotonic", lambda: next(seconds))
     with pytest.warns(
         mb.SymmbWarning, match=r"^TaylorModel\(order=8\): .* % of the time is proved; the rest takes about \d+ minutes"
     ) as told:

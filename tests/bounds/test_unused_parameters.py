@@ -7,7 +7,7 @@ import pytest
 from conftest import ALL_MODELS
 
 import symmb as mb
-from symmb.model import unused_parameters
+from symmb.equations.model import unused_parameters
 
 DOUBT = 'length is in the box, but nothing in the scene depends on it. p["length"] is a number; p.length is the symbol.'
 BOX = mb.Box(length=(0.9, 1.1))

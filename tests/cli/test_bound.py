@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 
 SCENE = """
 import numpy as np

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.cli.main import main
-from symmb.cli.scene_file import shipped_names
+from symmb.show.cli.main import main
+from symmb.show.cli.scene_file import shipped_names
 
 PENDULUM = """
 import numpy as np

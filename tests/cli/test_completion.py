@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 
 ASK = """
 source {script}

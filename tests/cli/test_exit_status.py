@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 
 PENDULUM = """
 import symmb as mb
@@ -34,7 +34,7 @@ def test_an_unstable_equilibrium_is_a_doubt(tmp_path, capsys, side, status):
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device that is always full")
 @pytest.mark.parametrize(("closing", "status"), [(">/dev/full", 2), (">&-", 0), (">&- 2>&-", 0)])
 def test_an_output_that_cannot_be_written_is_told(closing, status, tmp_path):
-    command = f"exec {sys.executable} -m symmb.cli cache {closing}"
+    command = f"exec {sys.executable} -m symmb.show.cli cache {closing}"
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     end = subprocess.run(["sh", "-c", command], capture_output=True, text=True, env=environment)
     assert end.returncode == status and "Traceback" not in end.stderr

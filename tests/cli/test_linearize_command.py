@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 
 OSCILLATORS = """
 import symmb as mb

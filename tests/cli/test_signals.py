@@ -20,7 +20,7 @@ from mechanisms import double_pendulum
 import symmb as mb
 from symmb import _cleanup
 from symmb._interrupts import kept_interrupts
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 from symmb.study import compare
 
 T = np.linspace(0.0, 1.0, 5)
@@ -289,7 +289,7 @@ def test_folders_of_killed_processes_go_when_the_next_one_makes_one(tmp_path):
 
 IN_A_CALLBACK = """
 import os, signal, time
-from symmb.cli.signals import end_at_signals
+from symmb.show.cli.signals import end_at_signals
 
 class Slow:
     def __del__(self):
@@ -319,7 +319,7 @@ resource.setrlimit(resource.RLIMIT_NPROC, (1, 1))
 if os.getuid() == 0:  # whom the limit does not concern
     os.setresuid(65534, 65534, 0)
     ctypes.CDLL(None).setfsuid(0)  # the files stay root's
-from symmb.cli.__main__ import run
+from symmb.show.cli.__main__ import run
 assert run() == 0
 import numpy as np
 from symmb import Vertex, propagate

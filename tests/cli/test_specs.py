@@ -6,10 +6,10 @@ import re
 import pytest
 
 import symmb as mb
-from symmb.bounds.method import Method
-from symmb.cli import specs
-from symmb.cli.main import main
-from symmb.integrate.solver import Solver
+from symmb.bound.bounds.method import Method
+from symmb.run.integrate.solver import Solver
+from symmb.show.cli import specs
+from symmb.show.cli.main import main
 
 
 def written(form, number="3"):

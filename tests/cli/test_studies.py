@@ -9,7 +9,7 @@ import sys
 import pytest
 from processes import in_time, runs
 
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 
 SIMULATOR = """
 import numpy as np
@@ -80,7 +80,7 @@ def simulator():
 def test_workers_and_their_programs_end_with_the_command(tmp_path, number):
     path, pids = tmp_path / "slow.py", tmp_path / "slow.py.pids"
     path.write_text(SLOW)
-    command = [sys.executable, "-m", "symmb.cli", "compare", str(path), "--methods", "mc:20", "--workers", "2"]
+    command = [sys.executable, "-m", "symmb.show.cli", "compare", str(path), "--methods", "mc:20", "--workers", "2"]
     process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     assert in_time(lambda: pids.exists() and len(pids.read_text().split()) >= 4, 60)
     if number == signal.SIGINT:

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from symmb.cli.main import main
-from symmb.cli.urdf_scene import parameter_name
+from symmb.show.cli.main import main
+from symmb.show.cli.urdf_scene import parameter_name
 
 PENDULUM = """
 <robot name="pendulum"><link name="wall"/>

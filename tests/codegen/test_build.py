@@ -19,12 +19,12 @@ from mechanisms import double_pendulum
 from processes import in_time, program
 
 import symmb as mb
-from symmb.codegen import build, cache
-from symmb.codegen.c_source import c_source
+from symmb.run.codegen import build, cache
+from symmb.run.codegen.c_source import c_source
 
 ANSWER, PLANTED = "int answer(void) { return 42; }\n", "int answer(void) { return 666; }\n"
 ROOT = Path(mb.__file__).parents[1]
-LOADS = f"from symmb.codegen.build import load; print(load({ANSWER!r}).answer())"
+LOADS = f"from symmb.run.codegen.build import load; print(load({ANSWER!r}).answer())"
 
 
 def libraries(folder):

@@ -10,9 +10,9 @@ import pytest
 
 import symmb as mb
 from models import bouncing_ball, double_pendulum
-from symmb.codegen import Engine, Tolerances, model_function
-from symmb.codegen.c_source import C_FOLDER
-from symmb.codegen.model_source import _generator
+from symmb.run.codegen import Engine, Tolerances, model_function
+from symmb.run.codegen.c_source import C_FOLDER
+from symmb.run.codegen.model_source import _generator
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 STRICT = ("-std=gnu11", "-Wall", "-Wextra", "-Wvla", "-Werror", "-fsyntax-only")
@@ -99,7 +99,7 @@ def test_no_array_of_the_models_size_stands_on_the_stack():
 def test_the_key_of_a_kept_source_covers_every_file_of_the_package(tmp_path, monkeypatch):
     package = tmp_path / "symmb"
     shutil.copytree(C_FOLDER.parents[1], package, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr("symmb.codegen.model_source.__file__", str(package / "codegen" / "model_source.py"))
+    monkeypatch.setattr("symmb.run.codegen.model_source.__file__", str(package / "codegen" / "model_source.py"))
     keys = set()
     for name in (None, "schemes/dop853.py", "symbolic/instructions.py", "codegen/c/lanes.h", "codegen/tableau.py"):
         if name is not None:

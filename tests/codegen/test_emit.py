@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from symmb.codegen import Engine, Tolerances, model_function
+from symmb.run.codegen import Engine, Tolerances, model_function
 
 RNG = np.random.default_rng(3)
 STEPS = Tolerances(1e-8, 1e-8)
@@ -105,7 +105,7 @@ def test_parts_of_a_large_model_are_compiled_on_their_own(monkeypatch, tmp_path)
     x0, p = RNG.uniform(0.9, 1.1, (3, 2)), RNG.uniform(0.5, 2, (3, 2))
     whole = values(outputs, x0, p)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("symmb.codegen.emit._PART", 2)
+    monkeypatch.setattr("symmb.run.codegen.emit._PART", 2)
     assert np.array_equal(values(outputs, x0, p), whole)
     assert len([*tmp_path.rglob("*.so")]) == 1
     expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.5).full().T
@@ -115,8 +115,8 @@ def test_parts_of_a_large_model_are_compiled_on_their_own(monkeypatch, tmp_path)
 @pytest.mark.parametrize("chunk", [2, 400])
 def test_angles_of_a_large_model_are_computed_before_their_sines(monkeypatch, chunk):
     """Angles that are states, sums of these, results themselves, or depend on other sines; in one piece and in many."""
-    monkeypatch.setattr("symmb.codegen.emit.LARGE_MODEL", 0)
-    monkeypatch.setattr("symmb.codegen.emit._CHUNK", chunk)
+    monkeypatch.setattr("symmb.run.codegen.emit.LARGE_MODEL", 0)
+    monkeypatch.setattr("symmb.run.codegen.emit._CHUNK", chunk)
     together = X[0] + X[1]
     late = ca.sin(X[0]) * P[0] + together
     angles = ca.vertcat(X, together, together * P[0], T, late, P, 2 * T + P[1], ca.sin(P[0]), ca.cos(late))

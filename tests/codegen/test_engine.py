@@ -20,8 +20,8 @@ from scipy import special
 
 import symmb as mb
 from models import cubic, double_pendulum, stewart_platform
-from symmb.black_boxes.simulator import Reduction
-from symmb.codegen import Engine, Tolerances, build, model_function
+from symmb.connect.simulator import Reduction
+from symmb.run.codegen import Engine, Tolerances, build, model_function
 
 ROOT = Path(mb.__file__).parents[1]
 TIMES = np.linspace(0, 5, 41)

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from symmb.codegen import threads
+from symmb.run.codegen import threads
 
 
 @pytest.fixture(params=[0, 1, 3])

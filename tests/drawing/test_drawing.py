@@ -9,9 +9,9 @@ import pytest
 
 import symmb as mb
 from models import double_pendulum, flexible_pendulum, spherical_pendulum
-from symmb.cli.main import main
-from symmb.drawing import draw, of_run, start_picture, still
-from symmb.drawing.bodies import mesh_edges
+from symmb.show.cli.main import main
+from symmb.show.drawing import draw, of_run, start_picture, still
+from symmb.show.drawing.bodies import mesh_edges
 
 SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".html": b"<!DOCTYPE html>"}
 
@@ -147,6 +147,6 @@ def test_the_start_is_drawn_without_a_run(monkeypatch):
     scene = double_pendulum.scene()
     file = BytesIO()
     still(of_run(mb.simulate(scene.with_times(scene.times[:1])), None, None), file, ".png")
-    monkeypatch.setattr("symmb.drawing.show.simulate", None)
+    monkeypatch.setattr("symmb.show.drawing.show.simulate", None)
     for subject in (scene, mb.prepare(scene)):
         assert start_picture(subject) == file.getvalue()

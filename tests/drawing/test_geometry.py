@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import symmb as mb
-from symmb.drawing import draw
+from symmb.show.drawing import draw
 
 FILES = Path(__file__).parents[1] / "data" / "urdf"
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [0.1, 0.1, 0.1]])

@@ -7,9 +7,9 @@ from small_scenes import particle
 
 import symmb as mb
 from models import artillery, double_pendulum
-from symmb.drawing import attaining_runs, of_bounds
-from symmb.drawing.exhibit import convex_hull, of_run
-from symmb.drawing.still import canvas, paint
+from symmb.show.drawing import attaining_runs, of_bounds
+from symmb.show.drawing.exhibit import convex_hull, of_run
+from symmb.show.drawing.still import canvas, paint
 
 ATTAINED = 1e-9
 
@@ -39,7 +39,7 @@ def test_one_simulator_makes_the_nominal_run_and_the_ghosts(monkeypatch):
     """A large model compiles for half a minute."""
     scene = double_pendulum.scene().with_times(np.linspace(0, 2, 41))
     bounds, run = mb.propagate(scene, mb.PolynomialChaos()), mb.simulate(scene)
-    monkeypatch.setattr("symmb.drawing.exhibit.simulate", None)
+    monkeypatch.setattr("symmb.show.drawing.exhibit.simulate", None)
     drawing = of_bounds(bounds, "y2", 1.0, None).drawing
     np.testing.assert_array_equal(drawing.t, run.t)
     np.testing.assert_allclose(drawing.values, run.values, rtol=0, atol=1e-6)

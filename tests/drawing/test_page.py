@@ -11,7 +11,7 @@ from conftest import but_long
 
 import symmb as mb
 from symmb._types import Array
-from symmb.cli.scene_file import load_scene, shipped_names
+from symmb.show.cli.scene_file import load_scene, shipped_names
 
 pytestmark = [
     pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),
@@ -186,7 +186,7 @@ def test_the_region_of_a_point_is_in_the_frame(browser, tmp_path, pose):
 
 
 def test_pages_are_small(pendulum):
-    viewer = Path(mb.__file__).parent / "drawing" / "viewer.js"
+    viewer = Path(mb.__file__).parent / "show" / "drawing" / "viewer.js"
     assert len(viewer.read_text().splitlines()) <= 600
     assert viewer.stat().st_size <= 100e3
     assert pendulum[1].stat().st_size <= 1e6

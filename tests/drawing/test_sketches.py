@@ -8,11 +8,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import symmb as mb
-from symmb.drawing import draw
-from symmb.drawing.elements import sketch
-from symmb.drawing.geometry import outward
-from symmb.drawing.outlines import Painter
-from symmb.mechanics import Element, OwnState
+from symmb.declare.mechanics import Element, OwnState
+from symmb.show.drawing import draw
+from symmb.show.drawing.elements import sketch
+from symmb.show.drawing.geometry import outward
+from symmb.show.drawing.outlines import Painter
 
 WITHOUT_PLACE = {"Gravity", "Impact", "Input", "Motion", "VelocityConstraint"}
 """Gravity is an arrow beside the mechanism. The others are expressions, which a page names as not drawn."""
@@ -240,7 +240,7 @@ def test_meshes_share_the_triangles_of_a_drawing(tmp_path, monkeypatch):
     facets = np.zeros(1800, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
     facets["corners"] = np.concatenate([np.stack(k, axis=2).reshape(-1, 3, 3) for k in ((a, b, c), (a, c, d))])
     (tmp_path / "ball.stl").write_bytes(bytes(80) + np.uint32(1800).tobytes() + facets.tobytes())
-    monkeypatch.setattr("symmb.drawing.geometry.MOST_TRIANGLES", 1000)
+    monkeypatch.setattr("symmb.show.drawing.geometry.MOST_TRIANGLES", 1000)
     shapes = [mb.Mesh(tmp_path / "ball.stl", scale=0.01), mb.Mesh(tmp_path / "ball.stl", scale=(0.01, 0.02, 0.01))]
     body = mb.Body("body", 1.0, (1, 1, 1), mb.Spatial(), shapes=shapes)
     drawing = draw(mb.simulate(mb.Scene(mb.System(body))))

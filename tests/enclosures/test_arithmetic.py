@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from enclosure_samples import EXACT
 
-from symmb.enclosures import discs, points, taylor_models
-from symmb.enclosures.errors import ProofError
+from symmb.prove import discs, points, taylor_models
+from symmb.prove.errors import ProofError
 
 mpmath.mp.dps = 40
 N = 2000

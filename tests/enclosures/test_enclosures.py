@@ -11,17 +11,17 @@ from enclosure_scenes import SCENES, pendulum, van_der_pol
 
 import symmb as mb
 from models import double_pendulum, heavy_top
-from symmb.enclosures import chebyshev, defects, enclose, points, problem_of
-from symmb.enclosures import step as steps
-from symmb.enclosures.curves import TimeStep, parameter_points
-from symmb.enclosures.degrees import degrees_of_equations
-from symmb.enclosures.ellipses import Choice, Control
-from symmb.enclosures.errors import ProofError
-from symmb.enclosures.flow import Curve, integrated
-from symmb.enclosures.march import Course, Place, march
-from symmb.enclosures.ranges import ranges
-from symmb.enclosures.start import first_front
-from symmb.simulation import DAESimulator
+from symmb.prove import chebyshev, defects, enclose, points, problem_of
+from symmb.prove import step as steps
+from symmb.prove.curves import TimeStep, parameter_points
+from symmb.prove.degrees import degrees_of_equations
+from symmb.prove.ellipses import Choice, Control
+from symmb.prove.errors import ProofError
+from symmb.prove.flow import Curve, integrated
+from symmb.prove.march import Course, Place, march
+from symmb.prove.ranges import ranges
+from symmb.prove.start import first_front
+from symmb.run.simulation import DAESimulator
 
 INSIDE = 1e-11
 """Error of samples over the size of an output."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.enclosures import taylor_models as tm
+from symmb.prove import taylor_models as tm
 
 ONE = {
     "OP_NEG": lambda a: -a, "OP_SQ": lambda a: a * a, "OP_TWICE": lambda a: 2 * a, "OP_INV": lambda a: 1 / a,

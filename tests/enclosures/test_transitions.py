@@ -5,8 +5,8 @@ import numpy as np
 from enclosure_samples import ode
 from numpy.polynomial.chebyshev import chebval
 
-from symmb.enclosures.front import Front
-from symmb.enclosures.transitions import drifted, mapped
+from symmb.prove.front import Front
+from symmb.prove.transitions import drifted, mapped
 
 
 def test_states_of_a_front_are_mapped_into_the_new_one():

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 from models import bouncing_ball
-from symmb.black_boxes.simulator import run_blocks
+from symmb.connect.simulator import run_blocks
 
 G = 9.81
 KNOWN = problems.read("bouncing_ball")

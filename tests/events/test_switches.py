@@ -8,7 +8,7 @@ import pytest
 from small_scenes import particle
 
 import symmb as mb
-from symmb.events.switches import longest_step
+from symmb.run.events.switches import longest_step
 
 TIMES = np.linspace(0, 10, 21)
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 from models import bouncing_ball, double_pendulum, four_bar
-from symmb.codegen import has_compiler
+from symmb.run.codegen import has_compiler
 
 fmpy = pytest.importorskip("fmpy")
 from fmpy.build import build_platform_binary  # noqa: E402

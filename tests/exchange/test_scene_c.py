@@ -11,9 +11,9 @@ import pytest
 
 import symmb as mb
 from models import bouncing_ball, double_pendulum, four_bar, heavy_top
-from symmb.cli.main import main
-from symmb.codegen import c_source
-from symmb.exchange import save_scene_c
+from symmb.run.codegen import c_source
+from symmb.show.cli.main import main
+from symmb.show.exchange import save_scene_c
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 STRICT = ("-std=gnu11", "-Wall", "-Wextra", "-Wvla", "-Werror")

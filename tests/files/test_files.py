@@ -18,7 +18,7 @@ from mechanisms import double_pendulum
 from oscillators import BOX, Wave
 
 import symmb as mb
-from symmb.files import formats, replacement
+from symmb.results.files import formats, replacement
 
 BEAM = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), mb.Material(2e11, 7800.0, nu=0.3), elements=3)
 P = mb.Parameters(k=40.0, c=0.3)

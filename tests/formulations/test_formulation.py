@@ -104,7 +104,7 @@ def test_accelerations_of_bodies_are_not_derived_where_their_rows_alone_cost_mor
         raise AssertionError("the accelerations of the bodies are derived")
 
     with monkeypatch.context() as patched:
-        patched.setattr("symmb.model.system.saddle_solver", derived)
+        patched.setattr("symmb.equations.model.system.saddle_solver", derived)
         simulator = mb.DAESimulator(scene, mb.DormandPrince())
         P = simulator.dae.p_nominal[None]
         Y = simulator.run(P).Y

@@ -10,7 +10,7 @@ from small_scenes import particle
 
 import symmb as mb
 from models import double_pendulum as paper
-from symmb.schemes.nstiff_si2 import nstiff_si2
+from symmb.run.schemes.nstiff_si2 import nstiff_si2
 
 RNG = np.random.default_rng(3)
 IMPLICIT = [
@@ -107,7 +107,7 @@ def test_newton_s_failure_is_told(solver):
 def test_casadi_takes_the_same_steps_of_scenes_that_are_too_large_for_compilers(solver, scene, monkeypatch):
     scene = scene(np.linspace(0, 1, 6))
     compiled = mb.simulate(scene, solver)
-    monkeypatch.setattr("symmb.integrate.implicit.MOST_VELOCITIES", 0)
+    monkeypatch.setattr("symmb.run.integrate.implicit.MOST_VELOCITIES", 0)
     scene = scene.with_times(scene.times)  # nothing is prepared for this one
     assert_allclose(mb.simulate(scene, solver).values, compiled.values, atol=1e-8)
     with pytest.raises(mb.PropagationError, match="which needs at most 0 velocities"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.integrate import stiffness
+from symmb.run.integrate import stiffness
 
 
 def test_a_long_chain_of_particles_runs():

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 import symmb as mb
-from symmb.events import TimeSwitches
+from symmb.run.events import TimeSwitches
 
 ULP = np.spacing(1.2345)
 

@@ -8,7 +8,7 @@ from test_step_ends import CONTROLLED, ULP, bouncing, oscillator, pushed
 from test_zones import SIDED
 
 import symmb as mb
-from symmb.integrate.switch_passes import SwitchPasses
+from symmb.run.integrate.switch_passes import SwitchPasses
 
 COARSE = mb.StabilizedIndex2 | mb.Rosenbrock | mb.NSTIFFSI2
 """Solvers whose own errors over three turns are of this size."""

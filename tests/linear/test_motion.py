@@ -6,7 +6,7 @@ from small_scenes import pushing_oscillator
 
 import symmb as mb
 from models import four_bar
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 
 
 def test_phases_of_a_complex_mode():

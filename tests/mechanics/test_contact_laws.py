@@ -7,8 +7,8 @@ from faults import refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
-from symmb.codegen import Engine, Tolerances, model_function
-from symmb.symbolic.jets import jets
+from symmb.declare.symbolic.jets import jets
+from symmb.run.codegen import Engine, Tolerances, model_function
 
 K, E, V = 1e8, 0.7, 2.0
 RING = mb.Table([0.0, 1e-3, 3e-3], [0.0, 4e4, 9e5])

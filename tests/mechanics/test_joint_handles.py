@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import symmb as mb
-from symmb.model import units_of
+from symmb.equations.model import units_of
 
 SPATIAL = ("Spatial", "Ground")
 TURNING = [

@@ -8,7 +8,7 @@ from faults import refused
 from numpy.testing import assert_allclose
 
 import symmb as mb
-from symmb.mechanics.mesh_file import coarser, read_mesh
+from symmb.declare.mechanics.mesh_file import coarser, read_mesh
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 """Corners; the triangles of its surface are anticlockwise from outside."""

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
-from symmb.codegen import Engine, Tolerances, model_function
+from symmb.run.codegen import Engine, Tolerances, model_function
 
 RNG = np.random.default_rng(11)
 CURVES = {

@@ -6,7 +6,7 @@ from faults import refused, told_in_a_line
 
 import symmb as mb
 from symmb._errors import FileError
-from symmb.model.iso_grades import sizes_of_grade
+from symmb.equations.model.iso_grades import sizes_of_grade
 
 PUBLISHED = {  # lower and upper deviation [um]
     "40 H7": (0, 25), "40 g6": (-25, -9), "40 K7": (-18, 7), "40 P7": (-42, -17), "25 js6": (-6.5, 6.5),

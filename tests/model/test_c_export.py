@@ -9,7 +9,7 @@ from faults import refused
 from processes import printed_lines
 from scipy.integrate import solve_ivp
 
-from symmb.model.c_export import example_c, save_c
+from symmb.equations.model.c_export import example_c, save_c
 
 # A driven, damped pendulum beside a clock: q = (theta, c), c' = 1 with a velocity that never changes.
 Q, V, S, P, T = (ca.SX.sym(name, n) for name, n in [("q", 2), ("v", 2), ("s", 1), ("p", 3), ("t", 1)])

@@ -9,7 +9,7 @@ from mechanisms import double_pendulum
 from numpy.testing import assert_allclose
 
 import symmb as mb
-from symmb.mechanics import Flywheel
+from symmb.declare.mechanics import Flywheel
 
 KINDS = ("Revolute", "Prismatic", "Cylindrical", "Screw", "Spherical", "Universal", "PlanarJoint", "Weld")
 GROUND = mb.Ground()

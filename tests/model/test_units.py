@@ -4,7 +4,7 @@ import casadi as ca
 import pytest
 
 import symmb as mb
-from symmb.model import units_of
+from symmb.equations.model import units_of
 
 P = mb.Parameters(x=2.0, k=3.0)
 GROUND = mb.Ground()

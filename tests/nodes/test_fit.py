@@ -7,8 +7,8 @@ import pytest
 from conftest import ALL_BASES, ALL_NODES
 
 from symmb import ClenshawCurtis, Gauss, Leja, PropagationError, SparseGrid, TensorDegree, TotalDegree
-from symmb.nodes.fit import Fit
-from symmb.polynomials.legendre import basis_values
+from symmb.bound.nodes.fit import Fit
+from symmb.bound.polynomials.legendre import basis_values
 
 # -- Every nodes class and every basis ---------------------------------------------------------------------
 

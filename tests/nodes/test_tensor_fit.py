@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from symmb.nodes import Grid, group_squares
-from symmb.polynomials import basis_values
+from symmb.bound.nodes import Grid, group_squares
+from symmb.bound.polynomials import basis_values
 
 GRIDS = {
     "one parameter": [(9,)],
@@ -19,7 +19,7 @@ GRIDS = {
 def _ways(request, monkeypatch):
     """With and without a compiler."""
     if request.param == "arrays":
-        monkeypatch.setattr("symmb.codegen.build.has_compiler", lambda: False)
+        monkeypatch.setattr("symmb.run.codegen.build.has_compiler", lambda: False)
 
 
 @pytest.mark.parametrize("responses", [1, 3, 8191], ids=lambda m: f"{m} responses")

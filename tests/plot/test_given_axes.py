@@ -11,8 +11,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import symmb as mb
-from symmb import plot
-from symmb.plot.colours import RUN_COLOUR
+from symmb.results import plot
+from symmb.results.plot.colours import RUN_COLOUR
 from symmb.study.stability import Stability
 
 BALL = mb.Body("ball", mass=1.0, pose=mb.Particle())
@@ -150,8 +150,8 @@ def test_a_method_has_one_colour_in_every_picture():
 
 @pytest.mark.parametrize("of", ["METHODS", "SOLVERS"])
 def test_all_methods_and_solvers_differ(of):
-    from symmb.bounds import METHODS
-    from symmb.integrate import SOLVERS
+    from symmb.bound.bounds import METHODS
+    from symmb.run.integrate import SOLVERS
 
     if of == "METHODS":
         families = {plot.family(repr(m)).partition("(")[0] for e in METHODS for m in (*e.examples, *e.compared(2))}

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from symmb import plot
+from symmb.results import plot
 
 T = np.linspace(0.0, 1.0, 5)
 

@@ -5,8 +5,8 @@ import pytest
 from problems import read
 
 import symmb as mb
-from symmb.nodes.fit import Fit
-from symmb.polynomials.legendre import basis_values, tensor_degree, total_degree
+from symmb.bound.nodes.fit import Fit
+from symmb.bound.polynomials.legendre import basis_values, tensor_degree, total_degree
 
 CASES = read("interval_functions")["cases"]
 

@@ -8,10 +8,10 @@ from scipy.optimize import minimize
 import symmb as mb
 from models import double_pendulum
 from symmb import Bernstein, ChebyshevInclusion, Exact, LegendreInclusion
-from symmb.nodes.fit import Fit
-from symmb.polynomials.chebyshev import LowerSet
-from symmb.polynomials.legendre import basis_values, tensor_degree, total_degree
-from symmb.polynomials.ranges import dense_extremes
+from symmb.bound.nodes.fit import Fit
+from symmb.bound.polynomials.chebyshev import LowerSet
+from symmb.bound.polynomials.legendre import basis_values, tensor_degree, total_degree
+from symmb.bound.polynomials.ranges import dense_extremes
 
 CUBIC = np.arange(4)[:, None], np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
 SPARSE = np.array([[0, 0, 0, 0], [5, 0, 0, 0], [0, 3, 0, 1], [2, 0, 2, 0], [0, 0, 0, 8], [1, 1, 1, 1]])

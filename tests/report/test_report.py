@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.cli.main import main
-from symmb.cli.scene_file import load_subject
-from symmb.drawing import of_bounds, page
+from symmb.show.cli.main import main
+from symmb.show.cli.scene_file import load_subject
+from symmb.show.drawing import of_bounds, page
 
 pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 T = np.linspace(0.0, 1.0, 11)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.report.verdict import next_steps, verdict
+from symmb.show.report.verdict import next_steps, verdict
 
 pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 SEEDS = range(6)

@@ -11,7 +11,7 @@ from mechanisms import double_pendulum, explosion, spinning_body
 from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
-from symmb.black_boxes.simulator import Jets, March, run_blocks
+from symmb.connect.simulator import Jets, March, run_blocks
 
 TIMES = np.linspace(0.0, 0.5, 6)
 RNG = np.random.default_rng(11)

@@ -11,7 +11,7 @@ from faults import refused
 from figure_motions import KINDS, MOTIONS, figure, motion
 
 import symmb as mb
-from symmb.simulation.panels import Panels, values_at
+from symmb.run.simulation.panels import Panels, values_at
 
 G = 9.81
 

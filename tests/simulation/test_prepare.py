@@ -12,7 +12,7 @@ from numpy.testing import assert_array_equal
 from small_scenes import particle
 
 import symmb as mb
-from symmb.formulations import formulation
+from symmb.run.formulations import formulation
 
 
 def rod(length=1.0):

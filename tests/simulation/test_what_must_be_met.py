@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.events import Kinks
-from symmb.integrate import compiled, multistep
+from symmb.run.events import Kinks
+from symmb.run.integrate import compiled, multistep
 
 
 def wheel(rate, level):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.events import event_doubts
+from symmb.run.events import event_doubts
 
 GROUND = mb.Ground()
 TIMES = np.linspace(0.0, 2.0, 5)

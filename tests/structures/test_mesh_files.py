@@ -12,7 +12,7 @@ from scipy.io import mmwrite
 from scipy.linalg import eigh
 
 import symmb as mb
-from symmb.structures.nastran import read_dmig
+from symmb.declare.structures.nastran import read_dmig
 
 BEAM = Path(__file__).parents[1] / "data" / "nastran" / "beam.bdf"
 """Four elements of `free_beam`, written by pyNastran 1.4.1; nodes 100, 110, ..., 140."""

@@ -8,7 +8,7 @@ import pytest
 from small_scenes import state
 
 import symmb as mb
-from symmb.bounds.method import Method
+from symmb.bound.bounds.method import Method
 from symmb.study import compare
 
 T = np.linspace(0.0, 2.0, 9)

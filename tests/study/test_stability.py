@@ -11,7 +11,7 @@ import pytest
 from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 
 import symmb as mb
-from symmb.cli.main import main
+from symmb.show.cli.main import main
 from symmb.study import trials as trials_module
 from symmb.study.stress import lighter, slower, stresses
 from symmb.study.trials import Job, run_jobs

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 from models import car_axis, slider_crank_spatial, spherical_pendulum
-from symmb.integrate import Stiffness
+from symmb.run.integrate import Stiffness
 from symmb.study.advice import advice
 from symmb.study.ladders import finer_steps, ladders, start_rate, under_stress
 from symmb.study.standard import standard_of

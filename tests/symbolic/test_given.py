@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.symbolic import given
+from symmb.declare.symbolic import given
 
 
 @pytest.mark.parametrize("kind", [int, float, np.float16, np.float32, np.longdouble, np.int8, np.uint64])

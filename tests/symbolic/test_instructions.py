@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from symmb import DeclarationError
-from symmb.symbolic.instructions import interpret, operation_name
+from symmb.declare.symbolic.instructions import interpret, operation_name
 
 FLOATS = {
     ca.OP_ADD: lambda a, b: a + b,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from symmb.symbolic.linear import (
+from symmb.declare.symbolic.linear import (
     ExplicitSolver,
     independent,
     least_multipliers,

@@ -3,8 +3,8 @@
 import casadi as ca
 import pytest
 
-from symmb.symbolic.printing import plain, printer, set_names, typeset
-from symmb.symbolic.sympy_out import to_sympy
+from symmb.declare.symbolic.printing import plain, printer, set_names, typeset
+from symmb.declare.symbolic.sympy_out import to_sympy
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from symmb import Table
-from symmb.symbolic import SOFT, ranges_along
+from symmb.declare.symbolic import SOFT, ranges_along
 
 X, P, T = ca.SX.sym("x", 3), ca.SX.sym("p", 1), ca.SX.sym("t")
 _A, _B, _C = ca.vertsplit(X)

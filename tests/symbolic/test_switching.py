@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symmb.symbolic.switching import On, laws, switching
+from symmb.declare.symbolic.switching import On, laws, switching
 
 x, p, t = ca.SX.sym("x"), ca.SX.sym("p"), ca.SX.sym("t")
 INPUTS = [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)]

@@ -11,8 +11,8 @@ import sympy as sp
 from faults import refused
 
 from symmb import DeclarationError
-from symmb.symbolic.sympy_in import from_sympy, is_sympy
-from symmb.symbolic.sympy_out import to_sympy
+from symmb.declare.symbolic.sympy_in import from_sympy, is_sympy
+from symmb.declare.symbolic.sympy_out import to_sympy
 
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 NAMES = ["rod1.theta", "l1"]
@@ -159,7 +159,8 @@ def test_is_sympy_recognises_expressions_and_matrices():
 
 
 def test_border_loads_without_sympy():
-    code = "import sys; from symmb.symbolic import is_sympy; raise SystemExit(is_sympy(1.0) or 'sympy' in sys.modules)"
+    use = "from symmb.declare.symbolic import is_sympy"
+    code = f"import sys; {use}; raise SystemExit(is_sympy(1.0) or 'sympy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -11,7 +11,7 @@ from small_scenes import particle
 
 import symmb as mb
 from models import double_pendulum, four_bar, slider_crank
-from symmb.simulation import DAESimulator
+from symmb.run.simulation import DAESimulator
 
 
 def oscillator(times, k=4.0):

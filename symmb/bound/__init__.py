@@ -1,0 +1,13 @@
+"""From runs to bounds over a box, and to answers from these bounds.
+
+In:   a simulator, which runs samples of the parameters, a box, and a method.
+Out:  Bounds: lower and upper values of each output at each time, with an error; and what follows from them, such as
+      limits, quantiles, probabilities and contributions.
+
+polynomials   bases, fits, and the ranges of polynomials
+nodes         points at which to run, and fits to the runs there
+bounds        methods, bounds, and answers; `adaptive` is the method that chooses its own runs
+
+A method declares what it needs of a simulator: runs, derivatives, or equations. `bounds.propagation` brings them
+together.
+"""

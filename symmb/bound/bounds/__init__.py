@@ -1,0 +1,20 @@
+"""Methods that bound responses over a box of parameters, and their results.
+
+The method that chooses its own runs is in `bounds.adaptive`.
+"""
+
+from symmb.bound.bounds.contributions import Contributions
+from symmb.bound.bounds.doubts import checked, doubted
+from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, limit_pairs
+from symmb.bound.bounds.method import Method, parameter_samples, units_of
+from symmb.bound.bounds.optimization import Optimization
+from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
+from symmb.bound.bounds.propagation import finished, propagate
+from symmb.bound.bounds.reductions import gathered
+from symmb.bound.bounds.registry import METHODS, method_of, read_method
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.result_file import INNER, box_coordinates, box_entries, box_of, inner_entries, kind_of
+from symmb.bound.bounds.sampling import MonteCarlo, Scanning, Vertex
+from symmb.bound.bounds.study import Study
+from symmb.bound.bounds.time_windows import ROUNDING
+from symmb.bound.bounds.worst_case import SIDES, Sample, WorstCase, row_of, worst_rows

@@ -1,0 +1,209 @@
+"""Polynomial chaos that chooses its own runs: the number of runs, and the kind of grid."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from symmb._doubt import Doubt
+from symmb._errors import PropagationError
+from symmb._threads import one_thread
+from symmb._types import Array, Executor, Indices, Mask
+from symmb.bound.bounds.adaptive.clock import Clock
+from symmb.bound.bounds.adaptive.many_parameters import range_of_many
+from symmb.bound.bounds.adaptive.runs import (
+    ROUNDING_OF_VALUES,
+    UNKNOWN_SHARE,
+    OutgrownError,
+    Runs,
+    relative_errors,
+    rms,
+)
+from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.bounds.adaptive.tensor_grids import TensorGrids
+from symmb.bound.bounds.failures import failed_region
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING
+from symmb.bound.polynomials import Expansion
+from symmb.bound.polynomials.ranges import MOST_PARAMETERS
+from symmb.connect import Progress, Simulator
+from symmb.equations.model import Box
+
+MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
+"""Without a budget, the most runs, and the most numbers that are kept of them: 0.3 GB, and as many coefficients."""
+NOISY_SHARE = 0.2
+"""Measured noise over the width from which bounds are doubtful: few runs of noise alone are five times as far apart."""
+NOISE_OF_SOLVERS = 1e-6
+"""Noise over the values of an output up to which it is what solvers leave of one that parameters do not change."""
+
+
+def adaptive_bounds(
+    text: str,
+    tolerance: float,
+    budget: int | None,
+    seconds: float | None,
+    probes: int,
+    simulator: Simulator,
+    box: Box,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> Bounds:
+    """Bounds by interpolants that are refined until their estimated error is below ``tolerance`` of the width.
+
+    The error is the root mean square over time over that of the width, of the output where this is largest. It is at
+    least the distance of the interpolant's range from what runs attained. Where it exceeds the width that runs
+    attained, and of outputs that are noise, the bounds are those attained by runs.
+    """
+    d, numbers = len(box), max(len(simulator.times) * len(simulator.outputs), 1)
+    first = probes + (max(5, 3**d) if d <= MOST_PARAMETERS else 2 * d + 1)
+    most = max(min(MOST_RUNS, MOST_NUMBERS // numbers), 2 * first) if budget is None else budget
+    if first > most:
+        takes = "and the probes take" if probes else "takes"
+        raise PropagationError(f"{text}: the first level {takes} {first} runs, more than the budget of {most}.")
+    runs = Runs(simulator, box, most, executor, progress, Clock(seconds), probes)
+    while (estimated := _estimated(runs, tolerance, is_patient=budget is not None)) is None:
+        runs = runs.anew()
+        if first > runs.left:
+            raise PropagationError(
+                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to begin "
+                "again. Take the logarithm as an output, or a larger budget."
+            )
+    is_noise, power = np.isinf(runs.rms_widths()), runs.power
+    lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise)
+    remarks, doubts = _of_accuracy(runs, tolerance, estimated.is_enough, estimate)
+    lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
+    bounds = Bounds(
+        t=simulator.times,
+        names=simulator.outputs,
+        lower=lower,
+        upper=upper,
+        kind="estimate",
+        method=text,
+        evaluations=len(runs),
+        estimate=estimate,
+        noise=_scaled(runs.floor, power),
+        inner=(_scaled(runs.extremes[0], power), _scaled(runs.extremes[1], power)),
+        failed=runs.failed,
+        failed_region=failed_region(box, runs.tried, ~runs.ok),
+        run_doubts=(*doubts, *_of_noise(runs)),
+        remarks=(*remarks, *_of_rounding(runs, is_noise)),
+        range_of=estimated.surrogate,
+    )
+    del runs  # the polynomials are as large
+    found = estimated.polynomials and estimated.polynomials()
+    if found is None:
+        return bounds
+
+    def in_units(own: Expansion) -> Expansion:
+        own = own.without(box.lower == box.upper, is_noise)
+        return replace(own, coefficients=_scaled(own.coefficients, power))
+
+    found = found.changed(in_units, np.maximum(_scaled(found.error, power), estimate))
+    return replace(bounds, surrogate=found, expansion=found.expansions[0] if len(found.expansions) == 1 else None)
+
+
+def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange | None:
+    """The range of a surrogate that is refined until it is accurate enough; None where the study has to begin anew.
+
+    Where a tensor grid takes too many runs the outputs are studied as those of many parameters are. For outputs of
+    which this leaves doubts the grid is refined after all, and for each output the better answer counts.
+    """
+    other: EstimatedRange | None = None
+    try:
+        with one_thread():
+            if len(runs.box) > MOST_PARAMETERS:
+                return range_of_many(runs, tolerance, is_patient)
+            surrogate = TensorGrids(runs, tolerance)
+            while (found := surrogate.bounded()) is None:
+                if other is None and surrogate.is_costly:
+                    other = range_of_many(runs, tolerance, is_patient=False)
+                    is_open = relative_errors(other.estimate, runs.rms_widths()) > DOUBTFUL
+                    if not is_open.any():
+                        return other
+                    surrogate.count_only(is_open)
+                else:
+                    surrogate = surrogate.refined()
+            return other.better(found, runs.rms_widths(), tolerance) if other else found
+    except OutgrownError:
+        return None
+
+
+def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
+    """Bounds and their estimated error, each (n_t, n_y): those that runs attained where an estimate says no more."""
+    lowest, highest = runs.extremes
+    estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
+    below = above = False
+    if estimated.places is not None:
+        below, above = near_lost = runs.is_near_lost(estimated.places)
+        predicted = np.stack([lowest - estimated.lower, estimated.upper - highest])
+        unknown = estimate + np.maximum(predicted, UNKNOWN_SHARE * (highest - lowest))
+        estimate = np.where(near_lost, unknown, estimate).max(axis=0)
+    floor = np.where(highest > lowest, np.where(is_noise, runs.floor, runs.noise), 0.0)
+    estimate = np.maximum(np.where(is_noise, 0.0, estimate), floor)
+    unresolved = is_noise | (estimate > highest - lowest)
+    lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
+    upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
+    return lower, upper, estimate
+
+
+def _of_accuracy(
+    runs: Runs, tolerance: float, is_enough: bool, estimate: Array
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Remarks and doubts where the tolerance was not reached: the range is not accurate enough, or runs are not."""
+    if is_enough and (runs.noise <= tolerance * runs.rms_widths()).all():
+        return (), ()
+    error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
+    short = _SHORT.format(tolerance=tolerance, error=error)
+    if is_enough or not runs.clock.is_cut:
+        return (short,), ()
+    cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error says what it costs each output
+    return ((short,), (cut,)) if error > DOUBTFUL else ((short, cut), ())
+
+
+def _of_noise(runs: Runs) -> tuple[str, ...]:
+    """Of which outputs the measured noise is large. Those that are rounding beside other outputs do not count."""
+    low, high = runs.extremes
+    scale = np.maximum(rms(low), rms(high))
+    is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), NOISE_OF_SOLVERS * scale)
+    is_large &= scale > ROUNDING * scale.max(initial=0.0)
+    if not is_large.any() or runs.rounding < ROUNDING:  # the simulator has told its noise
+        return ()
+    text = f"The measured noise of runs is above a fifth of the width of {_listed(runs, is_large)}."
+    return (Doubt(text, np.array(runs.simulator.outputs)[is_large].tolist()),)
+
+
+def _listed(runs: Runs, which: Mask) -> str:
+    """Names of outputs (n_y,)."""
+    names = [name for name, is_one in zip(runs.simulator.outputs, which, strict=True) if is_one]
+    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+
+
+def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
+    """Which outputs vary by more than numbers are rounded, and yet by so little that it counts as rounding."""
+    lowest, highest = runs.extremes
+    if runs.rounding < ROUNDING:  # the simulator has told its noise
+        return ()
+    widths, sizes = highest - lowest, np.maximum(np.abs(lowest), np.abs(highest))
+    listed = _listed(runs, is_noise & (widths > 16 * ROUNDING_OF_VALUES * sizes).any(axis=0))
+    if not listed:
+        return ()
+    return (
+        f"{listed}: a width below 1e-9 of the values counts as rounding. FunctionSimulator(..., noise=...) states a "
+        "smaller error of runs.",
+    )
+
+
+_CUT = (
+    "The study ended before it reached the tolerance {tolerance:g}: beside its runs it took more than 1 s, and more "
+    "than three times as long as they did. PolynomialChaos(seconds=...) allows more."
+)
+"""What is doubtful where there was no time, if the tolerance is far."""
+_SHORT = "The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width."
+"""A remark on runs that are too few, and on noise and rounding that are too large."""
+_NAMED = 4
+"""Outputs that a sentence names."""
+
+
+def _scaled(values: Array, power: Indices) -> Array:
+    """Values (..., n_y) times 2^power. They overflow where bounds are beyond the largest number."""
+    with np.errstate(over="ignore"):
+        return np.ldexp(values, power) if power.any() else values

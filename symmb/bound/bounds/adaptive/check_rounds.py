@@ -1,0 +1,270 @@
+"""Rounds of check runs near extremes: what they say of an interpolant's range, and of what runs attain."""
+
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bound.bounds.adaptive.check_runs import SAFETY, inflated_error
+from symmb.bound.bounds.adaptive.continuation import (
+    REMAINING_SHARE,
+    SPARSE_PROBES,
+    SPARSE_RANGE,
+    Continuation,
+    Corrected,
+)
+from symmb.bound.bounds.adaptive.requests import Checks, Places, Steps
+from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms, rms
+from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING
+from symmb.bound.nodes import Grid, Index
+from symmb.bound.polynomials import Expansion
+from symmb.bound.polynomials.ranges import Piecewise
+
+ROUNDS = 2
+"""Fewest rounds, and the last ones that show what runs attain beyond those before: fewer miss more, more take runs."""
+NEAR_VALUES = 4, 12
+"""Runs with the lowest or highest values to which parabolas are fitted, over their coefficients: few show what is near
+an extreme, many what is not near those that are known."""
+NEAR_TIMES = 4
+"""Output times before and after a time between whose extremes others are looked for: more take longer, fewer miss
+peaks that move by more from run to run."""
+
+
+@dataclass
+class Foreseen:
+    """What is foreseen beyond former runs, and what runs attain: sums of squares over points and times.
+
+    Attributes
+    ----------
+    foreseen : of what is foreseen
+    unconfirmed : of the difference of runs from it
+    attained : of what runs bring beyond former ones there
+    """
+
+    foreseen: float = 0.0
+    unconfirmed: float = 0.0
+    attained: float = 0.0
+
+    def add(self, predicted: Array, Y: Array, lowest: Array, highest: Array) -> None:
+        """Predicted and true responses (C, n_t, 1) at new points, and the extremes (n_t, 1) of former runs."""
+        beyond = np.maximum(np.maximum(lowest - predicted, predicted - highest), 0.0)
+        gain = np.maximum(np.maximum(lowest - Y, Y - highest), 0.0)
+        self.foreseen += float(np.square(beyond).sum())
+        self.unconfirmed += float(np.square(Y - predicted)[beyond > 0].sum())
+        self.attained += float(np.square(gain)[beyond > 0].sum())
+
+    def add_at(self, places: Array, foreseen: Array, points: Array, gains: Array) -> None:
+        """What was foreseen (2, n_t, 1) at places (2, n_t, 1, d), and gained where these are among points (C, d)."""
+        distance = np.full(foreseen.shape, np.inf)
+        for point in points:
+            distance = np.minimum(distance, np.abs(places - point).max(axis=-1))
+        is_run = (distance < ROUNDING) & (foreseen > 0)
+        self.foreseen += float(np.square(foreseen[is_run]).sum())
+        self.attained += float(np.square(gains[is_run]).sum())
+
+    def share(self, part: float) -> float:
+        """Root of the share that a sum, `unconfirmed` or `attained`, has in what was foreseen; 1 before any was."""
+        return min(part / self.foreseen, 1.0) ** 0.5 if self.foreseen else 1.0
+
+
+@dataclass
+class CheckRounds:
+    """The range of an expansion that is continued through check runs, or what runs attain, and the error of either.
+
+    The runs of a round show the error of the expansion that those before have corrected. Rounds end when it is small
+    enough or does not fall. An error at a place where the continuation leaves the share s(x) of the typical
+    error suggests the error e / s(x) elsewhere. The range may exceed all runs. Of this excess the bounds keep the share
+    that runs attained of former predictions. Its error is that share of the excess, or the share that runs did not
+    confirm if this is smaller.
+
+    What runs attain is an answer where corners have been run. Its error is what the last rounds attained beyond those
+    before, what twice as many runs brought inside of the box, and what the range, and lines between peaks at other
+    times, have beyond all runs, by the share that runs have confirmed of such predictions. At times when no run differs
+    from the interpolant, its own error counts. The answer with the smaller error over all times counts.
+
+    Attributes
+    ----------
+    runs : OutputRuns
+    base, grid : the interpolant, and its grid
+    sizes : expected sizes of coefficients ahead of the grid
+    estimate : (n_t, 1) estimated error of the interpolant
+    tolerance : of the error, over the width
+    has_corners : whether corners have been run
+    """
+
+    runs: OutputRuns
+    base: Expansion
+    grid: Grid
+    sizes: dict[Index, float]
+    estimate: Array
+    tolerance: float
+    has_corners: bool
+    _foreseen: Foreseen = field(default_factory=Foreseen)
+    _between: Foreseen = field(default_factory=Foreseen)
+
+    def steps(self) -> Steps:
+        """Check runs, round by round, and the better answer."""
+        runs = self.runs
+        self._continuation = Continuation.of(self.grid, self.sizes)
+        self._correct()
+        few = Corrected(self.base, self._continuation, runs.points[:SPARSE_PROBES], runs.checks[:SPARSE_PROBES])
+        self._typical = rms(few.expected_error(self._places).ravel())
+        share = self._remaining_share(self._places)
+        self._observed = self._remaining = self.estimate
+        self._gains, before = [np.full(runs.shape, np.inf)] * ROUNDS, np.inf
+        n_rounds = n_worse = 0
+        while True:
+            n_known, extremes, former = len(runs.points), runs.extremes, self._corrected
+            if self.has_corners:
+                yield Checks(separable_extremes(*runs.attained()))
+                between, gaps = between_times(runs)
+                yield Places(between, self._between.share(self._between.attained) * gaps / runs.rms_widths())
+            n_beside = len(runs.points) - n_known
+            unconfirmed = self._foreseen.share(self._foreseen.unconfirmed) * self._unattained()
+            yield Places(self._places, np.maximum(share * self.estimate, unconfirmed) / runs.rms_widths())
+            points, Y = runs.points[n_known:], runs.checks[n_known:]
+            if not len(points):
+                break
+            predicted = former.values(points)
+            self._foreseen.add(predicted, Y, *extremes)
+            if self.has_corners:
+                gains = np.stack([extremes[0] - runs.extremes[0], runs.extremes[1] - extremes[1]])
+                self._between.add_at(between, gaps, points, gains)
+            self._gains.append(inflated_error(np.square(runs.beyond(*extremes))))
+            errors = (Y - predicted) / self._remaining_share(points)[:, None, None]
+            errors = errors[n_beside:] if n_beside < len(errors) else errors  # those before are near known runs
+            self._observed = (1 + 1 / len(errors)) * inflated_error(np.mean(np.square(errors), axis=0))
+            self._correct()
+            share = self._remaining_share(self._places)
+            self._remaining = share.max(axis=0) * np.maximum(self._observed, REMAINING_SHARE * self.estimate)
+            error = min(relative_rms(each, runs.rms_widths()) for each in self._errors())
+            n_worse = n_worse + 1 if error >= before else 0
+            is_cheap = runs.has_lanes and error > DOUBTFUL  # more of cheap runs may still decide what is doubtful
+            is_done = error <= self.tolerance or (n_worse > self.has_corners and not is_cheap)
+            n_rounds += 1
+            if (is_done and n_rounds >= ROUNDS) or runs.clock.is_late:
+                break
+            before = error
+        return self._better()
+
+    def _correct(self) -> None:
+        """The expansion continued through all check runs, and its range."""
+        self._corrected = Corrected(self.base, self._continuation, self.runs.points, self.runs.checks)
+        self._lower, self._upper, self._places = self._corrected.range(SPARSE_RANGE * self.tolerance)
+
+    def _remaining_share(self, places: Array) -> Array:
+        """Share of the error typical of extremes that the check runs leave at places (..., d)."""
+        error = self._corrected.expected_error(places)
+        ratio = np.divide(error, self._typical, out=np.ones_like(error), where=error < self._typical)
+        return REMAINING_SHARE + (1 - REMAINING_SHARE) * ratio
+
+    def _unattained(self) -> Array:
+        """How far the range exceeds what runs attain at its minima and maxima (2, n_t, 1), beyond noise."""
+        lowest, highest = self.runs.extremes
+        return np.maximum(np.stack([lowest - self._lower, self._upper - highest]) - self.runs.noise, 0.0)
+
+    def _errors(self, spread: bool = False) -> list[Array]:
+        """Errors (n_t, 1) of the range and, where corners have been run, of what runs attain."""
+        foreseen, exceeding, (lowest, highest) = self._foreseen, self._unattained().max(axis=0), self.runs.extremes
+        errors = [(self._remaining, self._upper - self._lower, min(foreseen.attained, foreseen.unconfirmed))]
+        if self.has_corners and len(self._gains) > 2 * ROUNDS - 1:
+            gaps = self._between.share(self._between.attained) * between_times(self.runs)[1].max(axis=0)
+            gained = np.max([*self._gains[-ROUNDS:], growth_inside(self.runs), gaps], axis=0)
+            errors.append((gained, highest - lowest, foreseen.attained))
+        return [
+            np.maximum(spread_over_times(error, width) if spread else error, foreseen.share(part) * exceeding)
+            for error, width, part in errors
+        ]
+
+    def _better(self) -> EstimatedRange:
+        runs, corrected, observed = self.runs, self._corrected, self._observed
+        width = self._upper - self._lower
+
+        def polynomials() -> Piecewise:
+            return Piecewise.whole(corrected.expansion(), spread_over_times(observed, width))
+
+        lowest, highest = runs.extremes
+        # Of what the interpolant has beyond all runs, others will attain the share that runs attained before.
+        share, (below, above) = self._foreseen.share(self._foreseen.attained), self._unattained()
+        answers = [
+            EstimatedRange(
+                lowest - share * below,
+                highest + share * above,
+                np.empty(0),
+                polynomials,
+                "an interpolant on a sparse grid",
+                self._places,
+            ),
+            EstimatedRange(lowest, highest, np.empty(0), polynomials, "runs near extremes", self._places),
+        ]
+        # Where no run has met an event, as before the first one, all agree with the interpolant: nothing is paid there.
+        seen = np.square(runs.checks - self.base.values(runs.points)).max(axis=0, initial=0.0)
+        agreed = inflated_error(seen) + self._unattained().max(axis=0)
+        errors = [np.minimum(np.minimum(error, agreed), highest - lowest) for error in self._errors(spread=True)]
+        best = int(np.argmin([relative_rms(error, runs.rms_widths()) for error in errors]))
+        return answers[best]._replace(estimate=errors[best])
+
+
+def between_times(runs: OutputRuns) -> tuple[Array, Array]:
+    """Places (2, n_t, 1, d) between those of extremes before and after each time, and what may be gained (2, n_t, 1).
+
+    A peak whose time moves with parameters passes a time between two runs. On the line through their parameters it is
+    expected on the line through their peaks.
+    """
+    points, Y = runs.attained()
+    k, values = np.arange(runs.shape[0]), np.stack([-Y.min(axis=0), Y.max(axis=0)])[..., 0]
+    at = points[np.stack([Y.argmin(axis=0), Y.argmax(axis=0)])[..., 0]]
+    gaps, places = np.zeros(values.shape), at.copy()
+    for before, after in np.ndindex(NEAR_TIMES, NEAR_TIMES):
+        first, last = np.maximum(k - before - 1, 0), np.minimum(k + after + 1, len(k) - 1)
+        share = (before + 1) / (before + after + 2)
+        gap = (1 - share) * values[:, first] + share * values[:, last] - values
+        is_larger = gap > gaps
+        gaps[is_larger] = gap[is_larger]
+        places[is_larger] = ((1 - share) * at[:, first] + share * at[:, last])[is_larger]
+    return places[:, :, None], gaps[..., None]
+
+
+def growth_inside(runs: OutputRuns) -> Array:
+    """Errors (n_t, 1) to expect of what runs attain, from what twice as many runs brought elsewhere than at corners.
+
+    Where all of them are inside of what corners attain, there is none.
+    """
+    points, Y = runs.attained()
+    is_corner = (np.abs(points) == 1).all(axis=1)
+    growth = np.zeros(runs.shape)
+    for values in (Y, -Y):
+        ends, inside = values[is_corner].max(axis=0, initial=-np.inf), values[~is_corner]
+        halves = [np.maximum(half.max(axis=0), ends) for half in (inside[::2], inside[1::2])]
+        growth = np.maximum(growth, np.maximum(*halves) - np.mean(halves, axis=0) - runs.noise)
+    return SAFETY * inflated_error(np.square(np.maximum(growth, 0.0)))
+
+
+def separable_extremes(points: Array, Y: Array) -> Array:
+    """Places (k, d) of the extremes, at 2 d times at most, of sums of parabolas in one parameter each.
+
+    They are fitted to the lowest and to the highest of the responses Y (N, n_t, 1) at points (N, d).
+    """
+    d, places = points.shape[1], list[Array]()
+    terms = np.concatenate([np.ones((len(points), 1)), points, np.square(points)], axis=1)
+    for time in np.unique(np.linspace(0, Y.shape[1] - 1, 2 * d).astype(int)):
+        for sign, near in product((1, -1), NEAR_VALUES):
+            y = sign * Y[:, time, 0]
+            rows = np.argsort(y, kind="stable")[: near * terms.shape[1]]
+            _, slope, bend = np.split(np.linalg.lstsq(terms[rows], y[rows])[0], [1, d + 1])
+            vertex = np.divide(-slope, 2 * bend, out=-np.sign(slope), where=bend > 0)
+            places.append(np.clip(vertex, -1.0, 1.0))
+    return np.array(places)
+
+
+def spread_over_times(error: Array, width: Array) -> Array:
+    """Errors (n_t, n_y) of which half the square is that of one share of the width (n_t, n_y) at all times.
+
+    Few check runs tell the size of errors, but not well at which times they are small.
+    """
+    share = np.divide(
+        rms(error), rms(width), out=np.zeros(width.shape[1]), where=(rms(width) > 0) & np.isfinite(rms(error))
+    )
+    return np.sqrt((np.square(error) + np.square(share * width)) / 2)

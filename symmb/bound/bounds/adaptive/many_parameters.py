@@ -1,0 +1,95 @@
+"""Bounds over many parameters: each output is studied by itself, and all share their runs."""
+
+from collections.abc import Callable, Sequence
+from itertools import count
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bound.bounds.adaptive.check_runs import select_dispersed
+from symmb.bound.bounds.adaptive.output_study import OutputStudy
+from symmb.bound.bounds.adaptive.requests import Checks, Nodes, Noise, Places, Request
+from symmb.bound.bounds.adaptive.runs import Runs
+from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.polynomials.ranges import Piecewise, joined
+
+
+def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
+    """The ranges of all outputs. A study of an output sees all runs, and asks for more until it has its range."""
+    studies = [OutputStudy(runs.of(k), tolerance, is_patient) for k in range(runs.shape[1])]
+    steps = {k: study.steps() for k, study in enumerate(studies)}
+    found = dict[int, EstimatedRange]()
+
+    def predict(points: Array) -> Array:
+        return np.concatenate(
+            [np.broadcast_to(s.expansion.values(points), (len(points), runs.shape[0], 1)) for s in studies], axis=2
+        )
+
+    for n_rounds in count():
+        requests = list[Request]()
+        for k, own in list(steps.items()):
+            try:
+                requests.append(next(own))
+            except StopIteration as end:
+                found[k] = end.value
+                del steps[k]
+        if not requests:
+            break
+        _answer(runs, requests, predict if n_rounds else None)
+    return _joined(runs, [found[k] for k in range(len(studies))])
+
+
+def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Array] | None) -> None:
+    """Make the runs that are asked for, together. Failed nodes take the values (N, n_t, n_y) that are predicted."""
+    if any(isinstance(each, Noise) for each in requests) and not runs.noise_is_known:
+        runs.measure_noise()
+    for each in requests:
+        if isinstance(each, Nodes) and runs.unknown(each.points) <= runs.left:
+            runs.at(each.points, predict)
+            each.are_run = True
+    points = [each.points for each in requests if isinstance(each, Checks)]
+    if points:
+        runs.check(_distinct(points)[: runs.left])
+    chosen = np.empty((0, len(runs.box)))
+    for each in sorted((each for each in requests if isinstance(each, Places)), key=lambda each: -each.weights.max()):
+        own = select_dispersed(each.places, each.weights, len(runs.box), chosen)
+        chosen = np.concatenate([chosen, own])
+    if len(chosen):
+        runs.check(_distinct([chosen])[: runs.left])
+
+
+def _distinct(points: Sequence[Array]) -> Array:
+    """Points (N, d), each once, in their order."""
+    every = np.concatenate(points)
+    _, first = np.unique(every.round(12), axis=0, return_index=True)
+    return every[np.sort(first)]
+
+
+def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
+    """Arrays of all outputs, whose times, n_t or one of a figure, are before this axis."""
+    return np.concatenate([np.broadcast_to(a, (*a.shape[: axis - 1], n_t, *a.shape[axis:])) for a in arrays], axis=axis)
+
+
+def _joined(runs: Runs, found: list[EstimatedRange]) -> EstimatedRange:
+    """Those of all outputs."""
+
+    lower, upper, estimate = (
+        _together([getattr(each, name) for each in found], runs.shape[0], 1) for name in ("lower", "upper", "estimate")
+    )
+    d = len(runs.box)
+    places = [np.zeros((2, *each.lower.shape, d)) if each.places is None else each.places for each in found]
+    polynomials = [each.polynomials for each in found]
+
+    def every() -> Piecewise | None:
+        return joined([each() if each else None for each in polynomials], runs.shape[0])
+
+    names = list(dict.fromkeys(each.surrogate for each in found))
+    return EstimatedRange(
+        lower,
+        upper,
+        estimate,
+        every,
+        ", ".join(names),
+        _together(places, runs.shape[0], 2),
+        is_enough=all(each.is_enough for each in found),
+    )

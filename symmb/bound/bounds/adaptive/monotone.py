@@ -1,0 +1,177 @@
+"""Bounds of responses that rise or fall with each parameter throughout the box: runs at corners attain them."""
+
+from collections.abc import Callable, Generator, Iterator
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.bound.bounds.adaptive.check_runs import PATIENCE, SAFETY, screening_points
+from symmb.bound.bounds.adaptive.requests import Checks, Noise, Request
+from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms, rms
+from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.bounds.time_windows import LEAST_WIDTH
+from symmb.bound.nodes import corners
+from symmb.bound.polynomials.ranges import Piecewise
+
+MONOTONE_SHARE = 0.2
+"""Share of the tolerance that is expected as error of what runs attain at corners: effects of parameters may change
+their signs where no run was. Responses may lose half as much at corners that are not theirs: less takes more runs."""
+
+
+def corner_range(
+    runs: OutputRuns, tolerance: float, polynomials: Callable[[], Piecewise | None]
+) -> Generator[Request, None, EstimatedRange | None]:
+    """What runs attain at the corners to which all parameters pull the responses; None if effects change their signs.
+
+    The effect of a parameter is the change of a response when it alone changes. It is seen on both sides of the middle
+    of the box, and along edges. Corners are run to which effects with one sign lead: the response is taken as monotone.
+    A corner also serves the times whose own corners differ from it in parameters that hardly matter there.
+
+    The estimated error is that of corners that are not run, of effects with the other sign, of parabolas along the axes
+    that exceed their ends, and of how far any run exceeds the corner that should be the best one. If it is too large
+    because signs change, and corners are few, all of them are run: they are the extremes of responses that bend
+    little along each parameter, such as products.
+
+    The polynomials are those through all runs.
+    """
+    error = yield from _error(runs, tolerance)
+    if error is None:
+        return None
+    if not runs.noise_is_known:
+        yield Noise()
+    low, high = runs.extremes
+    error += MONOTONE_SHARE * tolerance * (high - low)
+    return EstimatedRange(low, high, error, polynomials, "runs at corners", is_enough=True)
+
+
+def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array | None]:
+    """The estimated error (n_t, n_y) of what runs attain at corners; None if it is too large."""
+    d = len(runs.box)
+    unit = np.eye(d)
+    star = runs.at_nodes(np.concatenate([np.zeros((1, d)), -unit, unit]))
+    lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
+    slope = lower_half + upper_half
+    width = np.abs(slope).sum(axis=0)
+    least = LEAST_WIDTH * rms(width)
+    allowed = MONOTONE_SHARE / 2 * tolerance * np.maximum(width, least)
+    bulge = _bulge(lower_half, upper_half)
+    against = bulge.copy()
+
+    def error_of(against: Array) -> Array:
+        return np.maximum(against - 2 * runs.noise, 0.0).sum(axis=0)
+
+    def is_too_large(error: Array) -> bool:
+        return relative_rms(error, runs.rms_widths()) > tolerance
+
+    if is_too_large(error_of(against)) or not runs.are_ok:
+        return None
+    if runs.may_hide():
+        yield Checks(screening_points(d)[: runs.left // 2])
+    signs, own = _corners(slope.reshape(d, -1).T, allowed.ravel(), min(PATIENCE * d, (runs.left - 2 * d) // 2))
+    if not len(signs):
+        error = yield from _error_at_all_corners(runs, bulge)
+        return None if error is None or is_too_large(error) else error
+    yield Checks(np.concatenate([signs, -signs, *_uncertain(signs[0], np.abs(slope).reshape(d, -1)[:, own == 0])]))
+    values = runs.checked(np.concatenate([signs, -signs]))
+    if values is None:
+        return None
+    at = own.reshape(1, *runs.shape)
+    highest, lowest = (np.take_along_axis(each, at, axis=0)[0] for each in np.split(values, 2))
+    edges = [*_edges(runs.points[(np.abs(runs.points) == 1).all(axis=1)], signs[0])]
+    yield Checks(np.concatenate([points for both in edges for points in both]))
+    for i, (ends, others) in enumerate(edges):
+        at_ends, at_others = runs.checked(ends), runs.checked(others)
+        if at_ends is None or at_others is None:
+            return None
+        for x, y, at_x, at_y in zip(ends[:, i], others[:, i], at_ends, at_others, strict=True):
+            effect = (at_x - at_y) / (x - y)  # of which the part against the slope counts
+            against[i] = np.maximum(against[i], np.where(slope[i] < 0, effect, -effect))
+    lost = (np.abs(slope).reshape(d, -1) * (np.sign(slope).reshape(d, -1) != signs[own].T)).sum(axis=0)
+    error = error_of(against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
+    if is_too_large(error):  # as of products, whose effects change their signs
+        error = yield from _error_at_all_corners(runs, bulge)
+        return None if error is None or is_too_large(error) else error
+    return error
+
+
+def _error_at_all_corners(runs: OutputRuns, bulge: Array) -> Generator[Request, None, Array | None]:
+    """The estimated error (n_t, n_y) of what all corners attain, from bulges (d, n_t, n_y) along the axes and along
+    edges at two of them; None if corners are too many or fail.
+    """
+    d, every = len(bulge), corners(len(bulge))
+    if 2**d > min(PATIENCE * d, runs.left - 2 * d):
+        return None
+    yield Checks(every)
+    values = runs.checked(every)
+    if values is None:
+        return None
+    base = np.stack(
+        [every[np.bincount(side.ravel()).argmax()] for side in (values.argmin(axis=0), values.argmax(axis=0))]
+    )
+    yield Checks(np.concatenate([np.where(unit, 0.0, base) for unit in np.eye(d)]))
+    bulge = bulge.copy()
+    for i in range(d):
+        triple = (runs.checked(np.where(np.arange(d) == i, factor * base, base)) for factor in (-1.0, 0.0, 1.0))
+        below, middle, above = triple
+        if below is None or middle is None or above is None:
+            return None
+        bulge[i] = np.maximum(bulge[i], _bulge(middle - below, above - middle).max(axis=0))
+    error = np.maximum(bulge - 2 * runs.noise, 0.0).sum(axis=0)
+    return error + SAFETY * runs.beyond(values.min(axis=0), values.max(axis=0))
+
+
+def _uncertain(corner: Array, slopes: Array) -> list[Array]:
+    """Corners (3, d) that differ from a corner, and from that opposite to it, in the two least slopes (d, m)."""
+    first, second = np.argsort(slopes.max(axis=1))[:2]
+    flips = np.ones((3, len(corner)))
+    flips[[0, 2], first] = flips[[1, 2], second] = -1.0
+    return [flips * corner, -flips * corner]
+
+
+def _bulge(lower: Array, upper: Array) -> Array:
+    """How far parabolas with changes over the lower and upper half of an interval exceed their values at its ends."""
+    slope, bend = np.abs(lower + upper) / 2, np.abs(upper - lower) / 2
+    place = np.divide(slope, 2 * bend, out=np.ones_like(bend), where=2 * bend > slope)
+    return bend * np.square(1 - place)
+
+
+def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
+    """For each parameter, points (n, d) and others that differ from them in this parameter only.
+
+    They are pairs of corners (K, d), or, without any, halves of the edges at a corner and at that opposite
+    to it.
+    """
+    row = {tuple(each): k for k, each in enumerate(corners.tolist())}
+    for i in range(len(corner)):
+        other = corners.copy()
+        other[:, i] *= -1
+        pairs = [k for k, each in enumerate(other.tolist()) if each[i] < 0 and tuple(each) in row]
+        if pairs:
+            yield corners[pairs], other[pairs]
+        else:
+            ends = np.stack([corner, -corner])
+            yield ends, np.where(np.arange(len(corner)) == i, 0.0, ends)
+
+
+def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
+    """Corners (K, d) for slopes (m, d), and which of them (m,) each response takes; it loses no more than is allowed.
+
+    Responses with the same signs of all slopes are a group. The most frequent signs are a corner first, and serve the
+    other groups that lose little there. There are no corners if more than `most` are needed.
+    """
+    packed = np.packbits(slope >= 0, axis=1)
+    _, first, group, count = np.unique(packed, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    signs, group = np.where(slope[first] < 0, -1.0, 1.0), group.ravel()
+    share = np.zeros((len(signs), slope.shape[1]))
+    with np.errstate(invalid="ignore"):
+        np.maximum.at(share, group, np.where(slope != 0, np.abs(slope) / allowed[:, None], 0.0))
+    taken = np.full(len(signs), -1)
+    corners: list[Array] = []
+    while (open_groups := taken < 0).any():
+        if len(corners) >= most:
+            return signs[:0], group
+        corner = signs[np.argmax(np.where(open_groups, count, 0))]
+        is_served = open_groups & ((share * (signs != corner)).sum(axis=1) <= 1.0)
+        taken[is_served] = len(corners)
+        corners.append(corner)
+    return np.array(corners), taken[group]

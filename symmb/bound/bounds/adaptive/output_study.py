@@ -1,0 +1,203 @@
+"""Bounds of one output over many parameters: a sparse grid that grows where it varies, and runs that correct it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from symmb.bound.bounds.adaptive.check_rounds import CheckRounds, separable_extremes, spread_over_times
+from symmb.bound.bounds.adaptive.check_runs import (
+    PATIENCE,
+    SAFETY,
+    corner_design,
+    evenly_spread_points,
+    inflated_error,
+    quasi_random_points,
+    screening_points,
+)
+from symmb.bound.bounds.adaptive.continuation import (
+    SPARSE_PROBES,
+    SPARSE_RANGE,
+    Continuation,
+    Corrected,
+    extrapolated_sizes,
+    largest,
+)
+from symmb.bound.bounds.adaptive.error_estimate import TruncationError
+from symmb.bound.bounds.adaptive.monotone import corner_range
+from symmb.bound.bounds.adaptive.requests import Checks, Nodes, Noise, Request, Steps
+from symmb.bound.bounds.adaptive.response_surface import surface_range
+from symmb.bound.bounds.adaptive.runs import NOISE_RUNS, OutputRuns, relative_rms, rms
+from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.nodes import Grid, Index, corners
+from symmb.bound.polynomials.ranges import Piecewise
+
+SURFACE_TIMES = 8
+"""Most times of an output that is left to a response surface: each extreme of each takes a search."""
+GROWTH = 0.25
+"""Share by which the grid grows at a time: less takes more searches, more takes more runs."""
+EARLY = 5.0
+"""Estimated error over the tolerance at which check runs may show that it is enough: more takes fewer nodes, and more
+check runs for nothing."""
+FEW_NODES, MANY_NODES = 7, 60
+"""Nodes for each parameter from which on the error shows how fast it falls, and beyond which a study that is not
+patient does not go to reach the tolerance: fewer give up what converges later."""
+
+
+class OutputStudy:
+    """An interpolant on a grid that grows by the indices with the largest expected coefficients.
+
+    Its error is estimated from its last coefficients. Runs at some of its extremes then check the estimate and correct
+    the expansion. Growth ends when it would take too many nodes to reach the tolerance, as with kinks. An output of few
+    times is then left to a response surface. For others corners and rounds of check runs follow. Simulators whose runs
+    do not share steps try corners before the grid grows.
+    """
+
+    def __init__(self, runs: OutputRuns, tolerance: float, is_patient: bool) -> None:
+        self.runs, self.tolerance, self.is_patient, self.grid = runs, tolerance, is_patient, Grid(len(runs.box))
+        self._errors = dict[int, float]()
+        self._is_brief = runs.shape[0] <= SURFACE_TIMES
+
+    def steps(self) -> Steps:
+        """What it asks runs for, until it has the range."""
+        runs, tolerance, d = self.runs, self.tolerance, len(self.runs.box)
+        yield from self._grown(self.grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)]))
+        self._probes = np.concatenate([quasi_random_points(SPARSE_PROBES, d), evenly_spread_points(runs.probes, d)])
+        yield Checks(self._probes)
+        needs_screening, has_corners = True, False
+        while True:
+            self._estimate_error()
+            if self._error <= EARLY * tolerance and needs_screening and runs.may_hide():
+                needs_screening = False
+                yield Checks(screening_points(d))
+                self._probes = np.concatenate([self._probes, screening_points(d)])
+                self._estimate_error()
+            step = largest(self.sizes, min(max(d, int(GROWTH * len(self.grid.row))), self._left))
+            is_stalled = self._is_stalled()
+            is_last = not step or runs.clock.is_late or (has_corners and is_stalled)
+            runs.tell(self._error)
+            if self._error <= EARLY * tolerance or is_last:
+                found = yield from self._corrected(has_corners)
+                error = relative_rms(found.estimate, runs.rms_widths())
+                if error <= tolerance:
+                    return found._replace(is_enough=True)
+                if is_last:
+                    return found if runs.has_lanes else (yield from self._searched(found))
+                needed = int(len(step) * (error / tolerance - 1))
+                step = largest({a: self.sizes[a] for a in step}, min(max(needed, 1), runs.left))
+            if not has_corners and not runs.has_lanes:
+                has_corners = True
+                if found := (yield from corner_range(runs, tolerance, self._continued)):
+                    return found
+            if self._is_brief and (is_stalled or not runs.has_lanes):
+                known = self._probes if runs.has_lanes else runs.points
+                known = np.concatenate([self.grid.nodes, known])
+                return (yield from self._polled((yield from surface_range(runs, known, tolerance, self.is_patient))))
+            if is_stalled and not has_corners:
+                has_corners = True
+                yield Checks(corner_design(d))
+                continue
+            if not runs.noise_is_known and NOISE_RUNS < self._left:
+                yield Noise()
+            else:
+                self._errors[len(self.grid.row)] = self._error
+                yield from self._grown(step)
+
+    def _corrected(self, has_corners: bool) -> Steps:
+        """The range after check runs at its extremes."""
+        rounds = CheckRounds(
+            self.runs, self.expansion, self.grid, self.sizes, self.estimate, self.tolerance, has_corners
+        )
+        found = yield from rounds.steps()
+        return found._replace(estimate=found.estimate + SPARSE_RANGE * self.tolerance * (found.upper - found.lower))
+
+    def _continued(self) -> Piecewise:
+        """The expansion continued through all check runs."""
+        runs, continuation = self.runs, Continuation.of(self.grid, self.sizes)
+        without = Corrected(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
+        errors = np.abs(without.values(runs.points[:SPARSE_PROBES]) - runs.checks[:SPARSE_PROBES]).max(axis=0)
+        expansion = Corrected(self.expansion, continuation, runs.points, runs.checks).expansion()
+        for half in (0, 1):  # most check runs are at corners, where polynomials err most
+            kept = np.arange(len(runs.points)) % 2 == half
+            part = Corrected(self.expansion, continuation, runs.points[kept], runs.checks[kept])
+            left_out = np.abs(part.values(runs.points[~kept]) - runs.checks[~kept])
+            errors = np.maximum(errors, left_out.max(axis=0, initial=0.0))
+        lowest, highest = runs.extremes
+        return Piecewise.whole(expansion, spread_over_times(SAFETY * errors, highest - lowest))
+
+    @property
+    def _left(self) -> int:
+        """Runs that are left for nodes."""
+        return self.runs.left - 2 * len(self.runs.box)
+
+    def _grown(self, step: set[Index]) -> Iterator[Request]:
+        """The interpolant on the grid with more indices, unless too few runs are left for them."""
+        n_known, grid = len(self.grid.row), Grid(self.grid.d)
+        grid.row = dict(self.grid.row)
+        grid.add(step)
+        request = Nodes(grid.nodes[n_known:])
+        yield request
+        if request.are_run:
+            self.grid, self.expansion = grid, self.runs.interpolant(grid)
+
+    def _estimate_error(self) -> None:
+        """Expected sizes of the coefficients ahead of the grid, and the estimated error (n_t, n_y).
+
+        An error at the first check points far above the estimate may come from any index ahead of the grid.
+        """
+        runs, expansion, widths = self.runs, self.expansion, self.runs.rms_widths()
+        sizes = extrapolated_sizes(self.grid, (rms(expansion.coefficients.swapaxes(0, 1)) / widths).max(axis=1))
+        estimate = TruncationError.of(self.grid.alpha, expansion.coefficients, runs.noise).least
+        probes, values = runs.known(self._probes)
+        observed = np.maximum(np.abs(values - expansion.values(probes)).max(axis=0, initial=0.0) - runs.noise, 0.0)
+        if relative_rms(observed, widths) > SAFETY * relative_rms(estimate, widths):
+            estimate = np.maximum(estimate, inflated_error(np.square(observed)))
+            least = relative_rms(observed, widths) / len(sizes) ** 0.5
+            sizes = {index: max(size, least) for index, size in sizes.items()}
+        self.sizes, self.estimate, self._error = sizes, estimate, relative_rms(estimate, widths)
+
+    def _error_at(self, nodes: float) -> float:
+        """The least error that the grid had with so many nodes, infinite if it has not had so few."""
+        return min((error for n, error in self._errors.items() if n <= nodes), default=np.inf)
+
+    def _is_stalled(self) -> bool:
+        """Whether the error falls so slowly, as at kinks, that it would take too many nodes to reach the tolerance.
+
+        An error above the width tells that the response is not resolved yet.
+        """
+        nodes, d = len(self.grid.row), len(self.runs.box)
+        few = FEW_NODES if self._is_brief else 2 * FEW_NODES
+        if nodes < (few if self._error < 1 else PATIENCE) * d or self._error <= self.tolerance:
+            return False
+        factor = self._error / self._error_at(nodes / 2)
+        most = self.runs.left + nodes if self.is_patient else MANY_NODES * d
+        return factor >= 1 or nodes * 2 ** (np.log(self.tolerance / self._error) / np.log(factor)) > most
+
+    def _searched(self, found: EstimatedRange) -> Steps:
+        """What is found by more check runs near extremes, until these attain no more than before.
+
+        The interpolant tells where extremes may be, though it does not converge.
+        """
+        runs, tolerance, d = self.runs, self.tolerance, len(self.runs.box)
+        number = runs.left if self.is_patient else len(runs) // 2
+        spread = quasi_random_points(SPARSE_PROBES + number // 2, d)[SPARSE_PROBES:]
+        yield Checks(np.concatenate([spread, np.sign(spread)]) if 2**d > number else corners(d))
+        error = relative_rms(found.estimate, runs.rms_widths())
+        while runs.left and not runs.clock.is_late:
+            before = error
+            found = yield from self._corrected(True)
+            error = relative_rms(found.estimate, runs.rms_widths())
+            if error <= tolerance or error >= 0.9 * before:
+                break
+        return (yield from self._polled(found._replace(is_enough=error <= tolerance)))
+
+    def _polled(self, found: EstimatedRange) -> Steps:
+        """The range with what runs at extremes of separable quadratics gain, until this is little. It is an error."""
+        runs, estimate, size = self.runs, found.estimate, np.inf
+        while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
+            yield Checks(separable_extremes(*runs.attained()))
+            gained, (lowest, highest) = runs.beyond(found.lower, found.upper), runs.extremes
+            size = relative_rms(gained, runs.rms_widths())
+            lower, upper = np.minimum(found.lower, lowest), np.maximum(found.upper, highest)
+            found = found._replace(lower=lower, upper=upper, estimate=np.maximum(estimate, SAFETY * gained))
+        error = relative_rms(found.estimate, runs.rms_widths())
+        return found._replace(is_enough=found.is_enough and error <= self.tolerance)

@@ -1,0 +1,239 @@
+"""A part of the box with its own interpolant on a tensor grid, and the range of this interpolant."""
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+
+from symmb._limits import windows
+from symmb._types import Array, Indices, Mask
+from symmb.bound.bounds.adaptive.check_runs import inflated_error
+from symmb.bound.bounds.adaptive.error_estimate import SMOOTH_DECAY, TruncationError, decay_ratios, event_errors
+from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, Runs, relative_errors
+from symmb.bound.nodes import Grid
+from symmb.bound.polynomials import Expansion
+from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, attained_extremes
+
+REFINED_SHARE = 0.25
+"""Directions with at least this share of the largest error are refined together: less takes more runs and fewer rounds.
+So much of the error is left after a rough piece was halved along every parameter."""
+JUDGED_DEGREE = 16
+"""Least degree at which smoothness is judged, twice that on halves, one of which is expected to be rough: less cuts
+smooth responses into pieces, more takes more runs at kinks."""
+_TAIL = 4
+"""Last degrees whose coefficients together are the error at kinks, where they fall slowly: more is safer."""
+TENSOR_RANGE = 1e-5
+"""Accuracy of a range, over its width, and half width of pieces at which halving ends: less takes more time."""
+
+Part = tuple[Array, Array, Array]
+"""Centre and half width (d,) of a part of the box, and degrees of an interpolant on it."""
+
+
+def nodes_of(part: Part) -> Array:
+    """Nodes (N, d) in the unit box."""
+    centre, half, degrees = part
+    return centre + half * _grid(*degrees.tolist()).nodes
+
+
+def _higher(degrees: Indices) -> Indices:
+    """The next of the degrees 2, 4, 6, 8, 12, 16, 24, ..., the highest one at most."""
+    power = 1 << np.array([int(k).bit_length() - 1 for k in degrees])
+    step = np.where(degrees > power, 2 * power - degrees, np.maximum(power // 2, 2))
+    return np.minimum(degrees + step, HIGHEST_DEGREE)
+
+
+@cache
+def _grid(*degrees: int) -> Grid:
+    grid = Grid(len(degrees))
+    grid.add(grid.missing([degrees]))
+    return grid
+
+
+@dataclass(eq=False)
+class Piece:
+    """A part of the box with an interpolant.
+
+    Attributes
+    ----------
+    centre, half : (d,) of the unit box
+    expansion : in coordinates of the piece
+    nodes : (N, d) in coordinates of the piece
+    runs, rows : all runs, and the rows (N,) of the responses at the nodes
+    widths : (n_y,) rms widths, by which errors are measured; infinite for outputs that do not count
+    inherited : (n_t, n_y) error to expect where the response jumps; None of the whole box
+    """
+
+    centre: Array
+    half: Array
+    expansion: Expansion
+    nodes: Array
+    runs: Runs
+    rows: Indices
+    widths: Array
+    inherited: Array | None
+
+    @classmethod
+    def of(cls, runs: Runs, part: Part, widths: Array, parent: "Piece | None" = None) -> "Piece":
+        """Run the nodes that are new; failed ones get the values that make the interpolant smoothest."""
+        centre, half, degrees = part
+        grid = _grid(*degrees.tolist())
+        rows = runs.at(centre + half * grid.nodes, parent and parent.values)
+        lost = rows[~runs.is_attained[rows]]
+        if 0 < len(lost) <= CHEAP_RUNS:  # more of them are a region of their own
+            runs.nodes[lost] += _smoothing(grid, runs.nodes, rows, lost)
+        expansion = runs.interpolant(grid, rows)
+        return cls(centre, half, expansion, grid.nodes, runs, rows, widths, parent and parent.inherited)
+
+    @property
+    def Y(self) -> Array:
+        """Responses at the nodes (N, n_t, n_y)."""
+        return self.runs.nodes[self.rows]
+
+    @cached_property
+    def truncation(self) -> TruncationError:
+        """The estimated truncation error."""
+        return TruncationError.of(self.expansion.alpha, self.expansion.coefficients, self.runs.noise)
+
+    @cached_property
+    def _direction_errors(self) -> Array:
+        """Relative error from each direction (d,)."""
+        return relative_errors(self.truncation.directions, self.widths).max(axis=1, initial=0.0)
+
+    @cached_property
+    def event_errors(self) -> Array | None:
+        """Expected errors (d, n_t, n_y) where events happen between nodes, nan elsewhere; None without events."""
+        if self.runs.events is None:
+            return None
+        degrees, (n_t, n_y) = self.expansion.alpha.max(axis=0), self.expansion.coefficients.shape[1:]
+        errors = np.empty((len(degrees), n_t, n_y))
+        Y, events = self.runs.nodes, self.runs.events
+        for window in windows(n_t, n_y * len(self.rows)):
+            errors[:, window] = event_errors(self.nodes, degrees, Y[self.rows, window], events[self.rows, window])
+        return errors
+
+    @cached_property
+    def rough_direction(self) -> int | None:
+        """The parameter with the largest error along which the response is not smooth, or None."""
+        largest = self._direction_errors.max()
+        if self.event_errors is not None:
+            errors = relative_errors(np.nan_to_num(self.event_errors), self.widths).max(axis=1, initial=0.0)
+            if errors.max() >= largest:
+                return int(errors.argmax())
+        least = JUDGED_DEGREE if self.inherited is None else JUDGED_DEGREE // 2
+        decay = decay_ratios(self.expansion, self.widths, least)
+        rough = np.where(decay > SMOOTH_DECAY, self._direction_errors, 0.0)
+        return int(rough.argmax()) if rough.max() >= REFINED_SHARE * largest > 0 else None
+
+    @cached_property
+    def jumps(self) -> Mask | None:
+        """Where (n_t, n_y) the range is that of the nodes, because interpolants overshoot at jumps; None if nowhere."""
+        has_event = None if self.event_errors is None else np.isfinite(self.event_errors[0])
+        if has_event is not None or self.inherited is None or self.rough_direction is None:
+            return has_event
+        large = self.truncation.directions >= REFINED_SHARE * self.truncation.directions.max(axis=0)
+        return (self.truncation.slow & large).any(axis=0)
+
+    @cached_property
+    def range(self) -> tuple[Array, Array, Array]:
+        """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d) in the unit box."""
+        alpha, c = self.expansion.alpha, self.expansion.coefficients
+        lower, upper, *at = attained_extremes(alpha, c.reshape(len(alpha), -1))
+        lower, upper = lower.reshape(c.shape[1:]), upper.reshape(c.shape[1:])
+        places = np.stack(at).reshape(2, *lower.shape, -1)
+        if self.jumps is not None:
+            Y = self.Y
+            lower, upper = np.where(self.jumps, Y.min(axis=0), lower), np.where(self.jumps, Y.max(axis=0), upper)
+            nodes = np.stack([self.nodes[f(Y, axis=0)] for f in (np.argmin, np.argmax)])
+            places = np.where(self.jumps[..., None], nodes, places)
+        return lower, upper, self.centre + self.half * places
+
+    @cached_property
+    def errors(self) -> Array:
+        """Expected errors (2, n_t, n_y) of the range."""
+        return np.stack([self.expected_error(x) for x in self.range[2]])
+
+    @property
+    def checkable_error(self) -> Array:
+        """The part of the errors of the range (2, n_t, n_y) that runs at its places can show; 0 at nodes."""
+        checkable = np.maximum(self.errors - self.truncation.least, 0.0)
+        return checkable if self.jumps is None else np.where(self.jumps, 0.0, checkable)
+
+    def expected_error(self, places: Array) -> Array:
+        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d) of the box, or (..., 1, 1, d) for all times."""
+        smooth = self.truncation.at((places - self.centre) / self.half)
+        if self.event_errors is not None:
+            events = self.event_errors.sum(axis=0)
+            return np.where(np.isnan(events), smooth, events)
+        if self.jumps is None or self.inherited is None:
+            return smooth
+        return np.where(self.jumps, self.inherited, smooth)
+
+    @property
+    def largest_error(self) -> Array:
+        """Expected error (n_t, n_y) at any point: at jumps that between nodes, which interpolants overshoot.
+
+        Extremes are mostly at nodes, where errors are less. Elsewhere the terms of the next degree are expected to be
+        smaller than the last ones by the same ratio as these are than those before; at kinks all of the last degrees
+        count.
+        """
+        alpha, size = self.expansion.alpha, np.abs(self.expansion.coefficients)
+        highest = alpha.max(axis=0)
+        error = self.truncation.directions.sum(axis=0) + self.truncation.least
+        for of_direction, n in zip(alpha.T, highest, strict=True):
+            before, last = (size[of_direction == n - k].sum(axis=0) for k in (1, 0))
+            ratio = np.divide(last, before, out=np.ones_like(last), where=before > last)
+            error = np.maximum(error, last * np.minimum(ratio / np.maximum(1 - ratio, ratio), 1.0))
+        tail = size[(alpha > np.maximum(highest - _TAIL, highest / 2)).any(axis=1)].sum(axis=0)
+        error = np.where(self.truncation.slow.any(axis=0), np.maximum(tail, error), error)
+        return error if self.jumps is None else np.where(self.jumps, np.ptp(self.Y, axis=0), error)
+
+    def values(self, points: Array) -> Array:
+        """Interpolated responses (N, n_t, n_y) at points (N, d) of the box."""
+        return self.expansion.values((points - self.centre) / self.half)
+
+    def observed_errors(self, points: Array, Y: Array) -> Array:
+        """Errors (C, n_t, n_y) of the interpolant at the points (C, d) of runs Y; 0 where nodes are used instead."""
+        errors = Y - self.values(points)
+        return errors if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), errors, 0.0)
+
+    def refined_parts(self) -> list[Part]:
+        """The part with the next degree in directions of large error, or its halves if it is rough.
+
+        There are no parts if the degree or the piece is at its limit.
+        """
+        degrees = self.expansion.alpha.max(axis=0)
+        rough = self.rough_direction
+        if rough is None:
+            is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
+            higher = np.where(is_large, _higher(degrees), degrees)
+            return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
+        if self.half[rough] < TENSOR_RANGE:
+            return []
+        is_along = np.arange(len(degrees)) == rough
+        half = np.where(is_along, self.half / 2, self.half)
+        degrees = np.where(is_along, JUDGED_DEGREE // 2, degrees)
+        return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
+
+    def replaced(self, parts: list[Part], widths: Array) -> list["Piece"]:
+        """Pieces for the parts. Halves inherit a share of this piece's error, or what it missed if that is more."""
+        pieces = [Piece.of(self.runs, part, widths, self) for part in parts]
+        if len(pieces) > 1:
+            own, new = self.Y, np.concatenate([piece.Y for piece in pieces])
+            excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))
+            missed = inflated_error(np.square(np.maximum(excess, 0.0)))
+            for piece in pieces:
+                share = REFINED_SHARE ** (1 / len(self.half))
+                piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
+        return pieces
+
+
+def _smoothing(grid: Grid, Y: Array, rows: Indices, lost: Indices) -> Array:
+    """Changes (k, n_t, n_y) of values Y at rows that are lost, which make the coefficients of high degree least.
+
+    Coefficients of smooth responses fall by a factor with each degree: here it is 2.
+    """
+    weights = 2.0 ** np.minimum(grid.alpha.sum(axis=1), 40)[:, None]
+    c = grid.coefficients(Y.reshape(len(Y), -1), rows=rows)
+    of_lost = grid.coefficients((rows[:, None] == lost).astype(float))
+    change = np.linalg.lstsq(weights * of_lost, -weights * c)[0]
+    return change.reshape(-1, *Y.shape[1:])

@@ -1,0 +1,311 @@
+"""Bounds of few responses over many parameters, from a Gaussian process that knows in which directions they vary.
+
+Of the 370 functions of tests/benchmarks/known_ranges.py (seeds 5-9, 60 s each) 153 are left to it: they take 80 runs in
+the median, 10 have needless doubts, and none is missed silently. Without it, sparse grids take 328 runs, 80 functions
+have needless doubts, and three sums of kinks are missed silently.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from symmb._types import Array, Mask
+from symmb.bound.bounds.adaptive.check_runs import PATIENCE, SAFETY, quasi_random_points, screening_corners
+from symmb.bound.bounds.adaptive.continuation import extrapolated_sizes, largest
+from symmb.bound.bounds.adaptive.requests import Checks, Noise, Steps
+from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, OutputRuns, rms
+from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.bounds.covariances import Ridge, Sum
+from symmb.bound.bounds.gaussian_process import GaussianProcess, Kernel
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING
+from symmb.bound.nodes import Grid
+from symmb.bound.polynomials import Expansion
+from symmb.bound.polynomials.ranges import Piecewise
+
+RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
+"""Lengths of a ridge of which the most likely one is the start of a search: fewer may find none, more take time."""
+REFIT, UNLIKELY = 1.4, 20.0
+"""Growth of the runs after which the kernel is chosen anew, and logarithm of the ratio of likelihoods beyond which one
+is given up: less of the first and more of the second take more time, and fewer runs."""
+DEVIATIONS, LATEST = 2.0, 10
+"""Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
+show more: more is safer, and takes more runs."""
+OBSERVED_SHARE = 0.6
+"""Share of the error of the latest runs that extremes may have: less misses more, more takes more runs."""
+SPREAD, FEWEST_SPREAD = 4, 12
+"""Runs of a round that are spread over the box, and fewest of all rounds: more are safer. So many corners are the first
+of them: what acts for high values of some parameters together is seen nowhere else."""
+STEP = 0.15
+"""Distance from the middle at which slopes are taken, and in each parameter from an extreme of the surface at which a
+run shows whether the response is flat there: less shows less, more shows the slope elsewhere."""
+SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
+"""Points of the box, and as many corners, of which so many start searches: more take time, fewer miss extremes."""
+SEARCH_LINE = 17
+"""Values of a parameter of which the best is looked for: a sine of a period has its extremes within 0.06 of them."""
+_NAME = "a response surface"
+
+
+def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient: bool) -> Steps:
+    """The range of a Gaussian process through runs, which is refined where extremes are or are not excluded.
+
+    Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
+    those of the mean and some standard deviations, and at points that are spread over the box, first of all at corners.
+    The estimated error is what these deviations allow beyond the extremes, or a share of the error that the latest runs
+    showed, and, if the runs do not suffice, what runs show that are left out. Where it remains large the bounds are
+    those that runs attained.
+
+    Parameters
+    ----------
+    points : (N, d) of runs that it is made of at first
+    tolerance : of the error, over the width
+    is_patient : whether it goes on until no runs are left
+    """
+    d = len(runs.box)
+    most = runs.most if is_patient else PATIENCE * d
+    latest, kernels, n_spread, n_fit = np.zeros(1), list[Kernel](), 0, 0
+    corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
+    slopes = STEP * np.eye(d)
+    yield Checks(slopes)
+    points = np.concatenate([points, slopes])
+    while True:
+        data = _Responses.of(*runs.attained(points), runs)
+        if not data.varies.any():
+            return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, _NAME, is_enough=True)
+        if len(data.points) >= REFIT * n_fit:
+            kernels, n_fit = _kernels(kernels, data), len(data.points)
+        surface = GaussianProcess(kernels[0], data.points, data.Y)
+        # At an extreme the errors of all kinks of a sum have one sign.
+        factor = DEVIATIONS * (d**0.5 if kernels[0].is_sum else 1.0)
+        places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST:]))))
+        attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
+        ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
+        is_plateau = _is_plateau(data, attained)
+        ends = np.where(is_plateau[:, None], attained[:, None], ends)
+        observed = np.where(is_plateau, 0.0, OBSERVED_SHARE * rms(latest) * width)
+        estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
+        is_enough = n_spread >= FEWEST_SPREAD and bool((estimate <= np.maximum(tolerance * width, data.noise)).all())
+        if is_enough or len(data.points) >= most or not runs.left or runs.clock.is_late:
+            if not is_enough:
+                estimate = np.maximum(estimate, _left_out(surface, data.noise))
+            found = data.range(runs, surface, (places[:, 0], ends), attained, estimate)
+            return found._replace(is_enough=is_enough)
+        if not runs.noise_is_known and len(data.points) > CHEAP_RUNS:
+            yield Noise()
+            kernels, n_fit = [], 0  # noise of one response spoils the kernel of all
+            continue
+        spread = corners.pop() if corners else quasi_random_points(n_spread + SPREAD, d)[-SPREAD:]
+        n_spread += SPREAD
+        beside = _beside(places[:, 0].reshape(-1, d), n_spread)
+        n_known = len(runs.points)
+        new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)
+        points = np.concatenate([points, new])
+        yield Checks(new)
+        if len(runs.points) > n_known:
+            responses = runs.checks[n_known:]
+            errors = np.abs(data.relative(responses) - surface.mean(runs.points[n_known:]))
+            latest = (errors / np.ptp(data.Y, axis=0)).max(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Responses:
+    """Runs that did not fail, and those of their responses that vary, relative to their mean and standard deviation.
+
+    Attributes
+    ----------
+    points, Y : (N, d) and (N, m)
+    mean, deviation : (n_t n_y,) of all responses
+    varies : (n_t n_y,) which of these are the m responses
+    noise : (m,) of these
+    """
+
+    points: Array
+    Y: Array
+    mean: Array
+    deviation: Array
+    varies: Mask
+    noise: Array
+
+    @classmethod
+    def of(cls, points: Array, Y: Array, runs: OutputRuns) -> "_Responses":
+        Y = Y.reshape(len(points), -1)
+        mean, deviation, noise = Y.mean(axis=0), Y.std(axis=0), np.tile(runs.noise, runs.shape[0])
+        varies = np.ptp(Y, axis=0) > np.maximum(runs.rounding * abs(Y).max(axis=0), 2 * noise)
+        return cls(
+            points,
+            (Y - mean)[:, varies] / deviation[varies],
+            mean,
+            deviation,
+            varies,
+            noise[varies] / deviation[varies],
+        )
+
+    def relative(self, responses: Array) -> Array:
+        """Responses (C, n_t, n_y) in the units of Y, (C, m)."""
+        return (responses.reshape(len(responses), -1) - self.mean)[:, self.varies] / self.deviation[self.varies]
+
+    def range(
+        self,
+        runs: OutputRuns,
+        surface: GaussianProcess,
+        extremes: tuple[Array, Array],
+        attained: Array,
+        estimate: Array,
+    ) -> EstimatedRange:
+        """From places (2, m, d) of the mean's extremes, and ends (2, 2, m) of the mean, and of it and deviations.
+
+        The ends are those attained (2, m) where these are doubtful.
+        """
+        at, ends = extremes
+        places = np.zeros((2, len(self.mean), at.shape[2]))
+        places[:, self.varies] = at
+        doubtful = estimate > DOUBTFUL * np.ptp(attained, axis=0)
+        lower, upper = np.where(doubtful, attained, ends[:, 0])
+        estimate = np.where(doubtful, np.maximum(estimate, np.abs(ends[:, 1] - attained).max(axis=0)), estimate)
+        error = (self.absolute(estimate) - self.mean).reshape(runs.shape)
+        polynomials = partial(_polynomials, lambda points: self.absolute(surface.mean(points)), runs, error)
+        return EstimatedRange(
+            self.absolute(lower).reshape(runs.shape),
+            self.absolute(upper).reshape(runs.shape),
+            error,
+            None if doubtful.any() else polynomials,
+            _NAME,
+            places.reshape(2, *runs.shape, -1),
+        )
+
+    def absolute(self, values: Array) -> Array:
+        """Values (..., m) in the units of Y as (..., n_t n_y)."""
+        relative = np.zeros((*values.shape[:-1], len(self.mean)))
+        relative[..., self.varies] = values
+        return self.mean + self.deviation * relative
+
+
+def _is_plateau(data: _Responses, attained: Array) -> Mask:
+    """Which minima and maxima (2, m) several runs inside the box share: the response is constant there, as at steps."""
+    inside = (np.abs(data.points) < 1).all(axis=1) & data.points.all(axis=1)
+    shared = np.abs(data.Y[inside] - attained[:, None]) <= ROUNDING * np.ptp(attained, axis=0)
+    return np.asarray(shared.sum(axis=1) > 1)
+
+
+def _left_out(surface: GaussianProcess, noise: Array) -> Array:
+    """Errors (m,) beyond noise (m,) of a surface that does not converge: those at runs that are left out one by one.
+
+    The latest runs may all lie on one side of a jump, where the surface is right.
+    """
+    errors = np.maximum(np.abs(surface.left_out_errors()) - noise, 0.0)
+    return SAFETY * rms(errors)
+
+
+def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
+    """Likely kernels of a smooth response, of one with a ridge, with two, and of a sum, the most likely one first.
+
+    The first ridge is along the slope in the middle, the second along the direction in which the rest varies most.
+    """
+    slope, plain = _slope(data), Kernel.of(data.points.shape[1])
+    starts = [*(kernels or (plain, plain.with_term(Sum(1.0, plain.terms[0].rates))))]
+    if slope.any() and (not kernels or any(kernel.n_ridges for kernel in kernels)):
+        starts.append(_with_ridge(plain, slope, data))
+    fits = [GaussianProcess(kernel, data.points, data.Y).most_likely() for kernel in starts]
+    ridges = [each for each in fits if each.kernel.n_ridges == 1]
+    if ridges:
+        first = min(ridges, key=_unlikeliness)
+        second = _with_ridge(first.kernel, first.rest_direction(), data)
+        fits.append(GaussianProcess(second, data.points, data.Y).most_likely())
+    fits.sort(key=_unlikeliness)
+    likely: dict[tuple[int, bool], Kernel] = {}  # the best one of each number of ridges, and of sums
+    for fit in fits:
+        kernel = fit.kernel
+        if _unlikeliness(fit) < _unlikeliness(fits[0]) + UNLIKELY:
+            likely.setdefault((kernel.n_ridges, kernel.is_sum), kernel)
+    return list(likely.values())
+
+
+def _unlikeliness(process: GaussianProcess) -> float:
+    return process.unlikeliness()[0]
+
+
+def _slope(data: _Responses) -> Array:
+    """Slope (d,) in the middle of the response for which it is largest."""
+    is_near = (data.points == STEP).any(axis=1) & (np.count_nonzero(data.points, axis=1) == 1)
+    middle = data.Y[(data.points == 0).all(axis=1)]
+    if not len(middle):
+        return np.zeros(data.points.shape[1])
+    slopes = (data.Y[is_near] - middle[0]).T @ data.points[is_near]
+    return slopes[np.argmax(np.square(slopes).sum(axis=1))]
+
+
+def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
+    """A kernel with one more ridge along a direction, of the most likely length."""
+    direction = direction / np.linalg.norm(direction)
+    kernels = [kernel.with_term(Ridge(1.0, length * direction)) for length in RIDGE_LENGTHS]
+    return min(kernels, key=lambda each: _unlikeliness(GaussianProcess(each, data.points, data.Y)))
+
+
+def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
+    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean and of it and deviations, and values there.
+
+    Local searches start from the best of points of the box, of corners and of runs, and of a point that takes the best
+    value of each parameter: a sum of functions of one parameter has many local extremes.
+    """
+    d, m = surface.points.shape[1], surface.Y.shape[1]
+    spread = quasi_random_points(SEARCH_CANDIDATES, d)
+    candidates = np.concatenate([spread, np.sign(spread), surface.points])
+    mean, deviation = surface.mean(candidates), surface.deviation(candidates)
+    places, ends = np.empty((2, 2, m, d)), np.empty((2, 2, m))
+    for end, sign in enumerate((1.0, -1.0)):
+        for k, deviations in enumerate((0.0, factor)):
+            for j in range(m):
+                order = np.argsort(sign * mean[:, j] - deviations * deviation, kind="stable")
+                best = _best_of_each_parameter(surface, j, sign, deviations, candidates[order[0]])
+                starts = np.concatenate([best[None], candidates[order[:SEARCH_STARTS]]])
+                places[end, k, j], least = surface.smallest(j, sign, deviations, starts)
+                ends[end, k, j] = sign * least
+    return places, ends
+
+
+def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float, factor: float, x: Array) -> Array:
+    """A point (d,) of the values on lines through x (d,) where sign times a response less deviations is smallest."""
+    values = np.linspace(-1, 1, SEARCH_LINE)
+    points = np.where(np.eye(len(x), dtype=bool)[:, None], values[:, None], x).reshape(-1, len(x))
+    objective = sign * surface.mean(points)[:, response] - (factor * surface.deviation(points) if factor else 0.0)
+    return values[objective.reshape(len(x), -1).argmin(axis=1)]
+
+
+def _beside(places: Array, number: int) -> Array:
+    """A point near each place (n, d): runs there show whether the response is as flat as the surface at its extremes.
+
+    Directions depend on the number of the round.
+    """
+    directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
+    return np.clip(places + STEP * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
+
+
+def _distinct(points: list[Array], known: Array) -> Array:
+    """Points (N, d) that are not close to each other or to known ones (M, d)."""
+    distinct = known
+    for x in points:
+        if np.abs(distinct - x).max(axis=1).min() > 1e-3:
+            distinct = np.concatenate([distinct, x[None]])
+    return distinct[len(known) :]
+
+
+def _polynomials(surface: Callable[[Array], Array], runs: OutputRuns, error: Array) -> Piecewise | None:
+    """Interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not close."""
+    d = len(runs.box)
+    # Degree 2 does not tell x^3 from x.
+    grid, step = Grid(d), {tuple(4 * (i == j) for j in range(d)) for i in range(d)}
+    points = quasi_random_points(4 * d, d)
+    expected = surface(points)
+    while True:
+        grid.add(grid.missing(step))
+        coefficients = grid.coefficients(surface(grid.nodes))
+        expansion = Expansion(grid.alpha, coefficients.reshape(-1, *runs.shape), runs.box.names)
+        errors = np.abs(expansion.values(points).reshape(expected.shape) - expected)
+        widths = np.where(np.ptp(expected, axis=0) > 0, np.ptp(expected, axis=0), np.inf)
+        if (errors / widths).max() <= DOUBTFUL:
+            return Piecewise.whole(expansion, error + errors.max(axis=0).reshape(runs.shape))
+        if len(grid.row) >= PATIENCE * d:
+            return None
+        sizes = extrapolated_sizes(grid, np.abs(coefficients / widths).max(axis=1))
+        step = largest(sizes, len(grid.row) // 4)

@@ -1,0 +1,438 @@
+"""All runs of an adaptive study, and the measures of errors."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array, Executor, Indices, Mask
+from symmb.bound.bounds.adaptive.check_runs import FEW_SHAPES, SAFETY, SHAPE_RUNS, count_shapes, quasi_random_points
+from symmb.bound.bounds.adaptive.clock import Clock
+from symmb.bound.bounds.failures import Failure, failure_text, find_failed_region
+from symmb.bound.bounds.method import parameter_samples
+from symmb.bound.bounds.reductions import failure_records
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rests_for_a_time
+from symmb.bound.nodes import Grid
+from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
+from symmb.connect import Progress, Simulator, noise_from_runs, note_attained, run_blocks
+from symmb.equations.model import Box
+from symmb.run.simulation import SceneSimulator
+
+TRUST = 0.6
+"""Least share of its estimated error that an interpolant keeps when check runs show less: runs against safety."""
+CHEAP_RUNS = 60
+"""Runs up to which doubtful bounds are refined further, and beyond which it is worth a few to measure noise."""
+NOISE_RUNS, NOISE_SPACING = 5, 1e-7
+"""Runs on a line from which noise is measured, and their distance in the unit box: the response is a line there. Fewer
+runs are less certain."""
+ROUNDING_OF_VALUES = 4 * 2.0**-52
+"""Share of an output's scale below which its width is rounding where the simulator tells its noise: the digits that
+numbers have."""
+UNKNOWN_SHARE = 1.2 * DOUBTFUL
+"""Least error over the width near failed runs, and of what searches attain: nothing tells how large it is. Less misses
+silently, more doubts needlessly."""
+_ORDINARY = 300
+"""Powers of two, 1e90, by which numbers may grow: they are squared. Half of it is not scaled by a power of two."""
+
+
+class OutgrownError(Exception):
+    """Runs give values far above those of earlier runs, by which outputs are scaled: the study begins anew."""
+
+
+@dataclass
+class Runs:
+    """All runs of a study: at nodes, none of which is run twice, and at check points.
+
+    A node whose run failed has the value that an interpolant predicts. Check points that failed are left out.
+    Responses are those of the simulator over 2^power.
+
+    Attributes
+    ----------
+    most : the runs that are allowed
+    probes : the number of further check runs that the study is asked for, evenly spread over the box
+    clock : tells how long the study may take
+    power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
+    before : runs of the study before it began anew with larger powers
+    rounding : share of an output's scale below which its width is rounding
+    is_attained : (N,) which nodes have run without failure
+    events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
+    places : (N, d) nodes
+    checks, points : (C, n_t, n_y) responses at other points, (C, d)
+    tried, ok : (M, d) all points that were run, (M,) which of the runs did not fail
+    noise : (n_y,) how far responses may be off: the simulator tells it, or it is measured; 0 before
+    extremes : smallest and largest responses of all runs (n_t, n_y)
+    """
+
+    simulator: Simulator
+    box: Box
+    most: int
+    executor: Executor | None
+    progress: Progress | None
+    clock: Clock
+    probes: int = 0
+    before: int = 0
+    events: Indices | None = None
+    failed: tuple[Failure, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.shape = len(self.simulator.times), len(self.simulator.outputs)
+        self._blocks: list[Array] = []  # interpolants need no copy of them
+        self.checks = np.empty((0, *self.shape))
+        self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
+        self.points = self.places = self.tried = np.empty((0, len(self.box)))
+        self.ok = np.empty(0, dtype=bool)
+        self.power = np.zeros(self.shape[1], dtype=np.intp)
+        self._least_power = np.full(self.shape[1], np.iinfo(np.int32).min)
+        self._largest = np.zeros(self.shape[1])
+        self._widths: Array | None = None
+        self._scale = np.full(self.shape[1], np.inf)  # root mean square (n_y,) of the extremes
+        with self.clock.of_runs():  # that of a scene takes runs, for which it is compiled
+            self._told = noise_from_runs(self.simulator)
+        self.noise_is_known = self._told is not None
+        self.noise = np.zeros(self.shape[1])
+        self.rounding = ROUNDING if self._told is None else ROUNDING_OF_VALUES
+        self.is_attained = np.empty(0, dtype=bool)
+        self._row: dict[bytes, int] = {}
+
+    def __len__(self) -> int:
+        """Number of runs so far, with those that failed."""
+        return self.before + len(self.tried)
+
+    @property
+    def left(self) -> int:
+        """Runs that are still allowed."""
+        return self.most - len(self)
+
+    def anew(self) -> "Runs":
+        """No runs, with the powers that were too small, and as many runs that are allowed as are left."""
+        runs = Runs(
+            self.simulator, self.box, self.most, self.executor, self.progress, self.clock, self.probes, before=len(self)
+        )
+        runs._least_power = self._least_power
+        return runs
+
+    @property
+    def nodes(self) -> Array:
+        """(N, n_t, n_y) responses at nodes."""
+        if len(self._blocks) > 1:
+            self._blocks = [np.concatenate(self._blocks)]
+        return self._blocks[0]
+
+    def shapes(self) -> int:
+        """How many shapes of time the responses are made of."""
+        deviations = self._some_deviations()
+        return int(count_shapes(deviations.reshape(len(deviations), -1)))
+
+    def shapes_of_outputs(self) -> Indices:
+        """How many each output that varies is made of."""
+        return count_shapes(self._some_deviations()[..., np.isfinite(self.rms_widths())].transpose(2, 0, 1))
+
+    def _some_deviations(self) -> Array:
+        """(SHAPE_RUNS at most, n_s, n_y) deviations of first nodes from their mean at some times, over the widths."""
+        some = slice(None, None, max(1, self.shape[0] // (2 * SHAPE_RUNS)))
+        Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in self._blocks])[:SHAPE_RUNS]
+        return (Y - Y.mean(axis=0)) / self.rms_widths()
+
+    def interpolant(self, grid: Grid, rows: Indices) -> Expansion:
+        """Through the responses at nodes of these rows (N,), in named parameters."""
+        coefficients = grid.coefficients(*(Y.reshape(len(Y), -1) for Y in self._blocks), rows=rows)
+        return Expansion(grid.alpha, coefficients.reshape(len(rows), *self.shape), self.box.names)
+
+    def of(self, column: int) -> "OutputRuns":
+        """As one output sees them."""
+        return OutputRuns(self, column)
+
+    def unknown(self, points: Array) -> int:
+        """How many of the points (N, d) are not nodes yet."""
+        return len(set(_keys(points)).difference(self._row))
+
+    def at(self, points: Array, predict: Callable[[Array], Array] | None = None) -> Indices:
+        """Rows of ``nodes`` for points (N, d) of the unit box; ``predict`` gives the values of those that fail.
+
+        Without it, a quadratic polynomial through the others does, unless most of them fail.
+        """
+        keys = _keys(points)
+        new = [i for i, key in enumerate(keys) if key not in self._row]
+        self._row |= {keys[i]: len(self.is_attained) + k for k, i in enumerate(new)}
+        if new:
+            Y, ok, events = self._run(points[new])
+            if predict is None and 2 * ok.sum() < len(ok):
+                raise PropagationError(
+                    f"{len(self.failed)} of the first {len(new)} runs failed, too many to go on from.\n"
+                    + failure_text(self.failed)
+                )
+            if not ok.all():
+                predict = predict or _quadratic(points[new][ok], Y[ok])
+                Y[~ok] = predict(points[new][~ok])
+            if events is not None:
+                events[~ok] = -1
+                self.events = events if self.events is None else np.concatenate([self.events, events])
+            self._blocks.append(Y)
+            self.places = np.concatenate([self.places, points[new]])
+            self.is_attained = np.concatenate([self.is_attained, ok])
+        return np.array([self._row[key] for key in keys], dtype=np.intp)
+
+    def check(self, points: Array) -> tuple[Array, Array]:
+        """Run check points (C, d); returns those that are new and do not fail, and the responses there."""
+        known = self._row.keys() | set(_keys(self.points))
+        points = points[[key not in known for key in _keys(points)]]
+        Y, ok, _ = self._run(points)
+        Y, points = Y[ok], points[ok]
+        self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
+        return points, Y
+
+    def _progress(self, before: int) -> Progress | None:
+        """Progress that counts the runs before."""
+        progress = self.progress
+        return progress and (lambda done, n: progress(before + done, before + n))
+
+    def tell(self, error: float) -> None:
+        """Tell whoever watches the progress the error that is reached."""
+        if hasattr(self.progress, "estimate"):
+            self.progress.estimate(error)  # pyright: ignore[reportFunctionMemberAccess, reportOptionalMemberAccess]
+
+    def rms_widths(self) -> Array:
+        """Root mean square widths (n_y,), by which errors are measured; infinite if a width is only rounding."""
+        if self._widths is None:
+            low, high = self.extremes
+            width = rms(high - low)
+            self._widths = np.where(width > np.maximum(self.rounding * self._scale, 2 * self.noise), width, np.inf)
+        return self._widths
+
+    @property
+    def floor(self) -> Array:
+        """Errors (n_y,) that are noise or rounding."""
+        return np.maximum(self.noise, self.rounding * self._scale)
+
+    def is_near_lost(self, places: Array) -> Mask:
+        """At which places (..., d) the nearest point that was run is one that failed, or most runs fail all around."""
+        if self.ok.all():
+            return np.zeros(places.shape[:-1], dtype=bool)
+        near, which = np.unique(places.reshape(-1, places.shape[-1]).round(2), axis=0, return_inverse=True)
+        is_lost = _distance(near, self.tried[~self.ok]) < _distance(near, self.tried[self.ok])
+        region = find_failed_region(self.box, self.tried, ~self.ok)
+        if region is not None and 2 * region.inside[0] > region.inside[1]:
+            is_lost |= region.contains(near)
+        return is_lost[which.ravel()].reshape(places.shape[:-1])
+
+    def beyond(self, lower: Array, upper: Array) -> Array:
+        """How far runs go beyond bounds (n_t, n_y), less noise."""
+        lowest, highest = self.extremes
+        return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
+
+    def measure_noise(self) -> None:
+        """Measure the noise on a short line, along which responses are straight but for it, if enough runs are left."""
+        d = len(self.box)
+        middle, direction = quasi_random_points(9, d)[-2:]  # the first ones are check points
+        self.noise_is_known = True
+        if NOISE_RUNS > self.left:
+            return
+        along = np.arange(NOISE_RUNS) - 0.5 * (NOISE_RUNS - 1)
+        Y, ok, _ = self._run(middle + NOISE_SPACING * along[:, None] * direction)
+        if (freedom := int(ok.sum()) - 2) > 0:
+            line, _ = np.linalg.qr(np.vander(along[ok], 2))
+            rest = Y[ok] - np.tensordot(line, np.tensordot(line, Y[ok], axes=(0, 0)), axes=1)
+            self.noise = SAFETY * np.sqrt(np.square(rest).sum(axis=0).mean(axis=0) / freedom)
+            self._widths = None
+
+    def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
+        """Responses (N, n_t, n_y), which did not fail (N,), and numbers of events (N, n_t).
+
+        Points that failed before fail again without a run.
+        """
+        lost = set(_keys(self.tried[~self.ok]))
+        if (again := np.array([key in lost for key in _keys(points)], dtype=bool)).any():
+            values, fine, numbers = self._run(points[~again])
+            Y, ok = np.full((len(points), *self.shape), np.nan), np.zeros(len(points), dtype=bool)
+            Y[~again], ok[~again] = values, fine
+            events = None
+            if numbers is not None:
+                events = np.full((len(points), self.shape[0]), -1)
+                events[~again] = numbers
+            return Y, ok, events
+        P = parameter_samples(self.simulator, self.box, points)
+        with self.clock.of_runs():
+            ensemble = run_blocks(self.simulator, P, self.executor, self._progress(len(self)))
+        self.tried, self.ok = np.concatenate([self.tried, points]), np.concatenate([self.ok, ensemble.ok])
+        bad = np.flatnonzero(~ensemble.ok)
+        failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
+        self.failed += failure_records(self.simulator, self.box, P, failed_runs)
+        low, high = ensemble.extremes()
+        depend = isinstance(self.simulator, SceneSimulator)  # they share steps
+        note_attained(low, high, P, None if depend else ensemble.Y)
+        if not ensemble.ok.any():
+            return ensemble.Y, ensemble.ok, ensemble.events
+        self._choose_powers(np.maximum(high.max(axis=0), -low.min(axis=0)))
+        self.extremes = (
+            np.minimum(self.extremes[0], self._scaled(low)),
+            np.maximum(self.extremes[1], self._scaled(high)),
+        )
+        self._widths, self._scale = None, np.maximum(*map(rms, self.extremes))
+        if self._told is not None:
+            self.noise = np.maximum(self._scaled(self._told), self.rounding * self._scale)
+        return self._scaled(ensemble.Y), ensemble.ok, ensemble.events
+
+    def _scaled(self, values: Array) -> Array:
+        return np.ldexp(values, -self.power) if self.power.any() else values
+
+    def _choose_powers(self, largest: Array) -> None:
+        """Scale outputs that have been 0 so far, by their largest values (n_y,) in new runs.
+
+        An OutgrownError tells that others exceed earlier ones so far that their squares overflow.
+        """
+        varies = self._largest > 0
+        self._largest = np.maximum(self._largest, largest)
+        largest = np.maximum(largest, 0.0 if self._told is None else self._told)
+        new = np.maximum(np.where(largest > 0, np.frexp(largest)[1], self.power), self._least_power)
+        if (too_large := varies & (new - self.power > _ORDINARY)).any():
+            self._least_power = np.where(too_large, new, self._least_power)
+            raise OutgrownError
+        self.power = np.where(varies | (np.abs(new) < _ORDINARY / 2), self.power, new)
+
+
+class OutputRuns:
+    """Runs of a study as one of its outputs sees them. A figure has one time."""
+
+    def __init__(self, runs: Runs, column: int) -> None:
+        is_figure = runs.simulator.outputs[column] in getattr(runs.simulator, "figures", ())
+        self._runs, self.box, self.clock, self.column = runs, runs.box, runs.clock, column
+        self._own = (..., slice(0, 1) if is_figure else slice(None), slice(column, column + 1))
+        self.shape = 1 if is_figure else runs.shape[0], 1
+        self.has_lanes = isinstance(runs.simulator, SceneSimulator)
+        self.probes, self.most, self.rounding = runs.probes, runs.most, runs.rounding
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    @property
+    def left(self) -> int:
+        """Runs that are still allowed."""
+        return self._runs.left
+
+    @property
+    def nodes(self) -> Array:
+        """(N, n_t, 1)."""
+        return self._runs.nodes[self._own]
+
+    @property
+    def checks(self) -> Array:
+        """(C, n_t, 1)."""
+        return self._runs.checks[self._own]
+
+    @property
+    def points(self) -> Array:
+        """(C, d) of the checks."""
+        return self._runs.points
+
+    def attained(self, among: Array | None = None) -> tuple[Array, Array]:
+        """Points (M, d) of runs that did not fail, of all or of those among some points, and responses (M, n_t, 1)."""
+        ok = self._runs.is_attained
+        points, Y = np.concatenate([self._runs.places[ok], self.points]), np.concatenate([self.nodes[ok], self.checks])
+        if among is None:
+            return points, Y
+        wanted = set(_keys(among))
+        kept = [key in wanted for key in _keys(points)]
+        return points[kept], Y[kept]
+
+    @property
+    def are_ok(self) -> bool:
+        """Whether no run failed."""
+        return bool(self._runs.ok.all())
+
+    @property
+    def noise(self) -> Array:
+        """(1,)."""
+        return self._runs.noise[self._own[-1]]
+
+    @property
+    def noise_is_known(self) -> bool:
+        """Whether the simulator told it, or it was measured."""
+        return self._runs.noise_is_known
+
+    @property
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest responses (n_t, 1)."""
+        low, high = self._runs.extremes
+        return low[self._own[1:]], high[self._own[1:]]
+
+    def rms_widths(self) -> Array:
+        """Root mean square width (1,)."""
+        return self._runs.rms_widths()[self._own[-1]]
+
+    def beyond(self, lower: Array, upper: Array) -> Array:
+        """How far runs go beyond bounds (n_t, 1), less noise."""
+        lowest, highest = self.extremes
+        return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
+
+    def interpolant(self, grid: Grid) -> Expansion:
+        """Through the responses at the nodes of a grid."""
+        Y = self.nodes[self._runs.at(grid.nodes)]
+        return Expansion(grid.alpha, grid.coefficients(Y.reshape(len(Y), -1)).reshape(Y.shape), self.box.names)
+
+    def at_nodes(self, points: Array) -> Array:
+        """Responses (N, n_t, 1) at nodes (N, d) that have been run."""
+        return self.nodes[self._runs.at(points)]
+
+    def known(self, points: Array) -> tuple[Array, Array]:
+        """Those of some points (C, d) that have been check runs and did not fail, and responses there."""
+        row = {key: k for k, key in enumerate(_keys(self.points))}
+        rows = [row[key] for key in _keys(points) if key in row]
+        return self.points[rows], self.checks[rows]
+
+    def checked(self, points: Array) -> Array | None:
+        """Responses (C, n_t, 1) at check points; None if some have not been run, or failed."""
+        found, Y = self.known(points)
+        return Y if len(found) == len(points) else None
+
+    def may_hide(self) -> bool:
+        """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
+        some = slice(None, None, max(1, self.shape[0] // (2 * SHAPE_RUNS)))
+        Y = self.nodes[:SHAPE_RUNS, some]
+        Y = (Y - Y.mean(axis=0)) / self.rms_widths()
+        return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
+
+    def tell(self, error: float) -> None:
+        """Tell whoever watches the progress the error that is reached."""
+        self._runs.tell(error)
+
+
+def rms(a: Array) -> Array:
+    """Root mean square over the first axis."""
+    return np.sqrt(np.mean(np.square(a), axis=0))
+
+
+def relative_rms(error: Array, widths: Array) -> float:
+    """Largest over outputs of the `relative_errors`."""
+    return float(np.max(relative_errors(error, widths), initial=0.0))
+
+
+def typical_error(error: Array, widths: Array) -> float:
+    """Mean over the outputs that vary of the `relative_errors`."""
+    errors = relative_errors(error, widths)[np.isfinite(widths)]
+    return float(np.mean(errors)) if errors.size else 0.0
+
+
+def relative_errors(error: Array, widths: Array) -> Array:
+    """Root mean square over time of errors (..., n_t, n_y) over the rms width (n_y,) of each output."""
+    return np.asarray(np.sqrt(np.square(error).mean(axis=-2)) / widths)
+
+
+def _quadratic(points: Array, Y: Array) -> Callable[[Array], Array]:
+    """The quadratic polynomial of least coefficients through responses Y (N, n_t, n_y) at points (N, d)."""
+    alpha = TotalDegree().indices(points.shape[1], 2)
+    coefficients = np.linalg.lstsq(basis_values(alpha, points), Y.reshape(len(Y), -1))[0]
+    return lambda others: (basis_values(alpha, others) @ coefficients).reshape(-1, *Y.shape[1:])
+
+
+def _distance(places: Array, points: Array) -> Array:
+    """Distance (k,) of places (k, d) from the nearest of some points (m, d)."""
+    nearest = np.full(len(places), np.inf)
+    for point in points:
+        nearest = np.minimum(nearest, np.square(places - point).sum(axis=1))
+    return nearest
+
+
+def _keys(points: Array) -> list[bytes]:
+    rounded = np.ascontiguousarray(points.round(12) + 0.0)  # equal nodes agree, and 0 is not -0
+    return rounded.view(f"V{8 * points.shape[1]}").ravel().tolist()

@@ -1,0 +1,67 @@
+"""Kinks of responses of one parameter: where secants through runs meet, and how far beyond all runs they do."""
+
+import numpy as np
+
+from symmb._limits import windows
+from symmb._types import Array
+from symmb.bound.bounds.adaptive.check_runs import SAFETY
+
+LEAST_SHARE = 0.2
+"""Least share of an interval between a vertex and its ends where slopes grow towards it, as at cusps."""
+
+
+def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
+    """Places of possible minima and maxima (2, n_t, n_y, 1), and how far they may go beyond all responses.
+
+    The secants through the two runs on the left of an interval and through those on its right bound what is between,
+    where a response bends one way. Where the interval is steeper or flatter than both, or at an end of the box, each of
+    them may go on to the other side.
+
+    Parameters
+    ----------
+    points : (N, 1)         of the unit box, three or more
+    Y : (N, n_t, n_y)       responses there
+    noise : (n_y,)          of the responses, which is no slope
+    """
+    _, order = np.unique(points[:, 0].round(9), return_index=True)  # slopes of less are rounding
+    x = points[order, 0]
+    n_t, n_y = Y.shape[1:]
+    places, beyond = np.empty((2, n_t, n_y, 1)), np.empty((2, n_t, n_y))
+    for window in windows(n_t, n_y * len(x)):
+        for side, sign in enumerate((1.0, -1.0)):
+            values, at = _lowest(x, sign * Y[order, window], noise)
+            least = (sign * Y[:, window]).min(axis=0)
+            which = values.argmin(axis=0)[None]
+            beyond[side, window] = np.maximum(least - np.take_along_axis(values, which, axis=0)[0], 0.0)
+            places[side, window, :, 0] = np.take_along_axis(at, which, axis=0)[0]
+    return places, beyond
+
+
+def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
+    """The least that secants leave to each interval of points x (N,) with responses y (N, ...), and where."""
+    h = np.diff(x)[:, None, None]
+    slope = np.diff(y, axis=0) / h
+    sure = np.sign(slope) * np.maximum(np.abs(slope) - 2 * noise / h, 0.0)
+    (before, growth_before), (after, growth_after) = _outer(sure), (each[::-1] for each in _outer(sure[::-1]))
+    left, right = before * growth_before, after * growth_after
+    bends = (np.minimum(left, right) <= slope) & (slope <= np.maximum(left, right))
+    bends[[0, -1]] = False
+    is_valley = bends & (left < 0) & (right > 0)
+    crossing = np.divide(slope - right, left - right, out=np.full_like(slope, 0.5), where=is_valley)
+    least = np.minimum(np.maximum(growth_before, growth_after) - 1, LEAST_SHARE)
+    u = np.where(is_valley, np.clip(crossing, least, 1 - least), 0.5)
+    of_left, of_right = h * np.where(is_valley, [u, 1 - u], 1.0)
+    value = np.minimum(y[:-1] + np.minimum(left, 0.0) * of_left, y[1:] - np.maximum(right, 0.0) * of_right)
+    value[bends & ~is_valley] = np.inf
+    depth = np.maximum(np.minimum(y[:-1], y[1:]) - value, 0.0)
+    return np.minimum(y[:-1], y[1:]) - SAFETY * depth, x[:-1, None, None] + u * h
+
+
+def _outer(slope: Array) -> tuple[Array, Array]:
+    """Slopes (N, ...) of the intervals to the left, and the factors, at least 1, by which they have become steeper."""
+    outer, growth = np.zeros_like(slope), np.ones_like(slope)
+    outer[1:] = slope[:-1]
+    last, first = slope[1:-1], slope[:-2]
+    grows = (last * first > 0) & (np.abs(last) > np.abs(first))
+    np.divide(last, first, out=growth[2:], where=grows)
+    return outer, np.minimum(growth, SAFETY)  # unequal intervals exaggerate it

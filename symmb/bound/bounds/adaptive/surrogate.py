@@ -1,0 +1,37 @@
+"""The range of what stands for the responses over the box."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bound.polynomials.ranges import Piecewise
+
+
+class EstimatedRange(NamedTuple):
+    """Range of a surrogate, its estimated error, each (n_t, n_y), and polynomials that are close to it everywhere.
+
+    The polynomials are made on call: they are as large as the runs, which are not needed any more then. `places` are
+    those of the minima and the maxima, (2, n_t, n_y, d), if they are known. `is_enough` tells whether the tolerance is
+    reached. `surrogate` names whose range it is.
+    """
+
+    lower: Array
+    upper: Array
+    estimate: Array
+    polynomials: Callable[[], Piecewise | None] | None
+    surrogate: str
+    places: Array | None = None
+    is_enough: bool = False
+
+    def better(self, other: "EstimatedRange", widths: Array, tolerance: float) -> "EstimatedRange":
+        """For each output that range with the smaller error over the width (n_y,), and polynomials of this one."""
+        own, its = (np.sqrt(np.square(each.estimate).mean(axis=0)) / widths for each in (self, other))
+        is_other = its < own
+        if is_other.all():
+            return other
+        lower, upper, estimate = (np.where(is_other, b, a) for a, b in zip(self[:3], other[:3], strict=True))
+        surrogate = f"{self.surrogate}, {other.surrogate}" if is_other.any() else self.surrogate
+        is_enough = bool(np.minimum(own, its).max() <= tolerance)
+        return self._replace(lower=lower, upper=upper, estimate=estimate, surrogate=surrogate, is_enough=is_enough)

@@ -1,0 +1,331 @@
+"""Bounds over few parameters: tensor grids, in pieces of the box where the response is not smooth, and check runs."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.bound.bounds.adaptive.check_runs import (
+    FEW_SHAPES,
+    PATIENCE,
+    PROBES,
+    SAFETY,
+    evenly_spread_points,
+    inflated_error,
+    quasi_random_points,
+    select_dispersed,
+)
+from symmb.bound.bounds.adaptive.piece import JUDGED_DEGREE, TENSOR_RANGE, Part, Piece, nodes_of
+from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
+from symmb.bound.bounds.adaptive.secants import secant_extremes
+from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, average_over_window, is_doubtful, is_doubtful_in_window
+from symmb.bound.polynomials.ranges import Piecewise
+
+MANY_VALUES = 1000
+"""Values of a run from which they are a field: a mean over fewer says little, and misses more with fewer runs."""
+FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
+"""TRUST and SAFETY of fields, whose check runs show errors at many times: less takes fewer runs, and misses more."""
+KINK_GAIN = 0.9
+"""Share of the error that half of all rounds of runs near kinks may leave: more takes runs that do not help."""
+NARROW, MOST_AT_KINKS = 0.01, 8
+"""How near kinks are taken together, over the distances of other check runs, and most runs of a round there."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Union:
+    """The range of all pieces.
+
+    Attributes
+    ----------
+    lower, upper : (n_t, n_y) range
+    places : (2, n_t, n_y, d) of its minima and maxima
+    errors : (k, n_t, n_y) how far each piece may exceed the range
+    checkable_error : (2, n_t, n_y) the part of the errors that runs at the places can show: none at nodes
+    trust : (n_t, n_y) least share of the largest error that check runs leave; 1 where it comes from events
+    """
+
+    pieces: list[Piece]
+    lower: Array
+    upper: Array
+    places: Array
+    errors: Array
+    checkable_error: Array
+    trust: Array
+
+    @classmethod
+    def of(cls, pieces: list[Piece]) -> "_Union":
+        lows, highs, places = (_stacked(each) for each in zip(*(piece.range for piece in pieces), strict=True))
+        lower, upper = lows.min(axis=0), highs.max(axis=0)
+        extreme = np.stack([lows.argmin(axis=0), highs.argmax(axis=0)])
+        below, above = (_stacked([piece.errors[side] for piece in pieces]) for side in (0, 1))
+        beyond = np.maximum(np.maximum(lower - (lows - below), highs + above - upper), 0.0)
+        checkable = _stacked([piece.checkable_error for piece in pieces])
+        no_event = np.zeros(beyond.shape[1:])
+        has_event = [no_event if p.event_errors is None else np.isfinite(p.event_errors[0]) for p in pieces]
+        trust = np.where(_select(np.array(has_event, dtype=bool), beyond.argmax(axis=0)), 1.0, TRUST)
+        return cls(
+            pieces, lower, upper, _select(places, extreme[..., None]), beyond, _select(checkable, extreme), trust
+        )
+
+    @property
+    def expected(self) -> Array:
+        """The largest of the errors (n_t, n_y)."""
+        return self.errors.max(axis=0)
+
+    def worst(self, widths: Array) -> Piece:
+        """The piece with the largest error over the widths (n_y,)."""
+        return self.pieces[int(np.argmax([relative_rms(error, widths) for error in self.errors]))]
+
+    def polynomials(self) -> Piecewise:
+        """Those of all pieces."""
+        centres, halves = (np.stack([getattr(piece, name) for piece in self.pieces]) for name in ("centre", "half"))
+        error = np.max([piece.largest_error for piece in self.pieces], axis=0)
+        found = Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error)
+        runs = self.pieces[0].runs
+        seen = np.abs(found.values(runs.points) - runs.checks).max(axis=0, initial=0.0)
+        return replace(found, error=np.maximum(error, SAFETY * seen))
+
+    def piece_at(self, point: Array) -> Piece:
+        """A piece that holds the point."""
+        return min(self.pieces, key=lambda piece: float((np.abs(point - piece.centre) / piece.half).max()))
+
+
+class TensorGrids:
+    """Interpolants on tensor grids, whose degrees rise in the directions with the largest errors.
+
+    Where the response is not smooth the box is halved. Each half is refined by itself as long as it may hold an
+    extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the
+    extremes. Runs at some of these places then check the estimate. Of one parameter, secants suspect extremes at kinks.
+    Runs there tell the largest share (n_y,) of a suspicion that was right: so much of the others counts as an error.
+    """
+
+    def __init__(self, runs: Runs, tolerance: float) -> None:
+        d = len(runs.box)
+        self._runs, self._tolerance, self._counts = runs, tolerance, np.full(runs.shape[1], True)
+        part = (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2))
+        runs.at(nodes_of(part))  # widths are those of runs
+        self._pieces = [Piece.of(runs, part, self._widths)]
+        self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
+        self._share_of_secants = np.zeros(runs.shape[1])
+
+    def bounded(self) -> EstimatedRange | None:
+        """The range, if its error is small enough or cannot be reduced.
+
+        The error is small enough if a share of the estimate, which check runs may leave of it, is, and then what they
+        leave. Bounds that are doubtful are refined further as long as that takes few runs.
+        """
+        runs, tolerance, first = self._runs, self._tolerance, self._pieces[0]
+        widths, is_field = self._widths, self._is_field()
+        measure = typical_error if is_field else relative_rms
+        if len(self._pieces) == 1 and first.jumps is None:  # no range is needed where errors are large everywhere
+            least = (FIELD_TRUST if is_field else TRUST) * first.truncation.least
+            if measure(least, widths) > tolerance and self._chooses(first):
+                return None
+        union = _Union.of(self._pieces)
+        worst, trusted = union.worst(widths), (FIELD_TRUST if is_field else union.trust) * union.expected
+        if measure(trusted, widths) > tolerance and self._chooses(worst):
+            return self._at_kinks(union, union.expected) if len(self._parts) > 1 else None
+        runs.tell(relative_rms(union.expected, widths))
+        return self._confirmed(union, worst, trusted, is_field)
+
+    def _confirmed(self, union: _Union, worst: Piece, trusted: Array, is_field: bool) -> EstimatedRange | None:
+        """The range after check runs, unless these show that the worst piece should be refined.
+
+        They leave at least the trusted error (n_t, n_y), of fields at least the share of the error that they show.
+        """
+        runs, tolerance, expected = self._runs, self._tolerance, union.expected
+        inflated, ratio, worst = self._check(union, worst, FIELD_SAFETY if is_field else SAFETY)
+        beyond, widths = runs.beyond(union.lower, union.upper), self._widths
+        if is_field:
+            left = np.maximum(np.maximum(ratio, FIELD_TRUST) * expected, beyond)
+            error = typical_error(left, widths)
+            width = np.sqrt(average_over_window(np.square(union.upper - union.lower)))
+            unseen = np.minimum(expected, DOUBTFUL / 2 * width)
+            estimate = np.maximum(np.maximum(inflated, FIELD_SAFETY * left), unseen)
+        else:
+            estimate = np.maximum(inflated, np.maximum(trusted, beyond))
+            if len(runs.box) == 1:
+                estimate = np.maximum(estimate, self._share_of_secants * self._unseen(union)[1].max(axis=0))
+            error = relative_rms(estimate, widths)
+        if error > tolerance and self._chooses(worst):
+            return self._at_kinks(union, estimate)
+        width, varies = union.upper - union.lower, np.isfinite(widths)
+        doubtful = is_doubtful(estimate, width, runs.noise) | is_doubtful_in_window(estimate, width, runs.noise)
+        if doubtful[:, varies].any() and self._chooses(worst, CHEAP_RUNS - len(runs)):
+            return None
+        n = len(union.pieces)
+        name = "an interpolant on a tensor grid" if n == 1 else f"interpolants on {n} tensor grids"
+        is_enough = max(error, TENSOR_RANGE) <= tolerance
+        estimate = estimate + TENSOR_RANGE * width
+        return EstimatedRange(union.lower, union.upper, estimate, union.polynomials, name, union.places, is_enough)
+
+    def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
+        """What runs attain near kinks of one parameter beside the estimated range, if its error is small enough.
+
+        The next runs are where secants on both sides meet, as at the vertex of a V. They go on while they help.
+        """
+        runs, tolerance, widths, sizes = self._runs, self._tolerance, self._widths, list[float]()
+        has_events = any(piece.event_errors is not None for piece in union.pieces)
+        if len(runs.box) > 1 or has_events or len(runs.places) <= JUDGED_DEGREE // 2:
+            return None
+        runs.check(self._probes(PROBES))
+        while runs.left > 1 and not runs.clock.is_late:
+            places, beyond = self._secant_extremes()
+            of_range = np.maximum(estimate, runs.beyond(union.lower, union.upper))
+            errors = np.minimum(beyond, np.maximum(of_range, self._share_of_secants * beyond))
+            size = relative_rms(errors.max(axis=0), widths)
+            if size <= tolerance:
+                (is_lowest, is_highest), (lowest, highest) = beyond < of_range, runs.extremes
+                lower, upper = np.where(is_lowest, lowest, union.lower), np.where(is_highest, highest, union.upper)
+                error = errors.max(axis=0) + TENSOR_RANGE * (upper - lower)
+                return EstimatedRange(lower, upper, error, union.polynomials, "runs near kinks", is_enough=True)
+            sizes.append(size)
+            large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
+            has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
+            chosen = select_dispersed(places / NARROW, large, MOST_AT_KINKS)[: runs.left] * NARROW
+            if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
+                break
+        return None
+
+    def _unseen(self, union: _Union) -> tuple[Array, Array]:
+        """Where secants suspect extremes, and how far beyond all runs and the range, (2, n_t, n_y)."""
+        (places, beyond), (lowest, highest) = self._secant_extremes(), self._runs.extremes
+        foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
+        return places, np.maximum(beyond - foreseen, 0.0)
+
+    def _check_secants(self, union: _Union, places: Array, unseen: Array, chosen: Array) -> int:
+        """Run chosen points, and note what they gain where secants suspect extremes; returns how many are new."""
+        runs = self._runs
+        lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
+        points, _ = runs.check(chosen)
+        gains = np.maximum(np.stack([lower - runs.extremes[0], runs.extremes[1] - upper]), 0.0)
+        is_run = (np.abs(places - points[:, 0]) < ROUNDING).any(axis=-1)
+        is_run &= unseen > self._tolerance / 2 * self._widths
+        share = np.divide(gains, unseen, out=np.zeros_like(gains), where=is_run).max(axis=(0, 1))
+        self._share_of_secants = np.clip(share, self._share_of_secants, 1.0)
+        return len(points)
+
+    def _secant_extremes(self) -> tuple[Array, Array]:
+        """Of all runs: where they suspect extremes at kinks, and how far beyond."""
+        runs, ok = self._runs, self._runs.is_attained
+        points = np.concatenate([runs.places[ok], runs.points])
+        return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
+
+    def _probes(self, number: int) -> Array:
+        """Check points: those that the study is asked for, and so many others, nearer to corners if there are any."""
+        d = len(self._runs.box)
+        n_even = self._runs.probes + (number if d == 1 else 0)  # a kink may be anywhere
+        points = np.concatenate([evenly_spread_points(n_even, d), quasi_random_points(number if d > 1 else 0, d)])
+        return points[: self._runs.left]
+
+    def refined(self) -> "TensorGrids":
+        """With the chosen piece refined or halved, or with measured noise."""
+        runs, old = self._runs, self._chosen
+        is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
+        if not runs.noise_is_known and is_worth_it:
+            runs.measure_noise()
+            self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]  # with new errors
+        else:
+            self._pieces = [piece for piece in self._pieces if piece is not old] + old.replaced(
+                self._parts, self._widths
+            )
+        self._chosen = self._pieces[0]  # pieces are large
+        return self
+
+    def _chooses(self, piece: Piece, most: int | None = None) -> bool:
+        """Choose a piece to refine, if it has parts, and their nodes take as many runs at most as are left."""
+        runs, self._chosen, self._parts = self._runs, piece, piece.refined_parts()
+        most = runs.left if most is None else min(most, runs.left)
+        return bool(self._parts) and self._cost() <= most and not runs.clock.is_late
+
+    @property
+    def _widths(self) -> Array:
+        """Widths (n_y,) by which errors are measured; infinite for outputs that do not count."""
+        return np.where(self._counts, self._runs.rms_widths(), np.inf)
+
+    def count_only(self, which: Mask) -> None:
+        """Refine these outputs (n_y,) from now on: others are known."""
+        self._counts = which
+        self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]
+        self._chosen, self._parts = self._pieces[0], []
+
+    @property
+    def is_costly(self) -> bool:
+        """Whether the next step takes more runs than it is worth, as halves along three parameters and large grids do.
+
+        Over two parameters pieces take some hundred runs, and show fronts that move in time better than searches.
+        """
+        d = len(self._runs.box)
+        return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)
+
+    def _cost(self) -> int:
+        """How many of the nodes of the next parts have not run."""
+        return self._runs.unknown(np.concatenate([nodes_of(part) for part in self._parts]))
+
+    def _is_field(self) -> bool:
+        """Whether each output of many values has many shapes of time: check runs then tell more of the error."""
+        if math.prod(self._runs.shape) < MANY_VALUES:
+            return False
+        if len(self._pieces) > 1 or self._pieces[0].jumps is not None:
+            return False
+        if not self._has_fields:
+            shapes = self._runs.shapes_of_outputs()
+            self._has_fields = bool(shapes.size and (shapes > FEW_SHAPES).all())
+        return self._has_fields
+
+    def _check(self, union: _Union, worst: Piece, safety: float) -> tuple[Array, Array, Piece]:
+        """Check runs at some of the extremes, and at quasi-random points.
+
+        A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E. Told
+        are the error (n_t, n_y) that check runs show, the ratio (n_y,) of the root mean squares of errors and of
+        estimates there, and the piece with the largest error that they show, the worst one without them.
+        """
+        runs, widths = self._runs, self._widths
+        n_known, d = len(runs.points), len(runs.box)
+        probes = self._probes(PROBES if runs.shapes() <= FEW_SHAPES else 1)
+        runs.check(probes)
+        for _ in range(2 if d == 1 else 1):
+            places, weights = union.places, union.checkable_error
+            if d == 1:  # a response may have kinks
+                at_kinks, unseen = self._unseen(union)
+                places = np.concatenate([places, at_kinks])
+                weights = np.concatenate([weights, np.where(unseen > self._tolerance / 2 * widths, unseen, 0.0)])
+            chosen = select_dispersed(places, weights / widths, 2 * d)[: runs.left]
+            if d == 1:
+                self._check_secants(union, at_kinks, unseen, chosen)
+            else:
+                runs.check(chosen)
+        squares, largest = np.zeros(runs.shape), -1.0
+        seen, foreseen = np.zeros((2, runs.shape[1]))
+        rows = np.arange(len(runs.points))
+        if len(union.pieces) > 1:  # near a jump, former check runs say nothing about the pieces that lie there now
+            rows = rows[(rows < len(probes)) | (rows >= n_known)]
+        home = [union.piece_at(point) for point in runs.points[rows]]
+        for piece in union.pieces:
+            own = rows[[each is piece for each in home]]
+            points, errors = runs.points[own], piece.observed_errors(runs.points[own], runs.checks[own])
+            largest_expected = piece.errors.max(axis=0)
+            for point, error in zip(points, np.maximum(np.square(errors) - np.square(runs.noise), 0.0), strict=True):
+                expected = piece.expected_error(point[None, None])
+                ratio = np.divide(largest_expected, expected, out=np.ones_like(expected), where=expected > 0)
+                squares = np.maximum(squares, error * np.square(ratio))
+                seen, foreseen = seen + error.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
+                if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(error), widths)) > largest:
+                    largest, worst = observed, piece
+        ratio = np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
+        return inflated_error(squares, safety), ratio, worst
+
+
+def _stacked(arrays: Sequence[Array]) -> Array:
+    """The arrays as one; a single one is not copied."""
+    return np.stack(arrays) if len(arrays) > 1 else arrays[0][None]
+
+
+def _select(alternatives: np.ndarray, numbers: Indices) -> np.ndarray:
+    """At each place, the one of k alternatives (k, ...) with the number there."""
+    if len(alternatives) == 1:
+        return alternatives[0]
+    return np.take_along_axis(alternatives, numbers[None], axis=0)[0]

@@ -1,0 +1,300 @@
+"""What bounds answer beyond their curves: worst cases, contributions, quantiles and probabilities."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._names import ByName
+from symmb._types import Array, Mask
+from symmb._units import units_of_parameters
+from symmb.bound.bounds.contributions import Contributions, contributions_of
+from symmb.bound.bounds.envelope import Envelope
+from symmb.bound.bounds.laws import Correlation, given_once
+from symmb.bound.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
+from symmb.bound.bounds.responses import GOOD, Responses
+from symmb.bound.bounds.time_windows import ROUNDING, ROUNDING_SCALE, is_doubtful
+from symmb.bound.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of
+from symmb.bound.polynomials import Moments, moments
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.equations.model import Box
+from symmb.run.simulation import Sweep
+
+_WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
+"""Methods that make no runs in the box, by the begin of their texts."""
+
+
+class Answers(Envelope):
+    """The part of `Bounds` that asks the runs, the surrogate, or further runs."""
+
+    def worst(self, output: str, time: float | None = None) -> Worst:
+        """Where an output is lowest and highest: values, times, and the parameters of the runs that attain them.
+
+        Parameters
+        ----------
+        output : name of an output
+        time : the output time [s] that is closest to this one; default: the extremes over all times
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such output or time, no runs were made, or a file holds the extremes over all times alone.
+        SimulationError
+            If the run does not come again.
+        """
+        k = self._column(output)
+        if self.attaining is None:
+            known = {case.side: case for case in self.worst_cases if case.output == output}
+            if time is None and len(known) == len(SIDES):
+                return Worst(**known)
+            raise DeclarationError(f"Bounds.worst: {self._why_no_worst(bool(known))}")
+        rows = self._extreme_rows(k) if time is None else [row_of("Bounds.worst", self.t, time)] * 2
+        places = [(side, row, k) for side, row in zip(SIDES, rows, strict=True)]
+        return Worst(*self._cases(self.attaining, places))
+
+    def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
+        """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
+        acting = {k: self._acting(self.box, [k]) for _, _, k in places} if self.box else {}
+        cases = list[WorstCase]()
+        for place, sample in zip(places, runs.samples(places), strict=True):
+            side, i, k = place
+            lower, upper = float(self.lower[i, k]), float(self.upper[i, k])
+            own = runs.simulator.parameters
+            parameters = ByName(zip(own, sample.P[sample.index].tolist(), strict=True), units_of_parameters(own))
+            varied = acting.get(k, tuple(parameters))
+            is_figure = self.names[k] in self.figures
+            time, times = (0.0, 1) if is_figure else (float(self.t[i]), len(self.t))
+            about = time, parameters, sample.value, upper - lower, varied, times, runs.simulator
+            case = WorstCase(self.names[k], side, lower if side == "lower" else upper, *about)
+            cases.append(self._at_extreme(case, place) if case.is_short else case)
+        return cases
+
+    def _at_extreme(self, case: WorstCase, place: Place) -> WorstCase:
+        """The run where the polynomials have their extreme, if it comes closer to the bound."""
+        if self.surrogate is None or self.study is None or self.box is None:
+            return case
+        side, i, k = place
+        one = np.ones(len(self.box))
+        point = self.surrogate.part([i], [k]).range(-one, one)[2][SIDES.index(side), 0]
+        try:
+            attained = float(self.study.values(point)[0, i, k])
+        except PropagationError:
+            return case
+        return self._closer(case, side, point[0], attained)
+
+    def _closer(self, case: WorstCase, side: str, place: Array, attained: float) -> WorstCase:
+        """The run at a place (d,) of the unit box that attains a value, if it comes closer to the bound of a case."""
+        assert self.box is not None
+        values = self.box.from_unit(place).tolist()
+        parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
+        parameters = ByName(parameters, units_of_parameters(case.parameters))
+        best = min if side == "lower" else max
+        other = replace(case, parameters=parameters, attained=attained, value=best(case.value, attained))
+        return other if case.side == side and other.attained == best(attained, case.attained) else case
+
+    def _why_no_worst(self, knows_some: bool) -> str:
+        if knows_some:
+            return "a file holds the worst cases over all times alone."
+        if self.study is not None or self.method.startswith(_WITHOUT_RUNS):
+            return f"{self.method} makes no runs that attain its bounds. Use PolynomialChaos() or Vertex()."
+        what = "pickled bounds keep" if self.box else "a .csv file keeps"
+        return f"{what} no worst cases. Save bounds as .npz or .json."
+
+    def _extreme_rows(self, k: int) -> list[int]:
+        """Numbers of the times at which output number k is least and largest."""
+        return [int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())]
+
+    def _all_worst(self) -> Sequence[WorstCase]:
+        """Those over all times, for files."""
+        if self.attaining is None:
+            return self.worst_cases
+        rows = enumerate(map(self._extreme_rows, range(len(self.names))))
+        places = [(side, row, k) for k, both in rows for side, row in zip(SIDES, both, strict=True)]
+        return self._cases(self.attaining, places)
+
+    def moments(self) -> Moments:
+        """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.
+
+        Raises
+        ------
+        PropagationError
+            If the method has no expansion.
+        """
+        if self.expansion is None:
+            raise PropagationError(
+                f"Bounds by {self.method} hold no expansion to take moments of. Use PolynomialChaos(order=4); "
+                "at kinks or jumps, where PolynomialChaos() cuts the box into pieces, samples of your own."
+            )
+        return moments(self.expansion, self.t, self.names)
+
+    def contributions(self) -> Contributions:
+        """What each parameter contributes to the widths and to the variance.
+
+        They are those of polynomials that stand for the responses, which take no runs. A method that has none is
+        followed by a study with PolynomialChaos(). Outputs for which these are not good enough take widths from studies
+        with fewer parameters, and Sobol's indices from least squares: runs at points that are spread over the box are
+        doubled, from 64 to 1024, until the error of the indices is below 0.04.
+
+        Raises
+        ------
+        DeclarationError
+            If there are no such polynomials, and bounds that were read or pickled cannot make runs.
+        PropagationError
+            If too many of these runs fail.
+        """
+        return self._contributions
+
+    @cached_property
+    def _contributions(self) -> Contributions:
+        found = contributions_of(self._responses("Bounds.contributions"))
+        assert found is not None
+        return found
+
+    def _known_contributions(self) -> Contributions | None:
+        """Those that take no further runs, or have taken them."""
+        if "_contributions" in self.__dict__:
+            return self._contributions
+        if not self.range_of and self.study is not None:
+            return None
+        return contributions_of(self._responses("Bounds.contributions"), may_run=False)
+
+    def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
+        """The parameters of the box, but those with a fixed value, and those that change none of some outputs, by their
+        numbers, beyond noise and rounding, if polynomials tell that.
+        """
+        acts = box.radius > 0
+        if self.surrogate is not None:
+            rounding = ROUNDING_SCALE * np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+            floor = np.maximum(rounding, 0.0 if self.noise is None else self.noise)
+            acts &= self.surrogate.part(slice(None), columns).acting(floor[[*columns]])
+        return tuple(name for name, is_acting in zip(box.names, acts, strict=True) if is_acting)
+
+    def quantiles(
+        self,
+        output: str,
+        levels: float | Sequence[float] | Array,
+        laws: Mapping[str, Any] | None = None,
+        correlation: Correlation | None = None,
+        *,
+        distributions: Mapping[str, Any] | None = None,
+    ) -> Quantiles:
+        """Quantiles of an output over time, for parameters that have distributions.
+
+        A parameter without a distribution may have any value in its interval, and another one in each sample. Then
+        there is a lowest and a highest quantile. Quantiles follow from polynomials, which 32 runs verify. If the
+        polynomials are not good enough, quantiles follow from 1,024 runs. If some parameters also have no distribution,
+        they follow from least squares through 256 runs, and some hundreds of further runs estimate the error.
+
+        Parameters
+        ----------
+        output : str
+        levels : float or list
+            probabilities between 0 and 1
+        laws : mapping
+            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to the interval of
+            the box
+        correlation : (n, n)
+            correlations of a Gaussian copula, in the order of the distributions; default: independent
+        distributions : mapping
+            another name of `laws`
+
+        Raises
+        ------
+        DeclarationError
+            If an output or a parameter is unknown, a distribution or a level is invalid, a distribution lies outside of
+            the box, or the correlations are not positive definite.
+        PropagationError
+            If runs fail.
+        """
+        given = given_once("Bounds.quantiles", laws, distributions)
+        return quantiles_of(self._responses("Bounds.quantiles"), output, levels, given, correlation)
+
+    def probability(
+        self,
+        output: str,
+        *,
+        above: float | None = None,
+        below: float | None = None,
+        laws: Mapping[str, Any] | None = None,
+        correlation: Correlation | None = None,
+        error: float = 0.1,
+        distributions: Mapping[str, Any] | None = None,
+    ) -> Probability:
+        """Probability that an output is above or below a value, at each time and at any time; see `quantiles`.
+
+        With both values, it is the probability that the output is above the one or below the other. This is the reject
+        rate of a limit with two ends.
+
+        Parameters
+        ----------
+        above, below : float
+        laws, correlation, distributions : as in `quantiles`
+        error : float
+            the estimated error to reach, as a share of the probability of the event at any time. The polynomials are
+            sampled as often as that takes. If this does not suffice, and all parameters have distributions, up to 1,000
+            runs near the limit give probabilities down to 1e-9
+        """
+        given = given_once("Bounds.probability", laws, distributions)
+        responses = self._responses("Bounds.probability")
+        return probability_of(responses, output, above, below, given, correlation, error)
+
+    def samples(
+        self,
+        n: int,
+        laws: Mapping[str, Any] | None = None,
+        correlation: Correlation | None = None,
+        seed: int = 0,
+        *,
+        distributions: Mapping[str, Any] | None = None,
+    ) -> Sweep:
+        """Responses for n random samples of parameters that all have distributions; see `quantiles`.
+
+        They follow from the polynomials that `contributions` uses, or from runs.
+        """
+        given = given_once("Bounds.samples", laws, distributions)
+        return samples_of(self._responses("Bounds.samples"), n, given, correlation, seed, self.nominal_parameters)
+
+    def _responses(self, owner: str) -> Responses:
+        """Responses that answer questions about the bounds."""
+        if self.box is None:
+            raise DeclarationError(f"{owner}: these bounds do not know their box. A .csv file does not hold it.")
+        adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
+        surrogate = adaptive.surrogate
+        is_good = adaptive.have_good_surrogate()
+        remarks = [f"The bounds have a warning: {doubt}" for doubt in self.doubts[:1]]
+        if self.study is None and not is_good.all():
+            if surrogate is None:
+                raise DeclarationError(
+                    f"{owner}: {self.method} has no polynomials, and bounds from a file or a pickle cannot make runs. "
+                    "Use the bounds that propagate returned."
+                )
+            is_good[:] = True
+            remarks.append("Polynomials that are not good enough answer here: bounds from a file make no runs.")
+        values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
+        point = self.box.to_unit(np.array(values))
+        outside = ", ".join(n for n, x in zip(self.box.names, point, strict=True) if abs(x) > 1 + 1e-12)
+        if outside:
+            remarks.append(
+                f"Nominal values are outside of the intervals, so that the ends of the intervals are taken: {outside}."
+            )
+        estimate = adaptive.estimate if adaptive.estimate is not None else adaptive.surrogate.error
+        own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
+        runs = 0 if adaptive is self else adaptive.evaluations
+        scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+        floor = ROUNDING * scale if adaptive.noise is None else adaptive.noise
+        ranges = adaptive.lower, adaptive.upper, estimate, floor, surrogate, is_good, self.study
+        return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))
+
+    def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:
+        """The surrogate, if its error is known and small beside the widths of outputs, by numbers; default: all."""
+        asked = slice(None) if outputs is None else [*outputs]
+        return self.surrogate if self.have_good_surrogate()[asked].all() else None
+
+    def have_good_surrogate(self) -> Mask:
+        """Which outputs (n_y,) have a surrogate whose error is known and small beside the width."""
+        if self.surrogate is None or self.estimate is None:
+            return np.zeros(len(self.names), dtype=bool)
+        return ~np.any(is_doubtful(*self._scaled(self.surrogate.error), GOOD), axis=0)

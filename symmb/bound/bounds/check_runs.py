@@ -1,0 +1,209 @@
+"""Check runs: a look from outside at bounds by methods that do not estimate their error.
+
+The runs are at a point near the centre of the box, where lines through it end, and at the extremes that parabolas along
+these lines predict. No method chooses its own runs like that. Runs, bounds and the method's surrogate must agree.
+"""
+
+import numpy as np
+
+from symmb._types import Array, Executor, Indices, Mask
+from symmb.bound.bounds.method import parameter_samples
+from symmb.bound.bounds.reductions import failure_records, gathered, which_failed
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING
+from symmb.bound.nodes import corners
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.connect import Simulator, noise_from_runs
+from symmb.equations.model import Box
+
+_RUNS = 13
+"""Check runs that are always allowed: centre, faces and extremes of four parameters. More are at most as many as the
+method made."""
+_EXTREMES = 4
+"""Runs at predicted extremes."""
+_SEEN = 256
+"""Outputs and times whose extremes are predicted: a few times of each output show where they are."""
+_CORNERS, _INSIDE = 64, 64
+"""Most corners of the box, and points inside, at which the range of a surrogate is looked for."""
+_OFF = 0.2, 0.4
+"""How far the middle of the star is from the centre of the box."""
+_AT_ONCE = 16
+"""Points at which a surrogate is evaluated at once: outputs over time of all of them would fill much memory."""
+_NAMED = 3
+"""Doubtful outputs that a sentence names."""
+_VALUES = 2**25
+"""Most numbers that check runs may fill: 256 MB."""
+
+
+def check_doubts(
+    simulator: Simulator, box: Box, bounds: Bounds, share: float, executor: Executor | None = None
+) -> tuple[tuple[str, ...], int]:
+    """What check runs say against bounds without an estimate of their error, in sentences, and how many they are.
+
+    Runs outside of the bounds show that these are too narrow. A surrogate that misses the runs, or whose values do not
+    reach bounds that are not its exact range, shows that they are wrong to either side. Disagreements count from a
+    share of the width on.
+    """
+    if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
+        return (), 0
+    varied = np.flatnonzero(box.radius > 0)
+    most = min(max(_RUNS, bounds.evaluations), _VALUES // max(bounds.lower.size, 1))
+    if not varied.size or most < 3:
+        return (), 0
+    checks = _Checks(simulator, box, bounds, share, executor)
+    candidates = _corners(len(box), varied)
+    if 1 + 2 * len(varied) + _EXTREMES <= most:
+        star = _star(len(box), varied)
+        Y = checks.run(star)
+        if Y is not None:
+            extremes, candidates = _predicted(Y / checks.scale, star[0, varied], varied, candidates)
+            checks.run(extremes)
+    else:
+        checks.run(candidates[-_INSIDE - most // 2 :][:most])
+    return checks.doubts(candidates), checks.n
+
+
+class _Checks:
+    """The largest disagreements over the n check runs so far, and the scale (n_y,) of the outputs."""
+
+    def __init__(self, simulator: Simulator, box: Box, bounds: Bounds, share: float, executor: Executor | None) -> None:
+        self._simulator, self._box, self._executor = simulator, box, executor
+        noise = noise_from_runs(simulator) if bounds.noise is None else bounds.noise
+        self._bounds = bounds
+        largest = np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1))
+        self.scale = np.where(largest > 0, largest, 1.0)
+        self._floor = np.full(len(largest), ROUNDING) if noise is None else noise / self.scale
+        self.n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((2, *bounds.lower.shape))
+        self._failed, self._share, self._n_outside, self._n_missed = "", share, 0, 0
+
+    def run(self, points: Array) -> Array | None:
+        """Values (N, n_t, n_y) at points (N, d) of the unit box; None if a run fails."""
+        P = parameter_samples(self._simulator, self._box, points)
+        bounds, (Y, bad) = self._bounds, gathered(self._simulator, P, self._executor)
+        ok = np.flatnonzero(~which_failed(bad, len(P)))
+        self.n += len(ok)
+        if len(ok):
+            outside = bounds.lower - Y[ok].min(axis=0), Y[ok].max(axis=0) - bounds.upper
+            self._outside = np.maximum(self._outside, outside)
+            off = (np.maximum(bounds.lower - y, y - bounds.upper) > self._floor * self.scale for y in Y[ok])
+            self._n_outside += np.count_nonzero([part.any() for part in off])
+        if len(ok) and bounds.surrogate is not None:
+            missed = np.abs(bounds.surrogate.values(points[ok]) - Y[ok])
+            self._missed = np.maximum(self._missed, missed.max(axis=0))
+            least = (self._share * self._sizes(self._missed)[1] + self._floor) * self.scale
+            self._n_missed += np.count_nonzero((missed > least).any(axis=(1, 2)))
+        if bad:
+            self._failed = str(failure_records(self._simulator, self._box, P, bad)[0])
+        return None if bad else Y
+
+    def doubts(self, candidates: Array) -> tuple[str, ...]:
+        """The disagreements in sentences. The range of the surrogate is looked for at candidates (N, d)."""
+        bounds, share, of_all = self._bounds, self._share, f"of {self.n} other points"
+        parts = [(f"runs at {self._n_outside} {of_all} are outside of the bounds", self._outside, share)]
+        if bounds.surrogate is not None:
+            parts.append((f"the method's polynomial misses runs at {self._n_missed} {of_all}", self._missed, share))
+        if bounds.surrogate is not None and not bounds.surrogate.exact:
+            low, high = _reached(bounds.surrogate, candidates)
+            gap = np.maximum([low - bounds.lower, bounds.upper - high], 0.0)
+            parts.append(("the bounds are wider than the range of the method's polynomial", gap, DOUBTFUL))
+        found = [(text, part * self._is_large(part, least)) for text, part, least in parts]
+        doubts = list[str]()
+        if any(part.any() for _, part in found):
+            kinds = " and ".join(text for text, part in found if part.any())
+            where = self._where(np.maximum.reduce([part for _, part in found]))
+            doubts.append(f"A check finds errors of {where}. {kinds[:1].upper()}{kinds[1:]}.")
+        if self._failed and not bounds.failed:
+            doubts.append(f"A check run failed, which none of the method's runs did: {self._failed}")
+        return tuple(doubts)
+
+    def _is_large(self, error: Array, share: float) -> Mask:
+        """Which outputs (n_y,) have errors (2, n_t, n_y) of their bounds above noise and a share of the width."""
+        size, width = self._sizes(error)
+        return size > share * width + self._floor
+
+    def _sizes(self, error: Array) -> tuple[Array, Array]:
+        """Root mean squares (n_y,) of errors (2, n_t, n_y) of bounds, and of the width, over the outputs' scale."""
+        width = self._bounds.upper / self.scale - self._bounds.lower / self.scale
+        size = np.sqrt(np.square(error / self.scale).mean(axis=(0, 1)))
+        return size, np.sqrt(np.square(width).mean(axis=0))
+
+    def _where(self, error: Array) -> str:
+        """Errors (2, n_t, n_y) in words: outputs with large ones, and from when on."""
+        names, t = self._bounds.names, self._bounds.t
+        size, width = self._sizes(error)
+        share = size / np.maximum(width, self._floor + ROUNDING)
+        large = sorted(np.flatnonzero(size), key=lambda k: -share[k])
+        shares = [
+            f"{names[k]} by {share[k]:.2g} of the width" if width[k] > 0 else f"{names[k]}, which has no width"
+            for k in large[:_NAMED]
+        ]
+        more = [f"{len(large) - _NAMED} more outputs"] if len(large) > _NAMED else []
+        first = np.argmax((error / self.scale > share * width / 2 + self._floor).any(axis=(0, 2)))
+        since = f", from t = {t[first] + 0.0:g} s on" if len(t) > 1 else ""
+        return ", ".join([*shares, *more]) + since
+
+
+def _corners(d: int, varied: Indices) -> Array:
+    """Points (N, d): some corners of the box, and points inside."""
+    n, random = len(varied), np.random.default_rng(0)
+    ends = random.choice([-1.0, 1.0], (_CORNERS, n)) if 2**n > _CORNERS else corners(n)
+    points = np.zeros((len(ends) + _INSIDE, d))
+    points[:, varied] = np.concatenate([ends, random.uniform(-1.0, 1.0, (_INSIDE, n))])
+    return points
+
+
+def _star(d: int, varied: Indices) -> Array:
+    """A point c near the centre, then those where one parameter is at its lower and at its upper end instead.
+
+    Most methods run the centre itself: their errors are 0 there.
+    """
+    n = len(varied)
+    random = np.random.default_rng(1)
+    star = np.zeros((1 + 2 * n, d))
+    star[:, varied] = random.uniform(*_OFF, n) * random.choice([-1.0, 1.0], n)
+    star[1 + np.arange(n), varied] = -1.0
+    star[1 + n + np.arange(n), varied] = 1.0
+    return star
+
+
+def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[Array, Array]:
+    """Points where parabolas predict new extremes, at most _EXTREMES; and some predicted ones beside the candidates.
+
+    Y (1 + 2 n, n_t, n_y) are the values at the star around c (n,), over the scale of the outputs.
+    """
+    n, n_t, n_y = len(varied), *Y.shape[1:]
+    outputs = np.linspace(0, n_y - 1, min(n_y, _SEEN)).astype(int)
+    times = np.linspace(0, n_t - 1, min(n_t, max(_SEEN // len(outputs), 1))).astype(int)
+    seen = Y[:, times][:, :, outputs]
+    middle, low, high = seen[0], seen[1 : n + 1], seen[n + 1 :]
+    at = c[:, None, None]
+    with np.errstate(all="ignore"):
+        slope = (high - low) / 2
+        bend = 2 * ((high + low) / 2 + slope * at - middle) / (1 - at**2)
+        top = np.where((bend < 0) & (np.abs(slope) < -bend), -slope / bend, np.where(slope < 0, -1.0, 1.0))
+        bottom = np.where((bend > 0) & (np.abs(slope) < bend), -slope / bend, np.where(slope > 0, -1.0, 1.0))
+    points = np.concatenate([top.reshape(n, -1), bottom.reshape(n, -1)], axis=1).T
+    points = np.unique(np.round(points, 2), axis=0)
+    values = middle + np.tensordot(points - c, slope, axes=1) + np.tensordot(points**2 - c**2, bend, axes=1) / 2
+    below, above = seen.min(axis=0), seen.max(axis=0)
+    width = np.sqrt(np.mean(np.square(values.max(axis=0) - values.min(axis=0)), axis=0))
+    width = np.where(width > 0, width, np.inf)
+    chosen = list[int]()
+    for _ in range(_EXTREMES):
+        beyond = np.maximum(np.maximum(values - above, below - values), 0.0) / width
+        gain = np.square(beyond).sum(axis=(1, 2))
+        best = int(gain.argmax())
+        if not gain[best] > 0:
+            break
+        chosen.append(best)
+        below, above = np.minimum(below, values[best]), np.maximum(above, values[best])
+    some = [*chosen, *np.linspace(0, len(points) - 1, min(len(points), _INSIDE)).astype(int)]
+    predicted = np.zeros((len(some), candidates.shape[1]))
+    predicted[:, varied] = points[some]
+    return predicted[: len(chosen)], np.concatenate([candidates, predicted])
+
+
+def _reached(surrogate: Piecewise, points: Array) -> tuple[Array, Array]:
+    """Smallest and largest values (n_t, n_y) of a surrogate at points (N, d)."""
+    parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // _AT_ONCE))]
+    return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)

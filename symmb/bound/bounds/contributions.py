@@ -1,0 +1,364 @@
+"""What each uncertain parameter contributes to the bounds, and to the variance."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._labelled import Labelled, Named, Result, over_outputs, texts
+from symmb._table import aligned, at_time, time_text
+from symmb._types import Array, Mask
+from symmb.bound.bounds.regression import fitted
+from symmb.bound.bounds.responses import Responses
+from symmb.bound.bounds.time_windows import ROUNDING
+from symmb.bound.bounds.worst_case import row_of
+from symmb.bound.nodes import Sobol
+from symmb.bound.polynomials import moments
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.results import plot
+from symmb.results.files import NAMES, TIMES, Record, Saved, entry
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_POOR, _SMALL = 0.5, 0.05
+"""Error over the width of a parameter alone, and over the whole width, above which it is taken from runs on a line."""
+_FEWEST, _MOST_SHARE_RUNS = 64, 1024
+"""Least and largest number of runs from which shares are taken."""
+_SHARE_ERROR = 0.04
+"""Error of shares, in the mean over the variance, at which no further runs are made for them."""
+_SAMPLES = 2048
+"""Samples of each matrix from which shares of pieces are taken."""
+_SAMPLING = 0.03
+"""Error of such shares: the largest difference from exact ones in 200 random polynomials was 0.02."""
+_WHY = "The widths of single parameters do not sum to the full width, because parameters act together."
+
+
+_SERIES = entry(Record.with_nan, "t", "names")
+_EACH = entry(Record.with_nan, "t", "names", "parameters")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Contributions(Result, Saved):
+    """Contributions of each parameter to the outputs over time.
+
+    `print` shows them where outputs are widest, by the width of each parameter alone; `plot` draws them.
+
+    Attributes
+    ----------
+    t : (n_t,)
+        times [s]
+    names, units : n_y outputs and their units, '' where they are not known
+    parameters : n_p names
+    width : (n_t, n_y)
+        of the bounds
+    alone : (n_t, n_y, n_p)
+        width if this parameter alone is uncertain, and the others are nominal
+    saved : (n_t, n_y, n_p)
+        width that goes away if this parameter is known to be nominal
+    first, total : (n_t, n_y, n_p)
+        Sobol's indices: the share of the variance that a parameter explains by itself, and together with others.
+        Parameters are uniform and independent. nan where the variance is rounding
+    estimate : (n_t, n_y)
+        largest estimated error of alone
+    saved_estimate : (n_t, n_y)
+        largest estimated error of saved
+    share_estimate : (n_t, n_y)
+        estimated error of the indices
+    runs : int
+        further runs that were made
+    method : str
+        where the surrogate comes from, or the runs
+    remarks : sentences
+        what else is known
+    errors : (2, n_t, n_y, n_p)
+        estimated errors of alone and of saved of each parameter; None in files of earlier versions
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> total = mb.FunctionSimulator(lambda a, b: [[a + b**2]], {"a": 1.0, "b": 1.0}, [0.0], ["y"])
+    >>> bounds = mb.propagate(total, mb.PolynomialChaos(), mb.Box(a=(0.9, 1.1), b=(0.9, 1.1)))
+    >>> bounds.contributions().alone.round(4)
+    array([[[0.2, 0.4]]])
+    """
+
+    t: Array = field(metadata=TIMES)
+    names: tuple[str, ...] = field(metadata=NAMES)
+    units: tuple[str, ...]
+    parameters: tuple[str, ...] = field(metadata=NAMES)
+    width: Array = field(metadata=_SERIES)
+    alone: Array = field(metadata=_EACH)
+    saved: Array = field(metadata=_EACH)
+    first: Array = field(metadata=_EACH)
+    total: Array = field(metadata=_EACH)
+    estimate: Array = field(metadata=_SERIES)
+    saved_estimate: Array = field(metadata=_SERIES)
+    share_estimate: Array = field(metadata=_SERIES)
+    runs: int
+    method: str
+    remarks: tuple[str, ...] = ()
+    errors: Array | None = field(default=None, metadata=entry(Record.with_nan, None, "t", "names", "parameters"))
+
+    def _head(self) -> str:
+        source = f"{self.runs} further runs" if self.runs else "no further runs"
+        first = f"Contributions to the bounds by {self.method}, {source}"
+        return "\n".join([first, f"  {_WHY}", *(f"  remark  {remark}" for remark in self.remarks)])
+
+    def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
+        """Those to output number k at time number i, or where it is widest, the largest first."""
+        i = int(self.width[:, k].argmax()) if i is None else i
+        width, of_share = self.width[i, k], self.share_estimate[i, k]
+        has_times = time_text(self.t, i, self.width[:, k]) != ""
+        title = f"{self.names[k]}{at_time(self.t, i)}" if has_times else self.names[k]
+        errors = np.stack([self.estimate, self.saved_estimate])[..., None].repeat(len(self.parameters), axis=-1)
+        errors = errors if self.errors is None else self.errors
+        rows = [[title, "alone", "±", "saved", "±", f"of width {width:.4g}", "first", "total"]]
+        for p in np.argsort(-self.alone[i, k], kind="stable"):
+            share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"
+            pairs = zip((self.alone, self.saved), errors, strict=True)
+            widths = (text for value, e in pairs for text in (f"{value[i, k, p]:.4g}", f"{e[i, k, p]:.1g}"))
+            indices = (f"{x:.3f}" if np.isfinite(x) else "–" for x in (self.first[i, k, p], self.total[i, k, p]))
+            rows.append([self.parameters[p], *widths, share, *indices])
+        known = f"≤ {of_share:.1g}" if np.isfinite(of_share) else "–"
+        rows.append(["estimated error", *[""] * 5, known, known])
+        return rows
+
+    def __str__(self) -> str:
+        tables = ("\n".join(aligned(self._rows(k))) for k in range(len(self.names)))
+        return "\n\n".join([self._head(), *tables])
+
+    def _repr_html_(self) -> str:
+        picture = html.picture(plot.png(self.plot()))
+        return html.page(self.some_as_html(range(len(self.names)), {}), picture)
+
+    def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
+        """Tables of some outputs, by their numbers, at numbers of times, or where they are widest; no picture."""
+        return html.page(html.text(self._head()), *(html.table(self._rows(k, rows.get(k))) for k in columns))
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        time: float | None = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        **look: Any,
+    ) -> "Figure":
+        """Draw the widths of each parameter alone over time, or bars at a time; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        outputs : str or list
+            those to draw; default: the first six
+        time : float
+            the output time [s] that is closest is drawn as bars of `alone` and `saved`
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure
+        ax : matplotlib Axes
+            to draw in, instead of a new figure, one an output
+        label, color, legend
+            of the curves: a text or a colour, or a list with one for each; and True or False
+        """
+        figure = plot.plot_contributions(
+            self.t,
+            self.names,
+            self.parameters,
+            self.width,
+            self.alone,
+            self.saved,
+            units=self.units,
+            chosen=plot.columns_of("Contributions.plot", outputs, self.names),
+            row=None if time is None else row_of("Contributions.plot", self.t, time),
+            style=plot.Style("Contributions.plot", ax, **look),
+        )
+        return plot.finish(figure, "Contributions.plot", path, ax, figsize, title)
+
+    def _labelled(self) -> Labelled:
+        coordinates, units = over_outputs(self.t, self.names, self.units)
+        coordinates["parameter"] = (("parameter",), texts(self.parameters))
+        series = ("time", "output")
+        variables: dict[str, Named] = {
+            name: ((*series, "parameter"), getattr(self, name)) for name in ("alone", "saved", "first", "total")
+        }
+        variables |= {
+            name: (series, getattr(self, name)) for name in ("width", "estimate", "saved_estimate", "share_estimate")
+        }
+        rows = ("time", "output", "parameter")
+        return Labelled(coordinates, variables, {"method": self.method}, units, rows)
+
+
+def contributions_of(responses: Responses, may_run: bool = True) -> Contributions | None:
+    """Ranges over lines and faces through the nominal point, and shares of the variance; None if they take runs that
+    may not be made.
+    """
+    width, free = responses.upper - responses.lower, responses.box.radius > 0
+    alone, of_alone, missing = _widths(responses, is_alone=True)
+    others, of_others, lacking = _widths(responses, is_alone=False)
+    if not may_run and (missing.any() or lacking.any()):
+        return None
+    asked = int(missing.any(axis=1).sum()), int(lacking.any(axis=1).sum())
+    runs = _by_runs(responses, missing, True, alone, of_alone, (0, sum(asked)))
+    runs += _by_runs(responses, lacking, False, others, of_others, (asked[0], sum(asked)))
+    low, high, _ = responses.range(-np.ones(len(free)), np.ones(len(free)))
+    whole = np.where(np.isnan(low), width, high - low)  # differences of its own ranges are more accurate
+    saved = np.where(free[:, None, None], np.maximum(whole - others, 0.0), 0.0)
+    of_saved = np.where(free[:, None, None], 2 * (of_others + responses.estimate) + width - whole, 0.0)
+    errors = np.minimum([2 * of_alone, of_saved], width)
+    first, total, share_estimate, sampled = _shares(responses, may_run)
+    alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
+    units = responses.units or ("",) * len(responses.names)
+    return Contributions(
+        responses.t,
+        responses.names,
+        units,
+        responses.box.names,
+        width,
+        alone,
+        saved,
+        first,
+        total,
+        estimate=errors[0].max(axis=0),
+        saved_estimate=errors[1].max(axis=0),
+        share_estimate=share_estimate,
+        runs=runs + sampled + responses.extra_runs,
+        method=responses.method,
+        remarks=responses.remarks,
+        errors=np.moveaxis(errors, 1, -1),
+    )
+
+
+def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
+    """Widths (d, n_t, n_y) by polynomials over lines and faces through the nominal point, the error of their ends,
+    and which of them (d, n_y) runs have to tell. Each parameter is free alone, or nominal alone.
+    """
+    d, one, whole = len(responses.box), np.ones(len(responses.box)), _rms(responses.upper - responses.lower)
+    widths, error = np.zeros((2, d, *responses.lower.shape))
+    missing = np.zeros((d, len(responses.names)), dtype=bool)
+    largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
+    for i in np.flatnonzero(responses.box.radius > 0):
+        is_fixed = (np.arange(d) != i) == is_alone
+        ends = np.where(is_fixed, responses.nominal, -one), np.where(is_fixed, responses.nominal, one)
+        low, high, error[i] = responses.range(*ends)
+        widths[i] = np.maximum(high - low, 0.0)
+        missing[i] = ~responses.is_good
+        if is_alone and responses.runs is not None:
+            wrong = _rms(np.where(2 * error[i] > ROUNDING * largest, 2 * error[i], 0.0))
+            hides = wrong > np.maximum(_POOR * _rms(widths[i]), _SMALL * whole)
+            missing[i] |= hides & (wrong <= _POOR * whole)  # a larger one is noise
+    return widths, error, missing
+
+
+def _by_runs(
+    responses: Responses, missing: Mask, is_alone: bool, widths: Array, error: Array, studies: tuple[int, int]
+) -> int:
+    """Fill in the widths (d, n_t, n_y) and errors that are missing (d, n_y) by studies; returns how many runs.
+
+    The progress counts these studies, and those that were made before.
+    """
+    runs, (before, of_all) = 0, studies
+    for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):
+        own, each = missing[i], (np.arange(len(responses.box)) == i) == is_alone
+        low, high, of_range, more = responses.range_by_runs(
+            each & (responses.box.radius > 0), f"contributions, further study {number} of {of_all}"
+        )
+        widths[i][:, own] = np.maximum(high - low, 0.0)[:, own]
+        error[i][:, own] = of_range[:, own]
+        runs += more
+    return runs
+
+
+def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, int]:
+    """First and total indices (d, n_t, n_y), their estimated error (n_t, n_y), and how many runs; nan where the
+    variance is rounding.
+
+    They are those of polynomials. The part r of the variance that these miss changes a share by r at most, if it is
+    independent of them, as residuals of least squares are, and else by r + 2 sqrt(r).
+    """
+    first, total = np.full((2, len(responses.box), *responses.lower.shape), np.nan)
+    variance, error = np.zeros(responses.lower.shape), np.ones(responses.lower.shape)
+    surrogate, good = responses.surrogate, np.flatnonzero(responses.is_good).tolist()
+    if surrogate is not None and len(good):
+        own = surrogate.part(slice(None), good)
+        first[..., good], total[..., good], variance[:, good], sampling = _shares_of(own, responses)
+        error[:, good] = _share_error(own.error, variance[:, good]) + sampling
+    known = first.copy(), total.copy(), error.copy()
+    varies = ~np.isnan(first).all(axis=0) | ~responses.is_good
+    n, most = _FEWEST, 0 if not may_run or responses.runs is None else _MOST_SHARE_RUNS
+    while n <= most and _is_large(error, variance, varies):
+        assert responses.runs is not None
+        points, Y = responses.runs.sample(n)
+        fit = fitted(points, Y, responses.box.names)
+        of_fit = moments(fit.expansions[0], responses.t, responses.names)
+        variance, rest = Y.var(axis=0), np.square(fit.error)
+        missed = np.divide(rest, variance, out=np.ones_like(rest), where=variance > 0)
+        of_errors = missed + 2 * np.sqrt(missed / len(points))
+        first, total, error = (part.copy() for part in known)
+        if surrogate is not None and len(good):
+            own = surrogate.part(slice(None), good)
+            residual = np.sqrt(np.square(own.values(points) - Y[..., good]).mean(axis=0))
+            error[:, good] = np.minimum(error[:, good], _share_error(residual, variance[:, good]) + sampling)
+        better = varies & (of_errors < error)
+        first, total = np.where(better, of_fit.first, first), np.where(better, of_fit.total, total)
+        error, n = np.where(better, of_errors, error), 2 * n
+    error = np.where(np.isnan(first).all(axis=0), np.nan, np.minimum(error, 1.0))
+    return first, total, error, n // 2 if n > _FEWEST else 0
+
+
+def _share_error(e: Array, variance: Array) -> Array:
+    """Largest change of a share where the standard deviation of a part changes by an error of responses."""
+    e = np.divide(e, np.sqrt(variance), out=np.ones_like(variance), where=variance > 0)
+    return np.asarray(e * (2 + e))
+
+
+def _is_large(error: Array, variance: Array, varies: Mask) -> bool:
+    """Whether the error of shares of an output that varies is large where its variance is."""
+    weights = np.where(varies, variance, 0.0)
+    typical = (np.minimum(error, 1.0) * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
+    unknown = varies.any(axis=0) & (weights.sum(axis=0) == 0)  # before the first runs
+    return bool((np.where(unknown, 1.0, typical) > _SHARE_ERROR).any())
+
+
+def _shares_of(surrogate: Piecewise, responses: Responses) -> tuple[Array, Array, Array, float]:
+    """Indices of polynomials, their variance, and the error of sampling."""
+    if len(surrogate.expansions) > 1:
+        first, total, variance = _sampled_shares(surrogate, len(responses.box))
+        return first, total, variance, _SAMPLING
+    names = tuple(name for name, is_good in zip(responses.names, responses.is_good, strict=True) if is_good)
+    expansion = next(iter(surrogate.expansions))
+    exact = moments(expansion, responses.t, names)
+    return exact.first, exact.total, exact.variance, 0.0
+
+
+def _rms(values: Array) -> Array:
+    """Root mean square over time of values (n_t, n_y)."""
+    return np.sqrt(np.square(values).mean(axis=0))
+
+
+def _sampled_shares(surrogate: Piecewise, d: int) -> tuple[Array, Array, Array]:
+    """First and total indices (d, n_t, n_y), and the variance (n_t, n_y), from samples of two matrices.
+
+    Saltelli and others, Computer Physics Communications 181 (2010): of the first index (b), of the total one (f).
+    """
+    A, B = np.split(Sobol().points(_SAMPLES, 2 * d, seed=0), 2, axis=1)
+    first, total = np.empty((2, d, *surrogate.error.shape))
+    variance = np.empty(surrogate.error.shape)
+    for k in range(surrogate.error.shape[1]):
+        own = surrogate.part(slice(None), [k])
+        at_a, at_b = (own.values(points)[:, :, 0] for points in (A, B))
+        mean, variance[:, k] = np.concatenate([at_a, at_b]).mean(axis=0), np.concatenate([at_a, at_b]).var(axis=0)
+        for i in range(d):
+            mixed = A.copy()
+            mixed[:, i] = B[:, i]
+            at_mixed = own.values(mixed)[:, :, 0]
+            first[i, :, k] = ((at_b - mean) * (at_mixed - at_a)).mean(axis=0)
+            total[i, :, k] = np.square(at_a - at_mixed).mean(axis=0) / 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.clip(first / variance, 0.0, 1.0), np.clip(total / variance, 0.0, 1.0), variance

@@ -1,0 +1,151 @@
+"""Lower and upper bounds over time, and what is doubtful about them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import WithWarnings
+from symmb._options import require_name, require_positive
+from symmb._types import Array
+from symmb.bound.bounds.failures import Failure
+from symmb.bound.bounds.responses import Runs
+from symmb.bound.bounds.result_file import INNER, Kind, box_of, kind_of
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, is_doubtful, is_doubtful_in_window
+from symmb.bound.bounds.worst_case import AttainingRuns, WorstCase
+from symmb.bound.polynomials import Expansion
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.equations.model import Box
+from symmb.results.files import NAMES, NOT_KEPT, TIMES, Record, entry
+
+_NAMED_WINDOWS = 3
+"""Doubtful windows of an output that a sentence names."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Envelope(WithWarnings):
+    """The attributes of `Bounds`, and how far they can be trusted."""
+
+    t: Array = field(metadata=TIMES)
+    names: tuple[str, ...] = field(metadata=NAMES)
+    lower: Array = field(metadata=entry(Record.lower, "t", "names"))
+    upper: Array = field(metadata=entry(Record.upper, "t", "names"))
+    kind: Kind = field(metadata=entry(kind_of))
+    method: str
+    evaluations: int
+    estimate: Array | None = field(default=None, metadata=entry(Record.size, "t", "names"))
+    noise: Array | None = field(default=None, metadata=entry(Record.size, "names"))
+    inner: tuple[Array, Array] | None = field(default=None, metadata=INNER)
+    failed: tuple[Failure, ...] = field(default=(), metadata=NOT_KEPT)
+    failed_region: str = ""
+    seconds: float = field(default=float("nan"))
+    expansion: Expansion | None = field(default=None, metadata=NOT_KEPT)
+    caution: str = ""
+    run_doubts: tuple[str, ...] = field(default=(), metadata=NOT_KEPT)
+    remarks: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    box: Box | None = field(default=None, metadata=entry(box_of))
+    surrogate: Piecewise | None = field(default=None, metadata=NOT_KEPT)
+    study: Runs | None = field(default=None, metadata=NOT_KEPT)
+    range_of: str = ""
+    subject: str = ""
+    solver: str = ""
+    nominal: Array | None = field(default=None, metadata=entry(Record.with_nan, "t", "names"))
+    nominal_parameters: Mapping[str, float] = field(default_factory=dict)
+    attaining: AttainingRuns | None = field(default=None, metadata=NOT_KEPT)
+    worst_cases: tuple[WorstCase, ...] = field(default=(), metadata=NOT_KEPT)
+    figures: tuple[str, ...] = ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Warnings in sentences: what is uncertain. Empty if no problem is known."""
+        doubts = list(self.run_doubts)
+        if self.failed:
+            where = f" Runs fail {self.failed_region}." if self.failed_region else ""
+            doubts.append(
+                f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others, and what "
+                f"happens near the failed ones is not known.{where}"
+            )
+        if since := self.doubtful():
+            windows = self.doubtful_windows()
+            parts = [name + self._doubtful_part(name, t, windows) for name, t in since.items()]
+            doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
+        if self.caution:
+            doubts.append(f"The bounds are {self.caution}.")
+        return tuple(doubts)
+
+    @property
+    def outer(self) -> tuple[Array, Array]:
+        """(lower, upper) widened by the estimated error, where there is one."""
+        if self.estimate is None:
+            return self.lower, self.upper
+        with np.errstate(over="ignore"):
+            return self.lower - self.estimate, self.upper + self.estimate
+
+    def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
+        """Doubtful outputs, and from when on [s]: their estimated error exceeds a share of the width.
+
+        Both are root mean squares from a time to the end, the width at least a tenth of that over all times. Errors
+        within the noise of the runs, and rounding, do not count. The result is empty without an estimate.
+        """
+        require_positive("doubtful", "share", share)
+        if self.estimate is None:
+            return {}
+        bad = is_doubtful(*self._scaled(self.estimate), share)
+        return {
+            name: float(self.t[int(np.argmax(rest))])
+            for name, rest in zip(self.names, bad.T, strict=True)
+            if rest.any()
+        }
+
+    def doubtful_windows(self, share: float = DOUBTFUL) -> tuple[tuple[str, float, float], ...]:
+        """Doubtful outputs with windows of time, as (name, from, to) [s]: there the estimated error exceeds a share of
+        the width.
+
+        Both are root mean squares over 2 % of the times, the width at least a tenth of that over all times.
+        """
+        require_positive("doubtful_windows", "share", share)
+        if self.estimate is None:
+            return ()
+        bad = is_doubtful_in_window(*self._scaled(self.estimate), share)
+        edges = np.diff(np.pad(bad, ((1, 1), (0, 0))).astype(int), axis=0)
+        return tuple(
+            (name, float(self.t[first]), float(self.t[behind - 1]))
+            for name, edge in zip(self.names, edges.T, strict=True)
+            for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
+        )
+
+    def _doubtful_part(self, name: str, since: float, windows: Sequence[tuple[str, float, float]]) -> str:
+        """When an output is doubtful, in words: windows of time, or from a time on if they reach the end."""
+        if len(self.t) == 1:
+            return ""
+        own = [ends for output, *ends in windows if output == name]
+        if not own or own[-1][1] == self.t[-1]:
+            assert self.estimate is not None
+            first = self.t[(self.estimate[:, self._column(name)] > 0).argmax()]  # at a known start there is no error
+            return f" from {max(since, float(first)):g} s"
+        texts = [f"from {begin:g} to {end:g} s" for begin, end in own[:_NAMED_WINDOWS]]
+        return " " + " and ".join([*texts, *(["later"] if len(own) > _NAMED_WINDOWS else [])])
+
+    def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
+        """Estimated error, width, each (n_t, n_y), and errors that are noise or rounding (n_y,), by powers of two.
+
+        Their squares neither overflow nor underflow.
+        """
+        scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+        power = np.frexp(scale)[1]
+        lower, upper = np.ldexp([self.lower, self.upper], -power)
+        floor = ROUNDING * scale if self.noise is None else self.noise
+        return np.ldexp(estimate, -power), upper - lower, np.ldexp(floor, -power)
+
+    def __getitem__(self, name: str) -> tuple[Any, Any]:
+        """(lower, upper) of one output, each (n_t,), or a number of a figure of the motion."""
+        k = self._column(name)
+        if name in self.figures:
+            return float(self.lower[0, k]), float(self.upper[0, k])
+        return self.lower[:, k], self.upper[:, k]
+
+    def _column(self, name: str) -> int:
+        """Number of an output."""
+        return self.names.index(require_name("Bounds", "output", name, self.names))

@@ -1,0 +1,194 @@
+"""Failed runs, their text, and the simplest box of parameters in which runs fail more often than elsewhere."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._names import look_up_by_name
+from symmb._types import Array, Indices, Mask
+from symmb.equations.model import Box
+
+_PARAMETERS = 3
+"""Most parameters that a description names."""
+_DIGITS = 12
+"""Decimal digits in which equal points of the unit box agree."""
+_EDGES = 200
+"""Most ends of an interval that are tried on each side."""
+
+_Intervals = dict[int, tuple[int, int]]
+"""First and last rank of the values that a column may have, by the column. Equal values have equal ranks."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A failed run: parameter values by name, time of the failure [s], message."""
+
+    parameters: dict[str, float]
+    time: float
+    message: str
+
+    __post_init__ = look_up_by_name
+
+    def __str__(self) -> str:
+        if all(re.search(rf"\b{re.escape(name)} ?= ?", self.message) for name in self.parameters):
+            return self.message  # messages of scenes and functions contain them
+        values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
+        return f"{values}: t = {self.time:.6g}: {self.message}"
+
+
+def failure_text(failed: Sequence[Failure], most: int = 5, indent: str = "  ") -> str:
+    """The first failed runs, a line for each."""
+    lines = [f"{indent}{run}" for run in failed[:most]]
+    if len(failed) > most:
+        lines.append(f"{indent}and {len(failed) - most} more")
+    return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class FailedRegion:
+    """A box in which runs fail more often than elsewhere.
+
+    Attributes
+    ----------
+    box : of all parameters
+    limits : (low, high) of some of them by their column; infinite where there is no limit
+    inside, outside : failed runs and all runs there
+    """
+
+    box: Box
+    limits: dict[int, tuple[float, float]]
+    inside: tuple[int, int]
+    outside: tuple[int, int]
+
+    def contains(self, points: Array) -> Mask:
+        """Which points (..., d) of the unit box are in the region."""
+        return _within(self.limits, self.box.from_unit(points))
+
+    def __str__(self) -> str:
+        conditions = [_condition(self.box.names[j], *self.limits[j]) for j in sorted(self.limits)]
+        there, elsewhere = (f"{failed} of {runs}" for failed, runs in (self.inside, self.outside))
+        return f"for {' and '.join(conditions)} ({there} runs there, {elsewhere} elsewhere)"
+
+
+def failed_region(box: Box, points: Array, failed: Mask) -> str:
+    """Where runs at points (N, d) of the unit box failed (N,), in words; empty for less than two failures.
+
+    Examples
+    --------
+    >>> points = np.linspace(-1.0, 1.0, 21)[:, None]
+    >>> failed_region(Box(k=(0.9, 1.1)), points, points[:, 0] > 0.75)
+    'for k > 1.075 (3 of 3 runs there, 0 of 18 elsewhere)'
+    """
+    if failed.sum() < 2:
+        return ""
+    return str(find_failed_region(box, points, failed) or "scattered over the box")
+
+
+def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | None:
+    """The box of few parameters that explains best which runs failed; None if failures are scattered.
+
+    The best has the largest likelihood of two shares of failed runs, inside and outside, less the logarithm of the
+    number of possible limits for each limit (the minimum description length; Rissanen, Automatica 14, 1978).
+    """
+    points = np.round(points, _DIGITS)
+    X = box.from_unit(points)
+    ranks = np.stack([np.unique(column, return_inverse=True)[1].ravel() for column in points.T])
+    intervals, best = _Intervals(), _Intervals()
+    least = 0.0
+    for _ in range(min(_PARAMETERS, len(box))):
+        intervals = _extended(intervals, ranks, failed)
+        if (score := _score(intervals, ranks, failed)) > least:
+            best, least = dict(intervals), score
+    if not best:
+        return None
+    limits = {j: _limits(X[:, j], ranks[j], ends) for j, ends in best.items()}
+    inside = _within(limits, X)
+    counts = [(int((failed & part).sum()), int(part.sum())) for part in (inside, ~inside)]
+    return FailedRegion(box, limits, *counts)
+
+
+def _extended(intervals: _Intervals, ranks: Indices, failed: Mask) -> _Intervals:
+    """The intervals and that of one more column, each the best for those of the others."""
+    free = [j for j in range(len(ranks)) if j not in intervals]
+    tried = [intervals | {j: _best_interval(intervals, j, ranks, failed)} for j in free]
+    intervals = max(tried, key=lambda some: _score(some, ranks, failed))
+    for j in intervals:
+        others = {other: ends for other, ends in intervals.items() if other != j}
+        intervals = intervals | {j: _best_interval(others, j, ranks, failed)}
+    return intervals
+
+
+def _best_interval(others: _Intervals, j: int, ranks: Indices, failed: Mask) -> tuple[int, int]:
+    """The interval of column j with one limit or two that has the best score, beside those of others."""
+    inside, last = _inside(others, ranks), int(ranks[j].max())
+    runs = np.cumsum(np.bincount(ranks[j][inside], minlength=last + 1))
+    bad = np.cumsum(np.bincount(ranks[j][inside & failed], minlength=last + 1))
+    at = np.unique(ranks[j][inside & failed])  # an interval is best if failed runs are at its ends
+    at = at[np.linspace(0, len(at) - 1, min(len(at), _EDGES)).round().astype(int)]
+    first, end = np.concatenate([[0], at]), np.concatenate([at, [last]])
+    before_runs, before_bad = (np.concatenate([[0], sums])[first][:, None] for sums in (runs, bad))
+    limits = (first > 0)[:, None].astype(int) + (end < last)
+    scores = _gain(bad[end] - before_bad, runs[end] - before_runs, failed) - limits * _cost(ranks)
+    scores[(first[:, None] > end) | (limits == 0)] = -np.inf
+    best = np.unravel_index(scores.argmax(), scores.shape)
+    return int(first[best[0]]), int(end[best[1]])
+
+
+def _score(intervals: _Intervals, ranks: Indices, failed: Mask) -> float:
+    """Gain of the likelihood by intervals, less what their limits cost."""
+    inside = _inside(intervals, ranks)
+    limits = sum((first > 0) + (end < ranks[j].max()) for j, (first, end) in intervals.items())
+    return float(_gain((failed & inside).sum(), inside.sum(), failed)) - limits * _cost(ranks)
+
+
+def _cost(ranks: Indices) -> float:
+    """What a limit costs: the logarithm of the number of limits that there are."""
+    return math.log(max(2.0 * ranks.max(axis=1).sum(), 1.0))
+
+
+def _inside(intervals: _Intervals, ranks: Indices) -> Mask:
+    inside = np.ones(ranks.shape[1], dtype=bool)
+    for j, (first, end) in intervals.items():
+        inside &= (ranks[j] >= first) & (ranks[j] <= end)
+    return inside
+
+
+def _gain(bad: Indices, runs: Indices, failed: Mask) -> Array:
+    """How much likelier the failures are if `bad` of `runs` fail inside; 0 where fewer fail there than elsewhere."""
+    all_bad, n = int(failed.sum()), len(failed)
+    gain = _log_likelihood(bad, runs) + _log_likelihood(all_bad - bad, n - runs) - _log_likelihood(all_bad, n)
+    return np.where(bad * n > all_bad * runs, gain, 0.0)
+
+
+def _log_likelihood(bad: Indices | int, runs: Indices | int) -> Array:
+    """Largest logarithm of the likelihood of `bad` failures in `runs` runs."""
+    parts = [np.asarray(part, dtype=float) for part in (bad, np.subtract(runs, bad))]
+    return sum((part * np.log(np.where(part > 0, part / np.maximum(runs, 1), 1.0)) for part in parts), np.zeros(()))
+
+
+def _within(limits: dict[int, tuple[float, float]], X: Array) -> Mask:
+    return np.all([(X[..., j] > low) & (X[..., j] < high) for j, (low, high) in limits.items()], axis=0)
+
+
+def _limits(x: Array, rank: Indices, ends: tuple[int, int]) -> tuple[float, float]:
+    """Numbers with few digits beside an interval of the values x; infinite where it reaches the last of them."""
+    first, end = ends
+    low = _between(x[rank == first - 1], x[rank == first]) if first > 0 else -math.inf
+    return low, _between(x[rank == end], x[rank == end + 1]) if end < rank.max() else math.inf
+
+
+def _between(below: Array, above: Array) -> float:
+    """The number with fewest digits between two values, neither of which would be taken for it."""
+    low, high = float(below[0]), float(above[0])
+    middle, near = low + 0.5 * (high - low), 0.45 * (high - low)
+    numbers = (float(f"{middle:.{digits}g}") for digits in range(1, 18))
+    return next((x for x in numbers if abs(x - middle) <= near), middle)
+
+
+def _condition(name: str, low: float, high: float) -> str:
+    if math.isinf(high):
+        return f"{name} > {low:.15g}"
+    return f"{name} < {high:.15g}" if math.isinf(low) else f"{low:.15g} < {name} < {high:.15g}"

@@ -1,0 +1,202 @@
+"""A Gaussian process of responses that vary in few directions most: the most likely response given some runs."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bound.bounds.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
+
+EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
+"""Expected and least variance of noise, over that of responses: they keep covariances regular; more of them smooths."""
+_LIKELY = 1e-5
+"""Share of the logarithm of a likelihood, some hundreds, to which its maximum is found: a third of the steps."""
+_LIMIT = 3.0
+"""Standard deviations from what is expected in which likely numbers are searched: farther ones overflow, nearer ones
+may be those of no response."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kernel:
+    """Covariance of responses: the sum of terms, the first of which is that of smooth functions, and noise.
+
+    Attributes
+    ----------
+    terms : tuple[Term, ...]
+    noise : variance of the noise
+    """
+
+    terms: tuple[Term, ...]
+    noise: float
+
+    @classmethod
+    def of(cls, d: int) -> "Kernel":
+        """One without further terms, to start from."""
+        return cls((Smooth(1.0, np.full(d, np.exp(MEAN_RATE))),), 1e-4)
+
+    def with_term(self, term: Term) -> "Kernel":
+        """With one more term, which takes most of what the smooth one is."""
+        smooth, *further = self.terms
+        return replace(self, terms=(replace(smooth, size=0.1 * smooth.size), *further, replace(term, size=smooth.size)))
+
+    def with_vector(self, vector: Array) -> "Kernel":
+        """With other numbers."""
+        *own, noise = np.split(vector, np.cumsum([len(term.vector) for term in self.terms]))
+        terms = (term.with_vector(part) for term, part in zip(self.terms, own, strict=True))
+        return Kernel(tuple(terms), float(np.exp(noise[0])))
+
+    @property
+    def n_ridges(self) -> int:
+        """Number of terms that are ridges."""
+        return sum(isinstance(term, Ridge) for term in self.terms)
+
+    @property
+    def is_sum(self) -> bool:
+        """Whether a term is a sum of functions of one parameter."""
+        return any(isinstance(term, Sum) for term in self.terms)
+
+    @property
+    def vector(self) -> Array:
+        """The vectors of the terms, and the logarithm of the noise."""
+        return np.concatenate([*(term.vector for term in self.terms), [np.log(self.noise)]])
+
+    @property
+    def prior(self) -> Array:
+        """Expected vector and its standard deviations (2, n)."""
+        of_noise = [[np.log(EXPECTED_NOISE)], [DEVIATION]]
+        return np.concatenate([*(term.prior for term in self.terms), of_noise], axis=1)
+
+    @property
+    def size(self) -> float:
+        """Variance of the responses without noise."""
+        return sum(term.size for term in self.terms)
+
+    def values(self, a: Array, b: Array) -> Array:
+        """The covariance (N, M) of points (N, d) and (M, d), without noise."""
+        return np.asarray(np.sum([term.values(a, b) for term in self.terms], axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianProcess:
+    """Mean and standard deviation of responses given some runs, relative to the responses' own mean and deviation.
+
+    Attributes
+    ----------
+    kernel : Kernel
+    points : (N, d)
+    Y : (N, m)
+
+    References
+    ----------
+    Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), sections 2.2 and 5.4.
+    Vivarelli and Williams (1998): covariances of linear combinations of the parameters.
+    """
+
+    kernel: Kernel
+    points: Array
+    Y: Array
+
+    @cached_property
+    def _covariances(self) -> list[Array]:
+        """Of the runs, (N, N) of each term."""
+        return [term.values(self.points, self.points) for term in self.kernel.terms]
+
+    @cached_property
+    def _inverse_root(self) -> Array:
+        """(N, N) inverse of the Cholesky factor of the covariance of the runs."""
+        from scipy.linalg import cholesky, solve_triangular
+
+        covariance, unit = np.sum(self._covariances, axis=0), np.eye(len(self.points))
+        noise = self.kernel.noise + _LEAST_NOISE
+        while True:
+            try:
+                root = cholesky(covariance + noise * unit, lower=True)
+            except np.linalg.LinAlgError:  # rounding: points are near each other
+                noise *= 100
+            else:
+                return np.asarray(solve_triangular(root, unit, lower=True))
+
+    @cached_property
+    def _weights(self) -> Array:
+        return self._inverse_root.T @ (self._inverse_root @ self.Y)
+
+    def unlikeliness(self) -> tuple[float, Array]:
+        """Negative logarithm of the likelihood of the responses, and its gradient by the vector of the kernel.
+
+        A weak prior keeps numbers that do not matter in place.
+        """
+        kernel, m = self.kernel, self.Y.shape[1]
+        mean, deviation = kernel.prior
+        root, weights = self._inverse_root, self._weights
+        value = 0.5 * float((self.Y * weights).sum()) - m * float(np.log(np.diag(root)).sum())
+        pull = 0.5 * (m * root.T @ root - weights @ weights.T)
+        each = zip(kernel.terms, self._covariances, strict=True)
+        parts = [term.vector_gradient(pull, self.points, values) for term, values in each]
+        gradient = np.concatenate([*parts, [kernel.noise * np.trace(pull)]])
+        distance = (kernel.vector - mean) / deviation
+        return value + 0.5 * float(distance @ distance), gradient + distance / deviation
+
+    def most_likely(self) -> "GaussianProcess":
+        """That of the most likely kernel near this one."""
+        from scipy.optimize import minimize
+
+        mean, deviation = self.kernel.prior
+        limits = np.stack([mean - _LIMIT * deviation, mean + _LIMIT * deviation], axis=1)
+        limits[-1] = np.log([_LEAST_NOISE, 1.0])  # of the noise
+        result = minimize(
+            lambda vector: replace(self, kernel=self.kernel.with_vector(vector)).unlikeliness(),
+            np.clip(self.kernel.vector, *limits.T),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=limits,
+            options={"maxiter": 60, "ftol": _LIKELY},  # directions turn slowly
+        )
+        return replace(self, kernel=self.kernel.with_vector(result.x))
+
+    def left_out_errors(self) -> Array:
+        """Errors (N, m) of the mean at each run if that run is left out (Rasmussen and Williams, section 5.4.2)."""
+        return self._weights / np.square(self._inverse_root).sum(axis=0)[:, None]
+
+    def left_out_deviations(self) -> Array:
+        """The largest of these errors (N,) over their standard deviations."""
+        return np.abs(self.left_out_errors()).max(axis=1) * np.sqrt(np.square(self._inverse_root).sum(axis=0))
+
+    def mean(self, points: Array) -> Array:
+        """(M, m)."""
+        return self.kernel.values(points, self.points) @ self._weights
+
+    def deviation(self, points: Array) -> Array:
+        """Standard deviation (M,) of a response without noise."""
+        root = self.kernel.values(points, self.points) @ self._inverse_root.T
+        return np.sqrt(np.maximum(self.kernel.size - np.square(root).sum(axis=1), 0.0))
+
+    def rest_direction(self) -> Array:
+        """The direction (d,) in which the smooth part of the mean varies most: the first active subspace.
+
+        Constantine, Dow and Wang, SIAM Journal on Scientific Computing 36 (2014), A1500-A1524.
+        """
+        slopes = [self.kernel.terms[0].slope(weights, self.points, self.points) for weights in self._weights.T]
+        return np.linalg.svd(np.concatenate(slopes), full_matrices=False)[2][0]
+
+    def smallest(self, response: int, sign: float, factor: float, starts: Array) -> tuple[Array, float]:
+        """A place (d,) where sign times a response less factor deviations is smallest in the box, and the value there.
+
+        It is the best of local searches from the starts (S, d).
+        """
+        from scipy.optimize import minimize
+
+        weights, root, kernel = sign * self._weights[:, response], self._inverse_root, self.kernel
+
+        def objective(x: Array) -> tuple[float, Array]:
+            covariance = kernel.values(x[None], self.points)[0]
+            half = root @ covariance
+            deviation = np.sqrt(max(kernel.size - half @ half, 1e-16))
+            pull = weights + factor / deviation * (root.T @ half)  # of the covariances on the objective
+            gradient = np.sum([term.slope(pull, x[None], self.points)[0] for term in kernel.terms], axis=0)
+            return float(weights @ covariance - factor * deviation), gradient
+
+        limits = [(-1.0, 1.0)] * starts.shape[1]
+        results = [minimize(objective, x, jac=True, method="L-BFGS-B", bounds=limits) for x in starts]
+        best = min(results, key=lambda result: result.fun)
+        return np.asarray(best.x), float(best.fun)

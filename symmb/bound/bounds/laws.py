@@ -1,0 +1,146 @@
+"""Distributions of parameters, cut to the box, and dependent by a Gaussian copula."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean, normal_keys
+from symmb._options import numbers_of, shown
+from symmb._types import Array, Indices
+from symmb.equations.model import Box
+
+Correlation = Sequence[Sequence[float]] | Array
+_LEAST_MASS = 1e-6
+"""Probability of the box below which a distribution lies outside of it: its quantiles there have few digits."""
+_STATED_MASS = 1e-4
+"""Probability outside of the box from which a remark states it."""
+
+
+def given_once(owner: str, laws: object, distributions: object) -> Any:
+    """Distributions that are given by one of two names."""
+    if laws is not None and distributions is not None:
+        raise DeclarationError(f"{owner}: laws and distributions are two names of one argument. Give one of them.")
+    return distributions if laws is None else laws
+
+
+@dataclass(frozen=True, eq=False)
+class Laws:
+    """Distributions of some parameters of a box.
+
+    Attributes
+    ----------
+    names : n_l names
+    columns : (n_l,)           their numbers in the box
+    distributions : n_l        with `cdf` and `ppf`, as frozen distributions of SciPy have
+    masses : (n_l, 2)          distribution functions at the ends of the intervals
+    factor : (n_l, n_l)        Cholesky factor of the correlations of the copula; None for independent parameters
+    """
+
+    names: tuple[str, ...]
+    columns: Indices
+    distributions: tuple[Any, ...]
+    masses: Array
+    factor: Array | None
+
+    @classmethod
+    def of(cls, owner: str, laws: object, correlation: object, box: Box) -> "Laws":
+        """From distributions by name, and a matrix of correlations in their order."""
+        if not isinstance(laws, Mapping) or not laws:
+            raise DeclarationError(
+                f'{owner}: distributions must be given by name, such as {{"k": scipy.stats.norm(40, 1.3)}}, '
+                f"got {shown(laws)}."
+            )
+        laws, masses = normal_keys(owner, laws), []
+        for name, law in laws.items():
+            if name not in box.names:
+                raise DeclarationError(f"{owner}: {name!r} is not in the box.{did_you_mean(str(name), box.names)}")
+            masses.append(_masses(owner, name, law, box))
+        names = tuple(laws)
+        columns = np.array([box.names.index(name) for name in names], dtype=np.intp)
+        factor = None if correlation is None else _cholesky(owner, correlation, names)
+        return cls(names, columns, tuple(laws.values()), np.array(masses), factor)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Which distributions lose a part outside of the box, in one sentence."""
+        outside = 1.0 - (self.masses[:, 1] - self.masses[:, 0])
+        cut = {name: mass for name, mass in zip(self.names, outside.tolist(), strict=True) if mass > _STATED_MASS}
+        if not cut:
+            return ()
+        one, more = "distribution of {} is cut to its interval", "distributions of {} are cut to their intervals"
+        words = one if len(cut) == 1 else more
+        masses = ", ".join(dict.fromkeys(f"{mass:.2g}" for mass in cut.values()))
+        return (f"The {words.format(', '.join(cut))}, with a probability of {masses} outside.",)
+
+    def unit_points(self, uniform: Array, box: Box) -> Array:
+        """Values (N, n_l) in the unit box from independent uniform numbers (N, n_l) of [0, 1]."""
+        u = uniform
+        if self.factor is not None:
+            from scipy.special import ndtr, ndtri
+
+            tiny = np.finfo(float).tiny
+            u = ndtr(ndtri(np.clip(u, tiny, 1.0 - 2.0**-53)) @ self.factor.T)
+        low, high = self.masses.T
+        P = np.tile(box.center, (len(u), 1))
+        for k, (column, law) in enumerate(zip(self.columns, self.distributions, strict=True)):
+            P[:, column] = np.clip(law.ppf(low[k] + u[:, k] * (high[k] - low[k])), *box.bounds[column])
+        return np.clip(box.to_unit(P)[:, self.columns], -1.0, 1.0)
+
+    def __repr__(self) -> str:
+        return laws_text(dict(zip(self.names, self.distributions, strict=True)))
+
+
+def laws_text(laws: Mapping[str, Any]) -> str:
+    """Distributions by name, as they were called."""
+    return "{" + ", ".join(f"{name!r}: {_law_text(law)}" for name, law in laws.items()) + "}"
+
+
+def _law_text(law: Any) -> str:
+    name = getattr(getattr(law, "dist", None), "name", type(law).__name__)
+    arguments = [f"{value:g}" for value in getattr(law, "args", ())]
+    arguments += [f"{key}={value:g}" for key, value in getattr(law, "kwds", {}).items()]
+    return f"{name}({', '.join(arguments)})"
+
+
+def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
+    if hasattr(law, "freeze"):
+        raise DeclarationError(f"{owner}: distribution of {name!r} needs numbers, such as scipy.stats.norm(40, 1.3).")
+    if not all(callable(getattr(law, part, None)) for part in ("cdf", "ppf")):
+        raise DeclarationError(
+            f"{owner}: the distribution of {name!r} must have cdf and ppf, such as scipy.stats.norm(40, 1.3), "
+            f"got {shown(law)}."
+        )
+    low, high = box.bounds[box.names.index(name)]
+    try:
+        below, above = float(law.cdf(np.nextafter(low, -np.inf))), float(law.cdf(high))  # the end may have a mass
+        middle = np.shape(law.ppf(np.array([below, above])))
+    except Exception as error:  # of the user's class
+        raise DeclarationError(f"{owner}: the distribution of {name!r} has no values: {error}.") from error
+    if middle != (2,):
+        raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must give a number for each number.")
+    if not above - below >= _LEAST_MASS:
+        raise DeclarationError(
+            f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval from "
+            f"{low:g} to {high:g}."
+        )
+    return below, above
+
+
+def _cholesky(owner: str, correlation: object, names: tuple[str, ...]) -> Array:
+    matrix, n = numbers_of(correlation), len(names)
+    if matrix is None or matrix.shape != (n, n):
+        raise DeclarationError(
+            f"{owner}: correlation must be a {n} x {n} matrix in the order of the distributions ({', '.join(names)}), "
+            f"got {shown(correlation)}."
+        )
+    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T) or not np.allclose(np.diag(matrix), 1.0):
+        raise DeclarationError(
+            f"{owner}: correlation must be symmetric with 1 on its diagonal, got {shown(correlation)}."
+        )
+    try:
+        return np.asarray(np.linalg.cholesky(matrix), dtype=float)
+    except np.linalg.LinAlgError:
+        raise DeclarationError(f"{owner}: correlation is not positive definite: {shown(correlation)}.") from None

@@ -1,0 +1,277 @@
+"""Small probabilities: a Gaussian process of the margin of an event, importance sampling, and runs near the limit."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from symmb._threads import one_thread
+from symmb._types import Array, Indices, Mask
+from symmb.bound.bounds.gaussian_process import GaussianProcess, Kernel
+from symmb.bound.nodes import Sobol
+from symmb.bound.polynomials import TotalDegree, basis_values
+
+_CHAINS, _MOVES = 3000, 4
+"""Samples of a level of subset simulation, and how often each moves there."""
+_SMALL_STEP = 0.3
+"""Size of moves of runs that have failed to where failures are likely."""
+_FAR_RUNS, _NEAREST, _FARTHEST = 96, 3.0, 7.0
+"""Runs in all directions, and their distances from the middle, in standard deviations."""
+_LEVEL = 0.1
+"""Share of samples that a level keeps."""
+_LEAST = 1e-10
+"""Probability below which an event is not looked for."""
+_OPTIMISM = 1.5
+"""Errors by which a margin may be larger where failures are looked for: fewer miss regions that no run has met."""
+_CLUSTERS, _SPREAD, _DEFENCE = 8, 1.6, 0.05
+"""Normal distributions from which samples are drawn, the factor of their covariances, as tails of what they stand for
+are heavier, and the share that is drawn from the laws themselves."""
+_SETS, _IN_SET = 8, 2048
+"""Independent sets of samples, and samples of a set."""
+_POOL = 4096
+"""Samples from which the places of runs are chosen."""
+_NEW_RUNS = 48
+"""Runs of a round, at samples that are most likely to be on the wrong side: they correct the probability."""
+_OF_FAILURES = 0.25
+"""Share of them that is spread over all failures."""
+_MOST_FITTED = 400
+"""Most runs of rounds in a fit, those nearest to the limit: the time is that of their number cubed."""
+_REFITTED = 1.25
+"""Growth of the number of runs at which the kernel is fitted again."""
+_UNSEEN = 3.0
+"""Expected number of wrong samples of which none is seen in one of 20 rounds."""
+_DEVIATIONS = 3.0
+"""Standard errors that are told."""
+
+Normal = Callable[[Array], Array]
+"""Values for standard normal numbers (N, n_l)."""
+
+
+@dataclass(frozen=True, eq=False)
+class RareEvent:
+    """The probability of an event, its estimated error, and the runs.
+
+    Attributes
+    ----------
+    probability, error : float
+    shares : (n_t,)        share of the failures that are failures at each time
+    failures : int         runs that tell these shares
+    runs : int
+    """
+
+    probability: float
+    error: float
+    shares: Array
+    failures: int
+    runs: int
+
+
+def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], aim: float, most: int) -> RareEvent:
+    """Probability that the largest margin over time is positive.
+
+    Each round fits a Gaussian process to the margins of all runs, looks for its failures by subset simulation, samples
+    around them, and makes runs where the sign is least sure. These runs correct the probability, and enter the next
+    fit. (Echard, Gayton and Lemaire, Structural Safety 33 (2011); Dubourg, Sudret and Deheeger, Probabilistic
+    Engineering Mechanics 33 (2013))
+
+    Parameters
+    ----------
+    points_of : points (N, n_l) at which the process is fitted
+    margins : by runs (N, n_t)
+    known : standard normal numbers (N, n_l) and margins (N, n_t) of runs that were made
+    aim : relative error at which to stop
+    most : most runs
+    """
+    rng, n_l = np.random.default_rng(0), known[0].shape[1]
+    far = _directions(n_l)
+    z, m = np.concatenate([known[0], far]), np.concatenate([known[1], margins(far)]).max(axis=1)
+    first = len(z)
+    process, rounds, failures = None, list[tuple[float, float]](), list[tuple[Array, Mask]]()
+    value, error, n = 0.0, np.inf, 0
+    while error > max(aim * value, _LEAST) and len(z) - len(known[0]) + _NEW_RUNS <= most:
+        with one_thread():
+            some = _fitted_runs(m, first)
+            process = _Margin.of(points_of(z[some]), m[some], process)
+            samples, weights, of_process, scatter = _sampled(process, points_of, z[m > 0], n_l, rng)
+            pool = rng.choice(len(samples), _POOL, replace=False)
+            at, share = points_of(samples[pool]), weights[pool] / _POOL
+            s = process.mean(at)
+            doubt = np.exp(-0.5 * np.square(s / process.deviation(at)))  # of the sign
+        uncertain, failing = _normalized(share * np.sqrt(doubt)), _normalized(share * (s > 0))
+        density = _normalized((1 - _OF_FAILURES) * uncertain + _OF_FAILURES * failing)
+        chosen = rng.choice(_POOL, _NEW_RUNS, p=density)
+        Y = margins(samples[pool][chosen])
+        fails, each = Y.max(axis=1) > 0, share[chosen] / density[chosen]
+        wrong = (fails.astype(float) - (s[chosen] > 0)) * each
+        unseen = _UNSEEN / _NEW_RUNS * float((share * doubt).sum())
+        of_wrong = max(_DEVIATIONS * float(wrong.std(ddof=1)) / np.sqrt(_NEW_RUNS), unseen)
+        rounds.append((of_process + float(wrong.mean()), scatter + of_wrong))
+        failures.append((each[fails], Y[fails] > 0))
+        value, error, n = _mean_of_last(rounds)
+        z, m = np.concatenate([z, samples[pool][chosen]]), np.concatenate([m, Y.max(axis=1)])
+    weights, failed = (np.concatenate(part) for part in zip(*failures[-n:], strict=True))
+    shares = weights @ failed / weights.sum() if len(weights) else np.zeros(known[1].shape[1])
+    return RareEvent(max(value, 0.0), error, shares, len(weights), len(z) - len(known[0]))
+
+
+def _mean_of_last(rounds: list[tuple[float, float]]) -> tuple[float, float, int]:
+    """Mean of the probabilities of the last half of the rounds, its error, and their number.
+
+    All count alike: weights by errors would prefer small probabilities, whose errors are small.
+    """
+    values, errors = np.array(rounds[len(rounds) // 2 :]).T
+    return float(values.mean()), max(float(np.sqrt(np.square(errors).sum())) / len(values), _LEAST), len(values)
+
+
+def _directions(n_l: int) -> Array:
+    """Standard normal numbers (N, n_l) in all directions, far from the middle: they meet regions that fail rarely."""
+    normal = ndtri((Sobol().points(_FAR_RUNS, n_l + 1, seed=_SETS) + 1) / 2)
+    radius = _NEAREST + (_FARTHEST - _NEAREST) * ndtr(normal[:, :1])
+    return radius * normal[:, 1:] / np.linalg.norm(normal[:, 1:], axis=1, keepdims=True)
+
+
+def _fitted_runs(m: Array, first: int) -> Indices:
+    """Numbers of the first runs, which are spread over all that may fail, and of later ones near the limit."""
+    near = first + np.argsort(np.abs(m[first:]))[:_MOST_FITTED]
+    return np.concatenate([np.arange(first), near])
+
+
+def _normalized(density: Array) -> Array:
+    total = density.sum()
+    return density / total if total > 0 else np.full(len(density), 1 / len(density))
+
+
+@dataclass(frozen=True, eq=False)
+class _Margin:
+    """A polynomial of first or second degree, and a Gaussian process of what it leaves.
+
+    Attributes
+    ----------
+    trend : (n_b,)             coefficients of the polynomial
+    centre, scale : (n_l,)     of points, in whose units the process is
+    size : float               unit of what is left
+    of_kernel : int            runs to which the kernel was fitted
+    factor : float             of deviations, by the errors of left-out runs
+    """
+
+    trend: Array
+    process: GaussianProcess
+    centre: Array
+    scale: Array
+    size: float
+    of_kernel: int
+    factor: float
+
+    @classmethod
+    def of(cls, x: Array, m: Array, before: "_Margin | None") -> "_Margin":
+        """Through margins m (N,) at points x (N, n_l)."""
+        centre, scale = (x.mean(axis=0), 2 * x.std(axis=0)) if before is None else (before.centre, before.scale)
+        scale = np.where(scale > 0, scale, 1.0)
+        own = (x - centre) / scale
+        alpha = TotalDegree().indices(x.shape[1], 2)
+        if 2 * len(alpha) > len(x):
+            alpha = TotalDegree().indices(x.shape[1], 1)
+        basis = basis_values(alpha, own)
+        trend: Array = np.asarray(np.linalg.lstsq(basis, m)[0], dtype=float)
+        rest = m - basis @ trend
+        size = max(float(rest.std()), 1e-9 * float(np.abs(m).max(initial=0.0)), np.finfo(float).tiny)
+        kernel, of_kernel = (Kernel.of(x.shape[1]), 0) if before is None else (before.process.kernel, before.of_kernel)
+        process = GaussianProcess(kernel, own, rest[:, None] / size)
+        if len(x) > _REFITTED * of_kernel:
+            process, of_kernel = process.most_likely(), len(x)
+        factor = max(1.0, float(np.sqrt(np.square(process.left_out_deviations()).mean())))
+        return cls(trend, process, centre, scale, size, of_kernel, factor)
+
+    def mean(self, x: Array) -> Array:
+        """(N,)."""
+        own = (x - self.centre) / self.scale
+        alpha = TotalDegree().indices(x.shape[1], 1 if len(self.trend) == x.shape[1] + 1 else 2)
+        return basis_values(alpha, own) @ self.trend + self.size * self.process.mean(own)[:, 0]
+
+    def deviation(self, x: Array) -> Array:
+        """(N,), by the errors of left-out runs."""
+        least = np.sqrt(self.process.kernel.noise)
+        return self.size * self.factor * np.maximum(self.process.deviation((x - self.centre) / self.scale), least)
+
+    def optimistic(self, x: Array) -> Array:
+        """Margins (N,) that are larger by the error of left-out runs: the deviation of each takes a hundred times as
+        long.
+        """
+        return self.mean(x) + _OPTIMISM * self.size * float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
+
+
+def _sampled(
+    process: _Margin, points_of: Normal, failed: Array, n_l: int, rng: np.random.Generator
+) -> tuple[Array, Array, float, float]:
+    """Samples (N, n_l), their weights (N,), and the probability of a positive margin with the error of sampling."""
+
+    def margin(z: Array) -> Array:
+        return process.optimistic(points_of(z))
+
+    z = _failures(margin, n_l, rng)
+    if len(failed):  # no region that a run has met is lost
+        near = failed[rng.choice(len(failed), _CHAINS)]
+        moved = near, np.maximum(margin(near), 0.0)
+        for _ in range(_MOVES):
+            moved = _moved(margin, 0.0, *moved, _SMALL_STEP, rng)
+        z = np.concatenate([z, moved[0]])
+    centres, roots = _clusters(z, rng)
+    shares = np.append(_DEFENCE, np.full(len(centres) - 1, (1 - _DEFENCE) / (len(centres) - 1)))
+    uniform = (np.concatenate([Sobol().points(_IN_SET, n_l + 1, seed) for seed in range(_SETS)]) + 1) / 2
+    which = np.searchsorted(np.cumsum(shares)[:-1], uniform[:, 0], side="right")
+    normal = ndtri(np.clip(uniform[:, 1:], 1e-15, 1 - 1e-15))
+    samples = centres[which] + np.einsum("nij,nj->ni", roots[which], normal)
+    squares, density = np.square(samples).sum(axis=1), np.zeros(len(samples))
+    for share, centre, root in zip(shares, centres, roots, strict=True):
+        inner = np.square(np.linalg.solve(root, (samples - centre).T)).sum(axis=0)
+        density += share * np.exp(0.5 * (squares - inner)) / np.prod(np.diag(root))
+    weights = 1 / density
+    means = np.concatenate([process.mean(points_of(part)) for part in np.array_split(samples, _SETS)])
+    sets = (weights * (means > 0)).reshape(_SETS, -1).mean(axis=1)
+    return samples, weights, float(sets.mean()), float(_DEVIATIONS * sets.std(ddof=1) / np.sqrt(_SETS))
+
+
+def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:
+    """Standard normal numbers (N, n_l) whose margin is positive, or as large as is found, by subset simulation.
+
+    Au and Beck, Probabilistic Engineering Mechanics 16 (2001); moves by Papaioannou and others, ibid. 41 (2015).
+    """
+    z = rng.standard_normal((_CHAINS, n_l))
+    m, step, probability = margin(z), 0.6, 1.0
+    while (level := min(float(np.quantile(m, 1 - _LEVEL)), 0.0)) < 0 and probability > _LEAST:
+        z, m = _moved(margin, level, z, m, step, rng)
+        probability *= _LEVEL
+        step = max(0.85 * step, 0.2)
+    return _moved(margin, level, z, m, step, rng)[0]
+
+
+def _moved(
+    margin: Normal, level: float, z: Array, m: Array, step: float, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Samples that are beyond a level, as many, after moves that keep their distribution there."""
+    start = rng.choice(np.flatnonzero(m >= level), len(z))
+    z, m = z[start], m[start]
+    for _ in range(_MOVES):
+        new = np.sqrt(1 - step**2) * z + step * rng.standard_normal(z.shape)
+        of_new = margin(new)
+        kept = of_new >= level
+        z, m = np.where(kept[:, None], new, z), np.where(kept, of_new, m)
+    return z, m
+
+
+def _clusters(z: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Centres (k, n_l) and roots (k, n_l, n_l) of covariances of normal distributions.
+
+    The first is that of the laws, the second that of all samples z (N, n_l): clusters have too narrow tails.
+    """
+    from scipy.cluster.vq import kmeans2
+
+    n_l = z.shape[1]
+    _, which = kmeans2(z, min(_CLUSTERS, max(1, len(z) // (20 * n_l))), rng=rng, minit="++")
+    groups = [z, *(z[which == k] for k in np.unique(which))]
+    groups = [own for own in groups if len(own) > 2 * n_l]
+    centres = [np.zeros(n_l), *(own.mean(axis=0) for own in groups)]
+    covariances = [_SPREAD * np.cov(own.T).reshape(n_l, n_l) + 1e-3 * np.eye(n_l) for own in groups]
+    roots: Array = np.array([np.eye(n_l), *map(np.linalg.cholesky, covariances)], dtype=float)
+    return np.array(centres), roots

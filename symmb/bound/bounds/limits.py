@@ -1,0 +1,379 @@
+"""Whether bounds keep limits: kept, violated, or not decided by the bounds."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from symmb._doubt import concerned
+from symmb._errors import DeclarationError
+from symmb._labelled import Labelled, Result, over_outputs, texts
+from symmb._names import did_you_mean, normal_keys
+from symmb._options import is_real, require_name, shown
+from symmb._table import aligned, over_times, time_text
+from symmb._types import Array, Indices
+from symmb._units import number_in
+from symmb.bound.bounds.direct_search import direct_search
+from symmb.bound.bounds.envelope import Envelope
+from symmb.bound.bounds.time_windows import ROUNDING
+from symmb.bound.bounds.worst_case import SIDES, WorstCase
+from symmb.bound.nodes import Sobol
+from symmb.results import plot
+from symmb.results.files import to_jsonable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
+"""Limits (low, high) of outputs by name, of which one may be None, in their units or others, as ("75 deg/s", None)."""
+_SAFETY = 2.0
+"""How many times an estimated error counts within which further runs decide."""
+_FURTHER = 600
+"""Further runs of a scene, of which many cost little; of other simulators, as many as the study took, or less."""
+_NEAR = 0.5
+"""Distance of a limit, over the width of bounds of a scene, within which further runs look for what the study has not
+seen, as corners that differ in two parameters from the best one: less misses more, more takes runs for far limits."""
+_SPREAD, _PEAKS = 16, 3
+"""Points that are spread over the box, and times at which runs of the study are, where a search in a scene starts."""
+_CLOSE, _LINE = 0.03, 17
+"""Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search, and
+points on each: a peak that passes output times makes many hills. Less misses more, more takes more runs."""
+_WORDS = {True: "kept", False: "violated", None: "undecided"}
+
+
+@dataclass(frozen=True, eq=False)
+class FurtherRun:
+    """The run that comes closest to a limit of all that a check has made.
+
+    Attributes
+    ----------
+    side : str                 that of the limit, "lower" or "upper"
+    place : (d,)               of the unit box
+    values : (n_t,)            of the output
+    beyond : float             how far they are beyond the limit, below 0 inside
+    error : float              how much closer others may be, infinite if the search was not ended
+    runs, failed : int         how many runs were made, and how many of them failed
+    """
+
+    side: str
+    place: Array
+    values: Array
+    beyond: float
+    error: float
+    runs: int
+    failed: int
+
+    @property
+    def row(self) -> int:
+        """Number of the time at which it is closest."""
+        return int(np.nanargmin(self.values) if self.side == "lower" else np.nanargmax(self.values))
+
+
+class _Decision(NamedTuple):
+    """Whether a limit is kept, why, the margin (n_t,), and the further run that comes closest to it."""
+
+    kept: bool | None
+    why: str
+    margin: Array
+    further: FurtherRun | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class KeptLimit:
+    """The limit of one output.
+
+    Attributes
+    ----------
+    output, unit : str
+    low, high : float          limits, infinite where there is none
+    kept : True, False, None   whether all responses are inside; None if the bounds do not decide it
+    why : str                  what decides, or what would decide, in a sentence
+    margin : (n_t,)            distance of the bounds from the closer limit, below 0 beyond it; further runs that end
+                               their search inside show that it is larger
+    further : FurtherRun       the one that comes closest to the limit, or None if none was made
+    """
+
+    output: str
+    unit: str
+    low: float
+    high: float
+    kept: bool | None
+    why: str
+    margin: Array
+    further: "FurtherRun | None" = None
+
+    @property
+    def row(self) -> int:
+        """Number of the time of the smallest margin."""
+        further = self.further
+        return further.row if further and np.isfinite(further.error) else int(self.margin.argmin())
+
+    @property
+    def text(self) -> str:
+        """The limit as an inequality."""
+        low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
+        high = f" <= {self.high:g}" if np.isfinite(self.high) else ""
+        return f"{low}{self.output}{high}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LimitCheck(plot.OverTimeBesideGiven, Result):
+    """Which limits are kept. `print` shows them, `plot` draws the bounds of outputs with limits, and these as lines.
+
+    Attributes
+    ----------
+    t : (n_t,)                 times [s]
+    method : str
+    limits : tuple of KeptLimit
+    draw : function            of names of outputs, and of axes or None: a figure of their bounds
+    worst : WorstCase          the run that comes closest to a limit, or is farthest beyond it; None if none is known
+    """
+
+    t: Array
+    method: str
+    limits: tuple[KeptLimit, ...]
+    draw: "Callable[..., Figure]"
+    worst: WorstCase | None
+
+    _left = (0, 1, 2)
+    _most = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The outputs with limits."""
+        return tuple(limit.output for limit in self.limits)
+
+    @property
+    def kept(self) -> bool | None:
+        """True if all limits are kept, False if one is violated, None if that is not decided."""
+        results = [limit.kept for limit in self.limits]
+        return False if False in results else None if None in results else True
+
+    @property
+    def margin(self) -> Array:
+        """(n_t,) the smallest distance of the bounds from a limit, below 0 beyond it."""
+        return np.min([limit.margin for limit in self.limits], axis=0)
+
+    def __getitem__(self, output: str) -> KeptLimit:
+        """The limit of an output."""
+        for limit in self.limits:
+            if limit.output == output:
+                return limit
+        raise DeclarationError(f"No limit of {shown(output)}.{did_you_mean(output, self.names)}")
+
+    def _head(self) -> str:
+        return f"Limits by {self.method}: {_WORDS[self.kept]}"
+
+    def _rows(self, names: Sequence[str] = ()) -> list[list[str]]:
+        rows = [["limit", "result", "why", "smallest margin", "at [s]"]]
+        for limit in self.limits:
+            least, _ = self._least(limit)
+            margin = f"{least:.4g}{' ' * bool(limit.unit)}{limit.unit}"
+            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, time_text(self.t, limit.row, limit.margin)])
+        return over_times(rows, self.t)
+
+    def _least(self, limit: KeptLimit) -> tuple[float, float]:
+        """The smallest margin of a limit, and its time [s]."""
+        return float(limit.margin[limit.row]), float(self.t[limit.row])
+
+    def to_json(self) -> dict[str, dict[str, Any]]:
+        """The result of each output, why, its smallest margin with the time, and its limits, None where there is
+        none."""
+        results = {}
+        for limit in self.limits:
+            margin, time = self._least(limit)
+            result = {"result": _WORDS[limit.kept], "why": limit.why, "margin": margin, "time": time}
+            results[limit.output] = to_jsonable(result | {"low": limit.low, "high": limit.high})
+        return results
+
+    def __str__(self) -> str:
+        worst = [f"  worst case: {self.worst}"] if self.worst else []
+        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), self._left)), *worst])
+
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
+        some = self.limits if columns is None else [self.limits[k] for k in columns]
+        look = {"label": style.label, "color": style.color, "legend": style.legend}
+        figure = self.draw([limit.output for limit in some], style.ax, **look)
+        plot.add_limits(figure, style.ax, [(limit.low, limit.high) for limit in some])
+        return figure
+
+    def _labelled(self) -> Labelled:
+        coordinates, units = over_outputs(self.t, self.names, [limit.unit for limit in self.limits])
+        kept = texts([_WORDS[limit.kept] for limit in self.limits])
+        variables: dict[str, Any] = {
+            "margin": (("time", "output"), np.stack([limit.margin for limit in self.limits], axis=1)),
+            "low": (("output",), np.array([limit.low for limit in self.limits])),
+            "high": (("output",), np.array([limit.high for limit in self.limits])),
+            "result": (("output",), kept),
+        }
+        return Labelled(coordinates, variables, {"method": self.method}, units)
+
+
+def limit_pairs(
+    owner: str, limits: Limits, names: Sequence[str], units: Sequence[str] = ()
+) -> dict[str, tuple[float, float]]:
+    """Limits as numbers in the units of the outputs, infinite where there is none."""
+    if not isinstance(limits, Mapping) or not limits:
+        raise DeclarationError(
+            f'{owner}: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
+        )
+    limits = normal_keys(owner, limits)
+    for name in limits:
+        require_name(owner, "output", name, names)
+    known = dict(zip(names, units, strict=True)) if units else {}
+    return {name: _ends(owner, name, pair, known.get(name, "")) for name, pair in limits.items()}
+
+
+def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLimit:
+    """Whether an output keeps a limit."""
+    unit = bounds.units[bounds.names.index(output)] if bounds.units else ""
+    return KeptLimit(output, unit, low, high, *_decision(bounds, bounds.names.index(output), low, high))
+
+
+def _rounding(bounds: Envelope, k: int) -> float:
+    """How far runs of output number k may be off by rounding or noise."""
+    rounding = float(ROUNDING * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
+    return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
+
+
+def _doubt(bounds: Envelope, output: str) -> str:
+    """The first doubt about an output beside its estimated error, '' if there is none."""
+    if doubts := [doubt for doubt in bounds.run_doubts if concerned(doubt, [output])]:
+        return doubts[0]
+    return "Runs failed." if bounds.failed else f"The bounds are {bounds.caution}." if bounds.caution else ""
+
+
+def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
+    """Whether output number k keeps a limit."""
+    lower, upper = bounds.lower[:, k], bounds.upper[:, k]
+    margin, rounding = np.minimum(lower - low, high - upper), _rounding(bounds, k)
+    attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
+    beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
+    if beyond > rounding:
+        return _Decision(False, "A run is beyond it.", margin)
+    if doubt := _doubt(bounds, bounds.names[k]):
+        return _Decision(None, f"See the warnings: {shorten(doubt, 60, placeholder=' ...')}", margin)
+    if beyond > 0:
+        return _Decision(None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}.", margin)
+    if bounds.kind == "sampled":
+        why = f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
+        return _Decision(None, why, margin)
+    if bounds.kind == "enclosure":
+        if (margin >= 0).all():
+            return _Decision(True, "This is proved.", margin)
+        if ((lower > high) | (upper < low)).any():
+            return _Decision(False, "All responses are beyond it at a time.", margin)
+        why = "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
+        return _Decision(None, why, margin)
+    if bounds.estimate is None:
+        return _Decision(None, "The bounds have no estimated error: PolynomialChaos() has one.", margin)
+    sides = [_side_decision(bounds, k, *end) for end in zip(SIDES, (low, high), strict=True) if np.isfinite(end[1])]
+    worst = min(sides, key=lambda side: ((False, None, True).index(side.kept), side.margin.min()))
+    return worst._replace(margin=np.min([side.margin for side in sides], axis=0))
+
+
+def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decision:
+    """The same of the lower or upper limit, by its margin and the estimated error at each time.
+
+    Where the margin is within this error, further runs decide: one beyond the limit violates it, and a search for such
+    a run that ends inside, farther from the limit than it may be off, keeps it.
+    """
+    assert bounds.estimate is not None
+    margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
+    estimate, rounding, further = bounds.estimate[:, k], _rounding(bounds, k), None
+    near = _SAFETY * estimate
+    if bounds.study is not None and bounds.study.has_lanes:
+        near = near + _NEAR * (bounds.upper - bounds.lower)[:, k].max()
+    if bounds.study is not None and (margin < near).any():
+        further = _closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"))
+        inside, error = -further.beyond, max(further.error, rounding)
+        own = limit - further.values if side == "upper" else further.values - limit
+        if inside < -rounding:
+            return _Decision(False, "A further run is beyond it.", np.fmin(margin, own), further)
+        if further.failed:
+            return _Decision(None, f"{further.failed} of {further.runs} further runs near it failed.", margin, further)
+        if inside <= rounding:
+            return _Decision(
+                None, f"A further run meets it, within {rounding:.1e} of rounding or noise.", margin, further
+            )
+        if np.isfinite(error):
+            why = f"{further.runs} further runs near it stay {inside:.1e} inside, and may be off by {error:.1e}."
+            return _Decision(True if inside > error else None, why, np.fmin(np.maximum(margin, inside), own), further)
+    if (margin < -np.maximum(estimate, rounding)).any():
+        error = estimate[(margin + estimate).argmin()]
+        why = f"The bounds are beyond it by more than their estimated error of {error:.1e}."
+        return _Decision(False, why, margin, further)
+    error = estimate.max()
+    if (margin >= estimate).all():
+        return _Decision(True, f"The estimated error is at most {error:.1e}.", margin, further)
+    decides = "PolynomialChaos(tolerance=...) with a smaller number decides."
+    return _Decision(None, f"The estimated error is up to {error:.1e}: {decides}", margin, further)
+
+
+def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices) -> FurtherRun:
+    """The further run that is closest to a limit or farthest beyond it, of a search from several starts.
+
+    These are runs of the study and extremes of its polynomials at the first of the rows (n_t,) whose runs differ, and
+    the nearest corners. Where runs cost little, two parameters are changed, and points are spread over the box. If the
+    limit is close, lines through the best run follow.
+    """
+    study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
+    assert study is not None and box is not None
+    runs, failed, best = 0, 0, (-np.inf, np.zeros(len(box)), np.full(len(bounds.t), np.nan))
+
+    def beyond(points: Array) -> Array:
+        nonlocal runs, failed, best
+        Y, bad = study.attempted(points)
+        excess = np.nan_to_num((sign * (Y[:, :, k] - limit)).max(axis=1), nan=-np.inf)
+        runs, failed, i = runs + len(points), failed + len(bad), int(excess.argmax())
+        if excess[i] > best[0]:
+            best = float(excess[i]), points[i], Y[i, :, k]
+        return excess
+
+    peaks = _PEAKS if study.has_lanes else 1
+    starts, some = [np.zeros((1, len(box)))], rows[:peaks]
+    if bounds.attaining is not None:
+        numbers = bounds.attaining.at[side][rows, k]
+        some = rows[np.sort(np.unique(numbers, return_index=True)[1])[:peaks]]
+        columns = [list(bounds.attaining.simulator.parameters).index(name) for name in box.names]
+        samples = bounds.attaining.samples([(side, int(i), k) for i in some])
+        starts = [box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))]
+    if study.has_lanes:
+        pairs = 1.0 - 2.0 * np.array([np.isin(np.arange(len(box)), pair) for pair in combinations(range(len(box)), 2)])
+        starts += [pairs.reshape(-1, len(box)) * starts[0][0], Sobol().points(_SPREAD, len(box), seed=0)]
+    if bounds.surrogate is not None:
+        one = np.ones(len(box))
+        starts.append(bounds.surrogate.part(some, [k]).range(-one, one)[2][SIDES.index(side), :, 0])
+    points = np.clip(np.concatenate(starts).round(9), -1.0, 1.0)  # corners are 1 to the last digit
+    points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
+    most = max(_FURTHER, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
+    enough = _rounding(bounds, k)
+    found = direct_search(beyond, points, most, enough)
+    if study.has_lanes and 0 <= -best[0] < _CLOSE * (bounds.upper - bounds.lower)[:, k].max():
+        lines = np.tile(best[1], (len(box), _LINE, 1))
+        lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, _LINE)
+        found = direct_search(beyond, np.concatenate([best[1][None], *lines]), most, enough)
+    return FurtherRun(side, best[1], best[2], best[0], found.error, runs, failed)
+
+
+def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]:
+    if isinstance(pair, list | tuple) and len(pair) == 3 and isinstance(pair[2], str):
+        pair = tuple(end if end is None else (end, pair[2]) for end in pair[:2])
+    if not isinstance(pair, list | tuple) or len(pair) != 2 or not any(end is not None for end in pair):
+        raise DeclarationError(
+            f"{owner}: the limit of {name!r} must be a pair (low, high), of which one may be None, got {shown(pair)}."
+        )
+    own = f"{owner}: the limit of {name!r}"
+    pair = [number_in(own, f"output {name!r}", end, unit) if isinstance(end, str | tuple) else end for end in pair]
+    for end in pair:
+        if end is not None and (not is_real(end) or np.isnan(end)):
+            raise DeclarationError(f"{owner}: the limit of {name!r} must be numbers or None, got {shown(pair)}.")
+    low, high = (-np.inf if pair[0] is None else float(pair[0])), (np.inf if pair[1] is None else float(pair[1]))
+    if low > high:
+        raise DeclarationError(f"{owner}: the limits of {name!r} cross: {low:g} is above {high:g}.")
+    if not np.isfinite([low, high]).any():
+        raise DeclarationError(f"{owner}: one end of the limit of {name!r} must be finite, got {shown(pair)}.")
+    return low, high

@@ -1,0 +1,184 @@
+"""The base of bounding methods: frozen objects that compute Bounds from a simulator and a box."""
+
+import time
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._interrupts import carry
+from symmb._options import require_callable, require_name, shown
+from symmb._types import Array, Executor
+from symmb._units import units_of_parameters
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.result_file import Kind
+from symmb.bound.bounds.worst_case import AttainingRuns
+from symmb.connect import Attained, Jets, Progress, Simulator, attained_by_runs
+from symmb.declare.symbolic import interpret
+from symmb.equations.model import Box
+from symmb.prove import Interval, operate, parameter_intervals
+from symmb.run.simulation import DAESimulator
+
+_MOST_OPERATIONS = 10_000
+"""Operations of outputs whose possible values take a tenth of a second."""
+
+
+class Method(ABC):
+    """A method to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
+
+    kind: ClassVar[Kind]
+    unit_of_work: ClassVar[str] = "runs"
+    """The unit of its progress."""
+    requires: ClassVar[str] = ""
+    """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
+
+    @property
+    def doubtful_miss(self) -> float:
+        """Share of the width above which a disagreement with check runs is a warning. It is half of the estimated error
+        that is a warning, because a few runs see only a part of an error."""
+        return 0.05
+
+    def bounds(
+        self, simulator: Simulator, box: Box, *, executor: Executor | None = None, progress: Progress | None = None
+    ) -> Bounds:
+        """Bound all outputs of a simulator at all its times over a box.
+
+        Parameters
+        ----------
+        simulator : source of the trajectories
+        box : intervals of some or all parameters; the others keep their nominal values
+        executor : anything with an ordered ``map``; None runs in this thread
+        progress : called with the finished runs and all runs
+
+        Returns
+        -------
+        Bounds
+            ``lower`` and ``upper`` (n_t, n_y).
+
+        Raises
+        ------
+        DeclarationError
+            If the box names a parameter that the simulator does not have.
+        PropagationError
+            If the simulator lacks what the method needs, or too many runs fail.
+        KeyboardInterrupt
+            If it is interrupted: ``partial`` then holds Bounds that the runs so far attained, if there are any.
+        """
+        for name in box.names:
+            require_name("Box", "parameter", name, simulator.parameters)
+        box = box.with_units(units_of_parameters(simulator.parameters))
+        require_callable("propagate: progress", progress, "done", "all")
+        start = time.perf_counter()
+        nominal = np.array(list(simulator.parameters.values()), dtype=float)
+        with attained_by_runs(len(simulator.times), len(simulator.outputs), nominal) as attained:
+            try:
+                result = self._bounds(simulator, box, executor, progress)
+            except KeyboardInterrupt as interrupt:
+                carry(interrupt, self._partial(simulator, box, attained, time.perf_counter() - start))
+                raise
+        lower, upper = result.lower, result.upper
+        if result.kind == "estimate":
+            lower, upper = np.clip((lower, upper), *possible_values(simulator, box))
+        seconds = time.perf_counter() - start
+        attaining = AttainingRuns.of(simulator, attained)
+        details = {"seconds": seconds, "units": units_of(simulator), "box": box, "attaining": attaining}
+        details["figures"] = figures_of(simulator)
+        if result.nominal is None:
+            details["nominal"] = attained.nominal
+        return replace(result, lower=lower, upper=upper, **details)
+
+    def planned_runs(self, d: int) -> int | None:
+        """Number of runs for d uncertain parameters, derivatives included; None where it is not known before."""
+        return None
+
+    def _result(self, simulator: Simulator, lower: Array, upper: Array, evaluations: int, **details: Any) -> Bounds:
+        """Bounds of this method; `details` are the attributes of Bounds that it knows beyond lower and upper."""
+        return Bounds(simulator.times, simulator.outputs, lower, upper, self.kind, repr(self), evaluations, **details)
+
+    def _partial(self, simulator: Simulator, box: Box, attained: Attained, seconds: float) -> Bounds | None:
+        """What the runs before an interrupt attained."""
+        if not (attained.lower <= attained.upper).all():
+            return None
+        inner, text = (attained.lower, attained.upper), f"{self!r}, interrupted"
+        bounds = Bounds(simulator.times, simulator.outputs, *inner, "sampled", text, attained.runs, inner=inner)
+        about = {"units": units_of(simulator), "figures": figures_of(simulator)}
+        return replace(bounds, seconds=seconds, box=box, **about)
+
+    @abstractmethod
+    def _bounds(
+        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+    ) -> Bounds: ...
+
+
+def require_method(owner: str, method: object) -> Method:
+    """The method. It raises DeclarationError if it is none."""
+    if isinstance(method, type):
+        raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
+    if not isinstance(method, Method):
+        raise DeclarationError(f"{owner}: expected a method such as PolynomialChaos(order=4), got {shown(method)}.")
+    if not repr(method).isprintable():
+        raise DeclarationError(f"{owner}: the text of a method must be printable and on one line, got {shown(method)}.")
+    return method
+
+
+def units_of(simulator: Simulator) -> tuple[str, ...]:
+    """Units of the outputs, where the simulator knows them."""
+    return tuple(getattr(simulator, "units", ()))
+
+
+def figures_of(simulator: Simulator) -> tuple[str, ...]:
+    """Names of the scalar outputs."""
+    return tuple(getattr(simulator, "figures", ()))
+
+
+def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:
+    """Points (N, len(box)) of the unit box as samples (N, d) of all parameters, in the simulator's order."""
+    P = np.tile(np.array(list(simulator.parameters.values()), dtype=float), (len(unit), 1))
+    P[:, parameter_columns(simulator, box)] = box.from_unit(unit)
+    return P
+
+
+def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
+    """Columns of the box's parameters among those of the simulator."""
+    order = list(simulator.parameters)
+    return [order.index(name) for name in box.names]
+
+
+def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:
+    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) along directions (m, d), all of [-1, 1]^d."""
+    if not isinstance(simulator, Jets):
+        raise PropagationError(
+            f"{method!r}: it needs derivatives of the trajectory, but {simulator!r} gives values only. "
+            "Use MonteCarlo or PolynomialChaos."
+        )
+    p0 = parameter_samples(simulator, box, point[None])[0]
+    scaled = np.zeros((len(directions), len(p0)))
+    scaled[:, parameter_columns(simulator, box)] = directions * box.radius
+    jets = np.asarray(simulator.jets(p0, scaled, order), dtype=float)
+    if not np.isfinite(jets).all():
+        raise PropagationError(f"{method!r}: {simulator!r} gives derivatives that are not finite.")
+    return jets
+
+
+def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
+    """Least and largest values (n_t, n_y) of the outputs over a box, for all states. They are infinite if unknown."""
+    shape = len(simulator.times), len(simulator.outputs)
+    lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
+    if not isinstance(simulator, DAESimulator) or simulator.y.n_instructions() > _MOST_OPERATIONS:
+        return lower, upper
+    y, anything = simulator.y, Interval(np.array(-np.inf), np.array(np.inf))
+
+    def operation(code: int, arguments: tuple[Interval, ...]) -> Interval:
+        try:
+            return operate(code, arguments)
+        except PropagationError:  # the operation has no extension, or some states have no value
+            return anything
+
+    parameters, times = parameter_intervals(simulator.parameters, box), [Interval.exactly(simulator.times)]
+    inputs = [[anything] * y.nnz_in(0), parameters, times * y.nnz_in(2)]
+    values = interpret(y, inputs, operation, Interval.exactly)[0]
+    for row, value in zip(y.sparsity_out(0).row(), values, strict=True):
+        lower[:, row], upper[:, row] = value
+    return lower, upper

@@ -1,0 +1,143 @@
+"""Bounds by optimisation of the responses, all outputs and times together, with derivatives of the runs."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._options import constructor_text, require_between, require_whole
+from symmb._types import Array, Executor
+from symmb.bound.bounds.failures import failed_region
+from symmb.bound.bounds.method import Method, parameter_samples, unit_jets
+from symmb.bound.bounds.quadratic_models import Quadratics, quadratics
+from symmb.bound.bounds.reductions import extremes, failure_records, failures, together, which_failed
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.result_file import Kind
+from symmb.bound.bounds.time_windows import ROUNDING
+from symmb.bound.nodes import corners
+from symmb.connect import Progress, Simulator
+from symmb.equations.model import Box
+
+_SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
+"""A response and its negative are minimised."""
+_BATCH = 8
+"""Runs with derivatives between two fits. Fewer would use each run better, but each fit takes time."""
+_NARROW = 1e-2
+"""Share of an output's largest width that counts as its width at the times where it is narrower."""
+
+
+@dataclass(frozen=True)
+class Optimization(Method):
+    """Smallest and largest responses found by Newton steps from the best runs, of all outputs and times together.
+
+    A run with first derivatives gives value and gradient of every output at every time. For each minimum and maximum, a
+    quadratic about its best run predicts a better point of the box. The quadratic has secant curvature. The next runs
+    are those with the best predictions, and each run is also used for all other extremes. This takes the first half of
+    the budget. The other half is for runs without derivatives at the points that the last quadratics predict. The
+    bounds are attained. Their ``estimate`` is their distance from the prediction plus the last change of the
+    prediction; an extreme far from every run may be missed. The executor makes the runs without derivatives.
+
+    Parameters
+    ----------
+    budget : most evaluations; a run with first derivatives in d parameters counts 1 + d
+    tolerance : predicted improvement below which no run is made, as a share of the width at that time
+
+    Raises
+    ------
+    DeclarationError
+        If the budget is not a positive integer or the tolerance not between 0 and 1.
+    PropagationError
+        From ``bounds``: the simulator gives no derivatives, they are not finite, or the first half of the budget
+        is less than one run with them.
+    SimulationError
+        From ``bounds``: a run with derivatives fails.
+
+    Examples
+    --------
+    >>> Optimization(budget=500)
+    Optimization(budget=500)
+
+    References
+    ----------
+    Nocedal and Wright, Numerical Optimization (2006), eq. (6.6), the secant equation.
+    """
+
+    budget: int = 300
+    tolerance: float = 1e-4
+
+    requires: ClassVar[str] = "jets"
+    kind: ClassVar[Kind] = "sampled"
+
+    def __post_init__(self) -> None:
+        require_whole(self, "budget", 1)
+        require_between(self, "tolerance", "()", 0.0, 1.0)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        shape = len(simulator.times), len(simulator.outputs)
+        models, attained, least, before, runs = self._descended(simulator, box, progress)
+        predicted = attained - models.gain
+        points = models.promising(least, self.budget - runs)
+        P = parameter_samples(simulator, box, points)
+        (lower, upper), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
+        attained = np.minimum(attained, np.concatenate([lower.ravel(), -upper.ravel()]))
+        estimate = np.abs(attained - predicted) + np.abs(predicted - before)
+        lower, upper = attained.reshape(2, *shape) * _SIGNS
+        return self._result(
+            simulator,
+            lower,
+            upper,
+            runs + len(P),
+            estimate=estimate.reshape(2, *shape).max(axis=0),
+            inner=(lower, upper),
+            failed=failure_records(simulator, box, P, bad),
+            failed_region=failed_region(box, points, which_failed(bad, len(P))),
+        )
+
+    def _descended(
+        self, simulator: Simulator, box: Box, progress: Progress | None
+    ) -> tuple[Quadratics, Array, Array, Array, int]:
+        """Last quadratics of the runs with derivatives, least values found, gains that count, prediction before,
+        evaluations. A maximum of y is a minimum of -y: the arrays are of all y, then of all -y."""
+        d, shape = len(box), (len(simulator.times), len(simulator.outputs))
+        cost = 1 + d
+        most = self.budget // 2 // cost
+        if not most:
+            raise PropagationError(
+                f"{self!r}: a run with derivatives in {d} parameters counts {cost}, more than half the budget. "
+                f"Give a budget of at least {2 * cost}."
+            )
+        new = corners(d) if 2**d < most else np.empty((0, d))
+        new = np.concatenate([np.zeros((1, d)), new])
+        X, Y, G = np.empty((0, d)), np.empty((0, *shape)), np.empty((0, d, *shape))
+        predicted = None
+        while True:
+            jets = [unit_jets(self, simulator, box, x, np.eye(d), 1) for x in new]
+            X = np.concatenate([X, new])
+            Y = np.concatenate([Y, *(J[0, :1] for J in jets)])
+            G = np.concatenate([G, *(J[1:] for J in jets)])
+            if progress is not None:
+                progress(len(X) * cost, self.budget)
+            F = (Y[:, None] * _SIGNS).reshape(len(X), -1)
+            models = quadratics(X, F, (G[:, :, None] * _SIGNS).reshape(len(X), d, -1))
+            attained = F.min(axis=0)
+            least = self.tolerance * np.tile(_widths(Y, G).ravel(), 2)
+            before = attained if predicted is None else predicted
+            predicted = attained - models.gain
+            new = models.promising(least, min(_BATCH, most - len(X)))
+            if not len(new):
+                return models, attained, least, before, len(X) * cost
+
+    def __repr__(self) -> str:
+        return constructor_text(self)
+
+
+def _widths(Y: Array, G: Array) -> Array:
+    """Widths (n_t, n_y) that gains are measured by, from responses (N, n_t, n_y) and gradients (N, d, n_t, n_y).
+
+    The width of a single run is that of its tangent. It is inf where an output is 0 throughout.
+    """
+    width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
+    least = np.maximum(_NARROW * width.max(axis=0), ROUNDING * np.abs(Y).max(axis=(0, 1)))
+    widths = np.maximum(width, least)
+    return np.where(widths > 0, widths, np.inf)

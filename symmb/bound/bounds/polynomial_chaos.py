@@ -1,0 +1,245 @@
+"""Polynomial chaos: Legendre expansions of the responses from runs at nodes, then their ranges."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._limits import require_memory, require_runs
+from symmb._options import (
+    constructor_text,
+    require_between,
+    require_callable,
+    require_kind,
+    require_truth,
+    require_whole,
+)
+from symmb._types import Array, Executor, Mask
+from symmb.bound.bounds.adaptive import adaptive_bounds
+from symmb.bound.bounds.failures import Failure, failed_region, failure_text
+from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.reductions import (
+    extremes,
+    failure_records,
+    failures,
+    node_values,
+    projection,
+    together,
+    which_failed,
+)
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.result_file import Kind
+from symmb.bound.nodes import ClenshawCurtis, Fit, Gauss, Nodes
+from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree
+from symmb.bound.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
+from symmb.connect import March, Progress, Simulator, noise_from_runs
+from symmb.equations.model import Box
+
+_CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
+
+_ORDINARY = 100
+"""Powers of two between which coefficients are multiplied with each other as they are."""
+
+_Responses = tuple[Array, tuple[Array, Array], Mask, tuple[Failure, ...]]
+"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), which did not fail (N,), and the failed ones."""
+
+
+@dataclass(frozen=True)
+class PolynomialChaos(Method):
+    """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
+
+    ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids for up to three
+    parameters, and check runs at the extremes of the expansion. Runs near the kinks of one parameter decide them, and
+    the box is cut into pieces where they do not. For more parameters each output has a sparse grid of its own that
+    grows where it varies, and check runs. If that takes too many runs, corners and further runs near extremes attain
+    the bounds. Other simulators than scenes first try corners: they are the extremes of responses that rise or fall
+    with each parameter. Outputs with few times, up to eight numbers, are left to a Gaussian process that looks for
+    directions in which they vary. Bumps that are narrower than 0.2 of the half width of the box in two parameters, 0.4
+    in three or 0.5 in four (their standard deviation) may be missed without a warning. ``PolynomialChaos(probes=200)``
+    finds more of them. ``PolynomialChaos(order=4)`` has a given order: interpolation at Clenshaw-Curtis nodes and the
+    exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the method of the paper.
+
+    Parameters
+    ----------
+    order : highest degree; None: degrees and nodes are chosen
+    nodes : ClenshawCurtis(), Gauss(), ChebyshevGauss(), Leja() or SparseGrid(...)
+    basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
+    range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
+    tolerance : without order: estimated error at which to stop, as a share of the response width
+    budget : without order: most runs allowed
+    seconds : without order: most seconds beyond those of the runs; None: 1 s, and three times the seconds of the runs
+    probes : without order: further runs, evenly spread over the box, with which the surrogate must agree. They find
+        effects in small parts of the box
+    lockstep : advance all nodes together from one output time to the next and expand there (Fig. 4), which needs a
+        simulator that can march and does not use the executor; otherwise each node runs separately (Fig. 5)
+
+    Raises
+    ------
+    DeclarationError
+        If an option is out of its range, or given where it has no meaning.
+    PropagationError
+        From ``bounds``: too many nodes failed for least squares over the others, or, without order, some of the first
+        ones (later ones are predicted); the nodes do not determine the basis; lockstep without a simulator that
+        can march; the budget is below the first level.
+
+    Examples
+    --------
+    >>> PolynomialChaos.paper(order=2)
+    PolynomialChaos.paper(order=2)
+    >>> PolynomialChaos(order=4)
+    PolynomialChaos(order=4)
+
+    References
+    ----------
+    Wang and Yang, Nonlinear Dynamics (2021), sections 3.2-4.1.
+    """
+
+    order: int | None = None
+    nodes: Nodes = _CLENSHAW_CURTIS
+    basis: Basis = _TENSOR_DEGREE
+    range: Range = _EXACT
+    tolerance: float = 1e-2
+    budget: int | None = None
+    lockstep: bool = False
+    seconds: float | None = None
+    probes: int = 0
+
+    kind: ClassVar[Kind] = "estimate"
+
+    def __post_init__(self) -> None:
+        require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
+        require_callable("PolynomialChaos: nodes.points", self.nodes.points, "d", "order")
+        require_kind("PolynomialChaos", "basis", self.basis, "indices", "TensorDegree() or TotalDegree()")
+        require_kind("PolynomialChaos", "range", self.range, "bounds", "Exact() or LegendreInclusion()")
+        require_truth("PolynomialChaos", "lockstep", self.lockstep)
+        require_whole(self, "probes", 0)
+        require_between(self, "tolerance", "()", 0.0, 1.0)
+        if self.order is not None:
+            require_whole(self, "order", 1)
+            if self.budget is not None or self.tolerance != 1e-2 or self.seconds is not None or self.probes != 0:
+                raise DeclarationError(
+                    "PolynomialChaos: tolerance, budget, seconds and probes choose the order; leave order out."
+                )
+            return
+        chosen = self.nodes != _CLENSHAW_CURTIS or self.basis != _TENSOR_DEGREE or self.range != _EXACT
+        if chosen or self.lockstep:
+            raise DeclarationError(
+                "PolynomialChaos without order chooses nodes, basis and range itself; give order=... ."
+            )
+        if self.budget is not None:
+            require_whole(self, "budget", 1)
+        if self.seconds is not None:
+            require_between(self, "seconds", "()", 0.0)
+
+    @classmethod
+    def paper(cls, order: int = 2, *, nodes: Nodes = _GAUSS, lockstep: bool = False) -> "PolynomialChaos":
+        """The paper's method: Gauss nodes or a SparseGrid, total degree, projection, Legendre inclusion."""
+        return cls(order, nodes, TotalDegree(), LegendreInclusion(), lockstep=lockstep)
+
+    def planned_runs(self, d: int) -> int | None:
+        return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        if self.order is None:
+            require_runs(self, self.probes, "Use fewer probes.")
+            require_memory(self, "the probes", self.probes * (2 * len(box) + len(simulator.parameters)))
+            return adaptive_bounds(
+                repr(self), self.tolerance, self.budget, self.seconds, self.probes, simulator, box, executor, progress
+            )
+        fit = Fit.of(self.nodes, self.basis, len(box), self.order)
+        values = len(fit.alpha) + (2 * len(fit.nodes) if fit.line is not None and not self.lockstep else 0)
+        outputs = len(simulator.times) * len(simulator.outputs)
+        require_memory(self, "the values at nodes and the coefficients", values * outputs)
+        P = parameter_samples(simulator, box, fit.nodes)
+        if self.lockstep:
+            coefficients, inner, ok, failed = self._marched(fit, P, simulator, box, progress)
+        else:
+            coefficients, inner, ok, failed = self._streamed(fit, P, simulator, box, executor, progress)
+        shape = len(simulator.times), len(simulator.outputs)
+        noise = noise_from_runs(simulator)
+        is_noise = np.zeros(shape[1], dtype=bool) if noise is None else _width(*inner) <= 2 * noise
+        expansion = Expansion(fit.alpha, coefficients.reshape(-1, *shape), box.names)
+        expansion = expansion.without(box.lower == box.upper, is_noise)
+        lower, upper = (np.reshape(bound, shape) for bound in self._range(expansion))
+        lower, upper = np.where(is_noise, inner[0], lower), np.where(is_noise, inner[1], upper)
+        details = {"inner": inner, "failed": failed, "expansion": expansion, "noise": noise}
+        exact = isinstance(self.range, Exact)
+        details["surrogate"] = Piecewise.whole(expansion, last_terms(expansion), exact)
+        details["failed_region"] = failed_region(box, fit.nodes, ~ok)
+        return self._result(simulator, lower, upper, len(P), **details)
+
+    def _range(self, expansion: Expansion) -> tuple[Array, Array]:
+        """Lower and upper bounds, each (m,), of all responses. Products of very large or small numbers are avoided."""
+        coefficients = expansion.coefficients.reshape(len(expansion.alpha), -1)
+        power = np.frexp(np.maximum(coefficients.max(axis=0), -coefficients.min(axis=0)))[1]
+        if (np.abs(power) < _ORDINARY).all():
+            return self.range.bounds(expansion.alpha, coefficients)
+        lower, upper = self.range.bounds(expansion.alpha, np.ldexp(coefficients, -power))
+        with np.errstate(over="ignore"):
+            return np.ldexp(lower, power), np.ldexp(upper, power)
+
+    def _streamed(
+        self, fit: Fit, P: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+    ) -> _Responses:
+        runs = node_values() if fit.line is not None else projection(fit.functionals, simulator)
+        reduction = together(runs, extremes(simulator), failures())
+        state, inner, failed_runs = simulator.stream(P, reduction, executor, progress)
+        failed = failure_records(simulator, box, P, failed_runs)
+        ok = ~which_failed(failed_runs, len(P))
+        self._require_determined(fit, ok, failed)
+        if fit.line is None:
+            return fit.coefficients(state, ok), inner, ok, failed
+        Y = np.empty((len(P), len(simulator.times) * len(simulator.outputs)))
+        for rows, values in state:
+            Y[rows] = values
+        return fit.transform(Y), inner, ok, failed
+
+    def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Responses:
+        if not isinstance(simulator, March):
+            raise PropagationError(
+                f"{self!r}: it advances all nodes together, but {simulator!r} runs each sample by itself. "
+                "Leave lockstep out."
+            )
+        n_t, n_y = len(simulator.times), len(simulator.outputs)
+        coefficients = np.empty((len(fit.alpha), n_t, n_y))
+        inner_lower, inner_upper = np.empty((2, n_t, n_y))
+        ok = np.ones(len(P), dtype=bool)
+        failed: tuple[Failure, ...] = ()
+        for i, Y in simulator.march(P):
+            lost = ok & ~np.isfinite(Y).all(axis=1)
+            time = float(simulator.times[i])
+            new = tuple((int(n), time, "not finite") for n in np.flatnonzero(lost))
+            failed += failure_records(simulator, box, P, new)
+            ok &= ~lost
+            self._require_determined(fit, ok, failed)
+            sums = fit.transform(Y) if ok.all() else fit.functionals[:, ok] @ Y[ok]
+            coefficients[:, i] = fit.coefficients(sums, ok)
+            inner_lower[i], inner_upper[i] = Y[ok].min(axis=0), Y[ok].max(axis=0)
+            if progress is not None:
+                progress(i + 1, n_t)
+        return coefficients.reshape(len(coefficients), -1), (inner_lower, inner_upper), ok, failed
+
+    def _require_determined(self, fit: Fit, ok: Mask, failed: tuple[Failure, ...]) -> None:
+        if not fit.determined(ok):
+            raise PropagationError(
+                f"{self!r}: {len(failed)} of {len(ok)} nodes failed, and the others do not determine "
+                f"{len(fit.alpha)} coefficients.\n{failure_text(failed)}"
+            )
+
+    def __repr__(self) -> str:
+        order = "" if self.order is None else f"order={self.order}"
+        if self.basis == TotalDegree() and self.range == LegendreInclusion() and self.nodes != _CLENSHAW_CURTIS:
+            options = [order]
+            if self.nodes != _GAUSS:
+                options.append(f"nodes={self.nodes!r}")
+            if self.lockstep:
+                options.append("lockstep=True")
+            return f"PolynomialChaos.paper({', '.join(options)})"
+        return constructor_text(self, order)
+
+
+def _width(lower: Array, upper: Array) -> Array:
+    """Largest widths (n_y,) over time."""
+    with np.errstate(over="ignore"):
+        return (upper - lower).max(axis=0)

@@ -1,0 +1,490 @@
+"""Quantiles and probabilities of outputs, for parameters with distributions and for intervals."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError
+from symmb._labelled import Labelled, Named, Result
+from symmb._limits import require_memory
+from symmb._names import counted
+from symmb._options import is_finite_number, numbers_of, shown, whole
+from symmb._table import aligned, at_time, is_timeless, over_times, time_text
+from symmb._types import Array
+from symmb.bound.bounds.laws import Laws
+from symmb.bound.bounds.limit_state import rare_event
+from symmb.bound.bounds.regression import fitted
+from symmb.bound.bounds.responses import Responses
+from symmb.bound.nodes import Random, Sobol, corners
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.run.simulation import Sweep
+
+_REPLICATES = 8
+"""Independent sets of samples: their scatter is the sampling error."""
+_SAMPLES, _FEWER, _FEWEST = 512, 128, 32
+"""Samples of a set from polynomials, where each takes a search for extremes or a run, and where runs near a limit may
+follow: more take more time."""
+_AT_ONCE = 2**20
+"""Values that are computed at once: what the cache of a processor holds."""
+_NEAR = 2.0
+"""Samples next to a quantile that are not told from it."""
+_FEW = 8
+"""Samples beyond a quantile below which it is told that these are few."""
+_NONE = 3.0
+"""Expected number of events of which none is seen in one of 20 samples: the least sampling error of a probability."""
+_CHECKS = 32
+"""Runs, spread by the distributions, that verify polynomials where their values count, and not only their range."""
+_MISSED = 2.0
+"""Largest error over the largest one at these runs, and over the rms of errors of ranges."""
+_FITTED, _INSIDE, _FEW_INTERVALS = 256, 32, 5
+"""Runs of a fit where polynomials are not good enough, points inside of the intervals, and intervals of which all
+corners are taken."""
+_MOST_RUNS = 1000
+"""Most runs near a limit."""
+_MOST_VALUES = 2**24
+"""Most values of polynomials that a probability takes: some seconds."""
+_DEVIATIONS = 3.5
+"""Standard errors of the mean of the sets that are told as sampling error: 99 % of Student's t with 7 degrees."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Figures(Result):
+    """What quantiles and probabilities share.
+
+    Attributes
+    ----------
+    output, unit : str
+    t : (n_t,)             times [s]
+    laws : str             distributions of the parameters that have one
+    intervals : names      of the parameters that have none
+    samples : int
+    runs : int             further runs that were made
+    remarks : sentences
+    """
+
+    output: str
+    unit: str
+    t: Array
+    laws: str
+    intervals: tuple[str, ...]
+    samples: int
+    runs: int
+    remarks: tuple[str, ...]
+
+    def _title(self) -> str:
+        raise NotImplementedError
+
+    def _rows(self) -> list[list[str]]:
+        raise NotImplementedError
+
+    def _head(self) -> str:
+        lines = [
+            self._title(),
+            f"  distribution {self.laws}, {self.samples} samples, {counted(self.runs, 'further run')}",
+        ]
+        if self.intervals:
+            lines.append(
+                f"  intervals    {', '.join(self.intervals)}: any value in the box, so that there are two values"
+            )
+        return "\n".join([*lines, *(f"  remark       {remark}" for remark in self.remarks)])
+
+    def __str__(self) -> str:
+        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows()))])
+
+    def _repr_html_(self) -> str:
+        return html.page(html.text(self._head()), html.table(self._rows()))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Quantiles(Figures):
+    """Quantiles of an output over time.
+
+    Attributes
+    ----------
+    levels : (n_q,)                probabilities
+    lower, upper : (n_q, n_t)      lowest and highest quantile, for all values of the parameters without a distribution;
+                                   they are the same if all parameters have one
+    estimate : (n_q, n_t)          estimated error: that of the polynomials and of sampling
+    """
+
+    levels: Array
+    lower: Array
+    upper: Array
+    estimate: Array
+
+    def _title(self) -> str:
+        return f"Quantiles of {self.output}, " + (f"{len(self.t)} times" if len(self.t) > 1 else "one time")
+
+    def _rows(self) -> list[list[str]]:
+        ends = ["lowest", "at [s]", "highest", "at [s]", "estimated error"]
+        rows = [["quantile", *ends]]
+        for q, lower, upper, error in zip(self.levels, self.lower, self.upper, self.estimate, strict=True):
+            i, j = int(lower.argmin()), int(upper.argmax())
+            when = [time_text(self.t, row, lower, upper) for row in (i, j)]
+            values = f"{lower[i]:.6g}", when[0], f"{upper[j]:.6g}", when[1]
+            rows.append([f"{q:g}", *values, f"≤ {error.max():.1e}"])
+        return over_times(rows, self.t)
+
+    def _labelled(self) -> Labelled:
+        coordinates: dict[str, Named] = {"time": (("time",), self.t), "level": (("level",), self.levels)}
+        variables: dict[str, Named] = {
+            name: (("level", "time"), getattr(self, name)) for name in ("lower", "upper", "estimate")
+        }
+        return Labelled(
+            coordinates, variables, {"output": self.output, "laws": self.laws}, {"time": "s"}, ("level", "time")
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Probability(Figures):
+    """How probable it is that an output is beyond a value.
+
+    Attributes
+    ----------
+    event : str                the event
+    lower, upper : (n_t,)      lowest and highest probability at each time; the same if all parameters have
+                               distributions
+    estimate : (n_t,)          estimated error: that of the polynomials and of sampling
+    ever : (lower, upper, estimate)    of the event at any output time
+    """
+
+    event: str
+    lower: Array
+    upper: Array
+    estimate: Array
+    ever: tuple[float, float, float]
+
+    def _title(self) -> str:
+        return f"Probability of {self.event}"
+
+    def _rows(self) -> list[list[str]]:
+        i = int(self.upper.argmax())
+        has_times = not is_timeless(self.t) and time_text(self.t, i, self.lower, self.upper) != ""
+        largest = f"highest,{at_time(self.t, i)}", self.lower[i], self.upper[i], self.estimate[i]
+        rows = [["", "probability", "estimated error"]]
+        ever = "at any output time" if has_times else "", *self.ever
+        for name, low, high, error in (ever, largest) if has_times else (ever,):
+            value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+            rows.append([name, value, f"≤ {error:.1e}"])
+        return rows
+
+    def _labelled(self) -> Labelled:
+        variables: dict[str, Named] = {
+            name: (("time",), getattr(self, name)) for name in ("lower", "upper", "estimate")
+        }
+        about = dict(zip(("ever_lower", "ever_upper", "ever_estimate"), self.ever, strict=True))
+        return Labelled({"time": (("time",), self.t)}, variables, {"event": self.event, **about}, {"time": "s"})
+
+
+def quantiles_of(responses: Responses, output: object, levels: object, laws: object, correlation: object) -> Quantiles:
+    """Quantiles of an output; see `Bounds.quantiles`."""
+    owner = "Bounds.quantiles"
+    k = responses.column(owner, output)
+    q = numbers_of([levels] if is_finite_number(levels) else levels)
+    if q is None or q.ndim != 1 or not len(q) or not ((q > 0) & (q < 1)).all():
+        raise DeclarationError(f"{owner}: levels must be probabilities above 0 and below 1, got {shown(levels)}.")
+    samples = _Samples(owner, responses, k, laws, correlation)
+    parts = []
+    for _, low, high in samples.over_time():
+        ends = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
+        parts.append((ends[0][0], ends[-1][0], np.maximum(ends[0][1], ends[-1][1])))
+    lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+    lower, upper = np.clip((lower, upper), responses.lower[:, k], responses.upper[:, k])
+    return Quantiles(*samples.about(q), q, lower, upper, sampling + samples.error)
+
+
+def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
+    """Quantiles (n_q, n_t) of values (replicates, n, n_t), and their sampling error."""
+    sets = np.ascontiguousarray(values.transpose(2, 0, 1))
+    sets.sort(axis=2)  # np.quantile takes five times as long
+    whole = sets.reshape(len(sets), -1).copy()
+    whole.sort(axis=1)
+    near = _NEAR / whole.shape[1]
+    quantiles, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
+    scatter = _scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
+    return quantiles, np.maximum(scatter, np.maximum(above - quantiles, quantiles - below))
+
+
+def _of_sorted(values: Array, q: Array) -> Array:
+    """(n_q, n_t, ...) quantiles of values (n_t, ..., n) that rise along the last axis."""
+    place = q * (values.shape[-1] - 1)
+    first = np.minimum(place.astype(int), values.shape[-1] - 2)
+    share = place - first
+    return np.moveaxis((1 - share) * values[..., first] + share * values[..., first + 1], -1, 0)
+
+
+def probability_of(
+    responses: Responses, output: object, above: object, below: object, laws: object, correlation: object, error: object
+) -> Probability:
+    """Probability that an output is above one value or below another; see `Bounds.probability`.
+
+    Where parameters without a law give a sample a range, the event is certain if the range is on one side as a whole.
+    """
+    owner = "Bounds.probability"
+    k = responses.column(owner, output)
+    thresholds = [value for value in (below, above) if value is not None]
+    ends = [float(value) for value in thresholds if is_finite_number(value)]
+    if not ends or len(ends) < len(thresholds) or ends != sorted(ends):
+        raise DeclarationError(
+            f"{owner}: give a number for one of above and below, or for both, of which below is not the larger one, "
+            f"got {shown(above)} and {shown(below)}."
+        )
+    if not is_finite_number(error) or not 0 < error < 1:
+        raise DeclarationError(f"{owner}: error must be above 0 and below 1, got {shown(error)}.")
+    limits = -np.inf if below is None else ends[0], np.inf if above is None else ends[-1]
+    samples = _Samples(owner, responses, k, laws, correlation, _FEWEST)
+    found = _by_samples(samples, limits)
+    while _is_short(found, error) and samples.may_grow() and found[3, -1] < error / 2 * found[0, -1]:
+        samples.spread(4 * samples.number // _REPLICATES)
+        found = _by_samples(samples, limits)
+    if _is_short(found, error) and responses.runs is not None and not samples.free.any():
+        own = _near_limit(samples, limits, error)
+        found = np.where(own[2] < found[2], own, found)
+    lower, upper, estimate, _ = found
+    sides = ((below, "below"), (above, "above"))
+    event = f"{responses.names[k]} " + " or ".join(f"{word} {end:g}" for end, word in sides if end is not None)
+    last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
+    figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
+    if _is_short(found, error) and upper[-1] > 0:
+        short = f"The error of {error:g} that was asked for is not reached: it is {estimate[-1] / upper[-1]:.2g}."
+        return replace(figures, remarks=(*figures.remarks, short))
+    return figures
+
+
+def _is_short(found: Array, error: float) -> bool:
+    """Whether the error of the event at any time is larger than the one asked for."""
+    return bool(found[2, -1] > error * found[0, -1])
+
+
+def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
+    """Lowest and highest probability, their error, and the part of it that polynomials have (4, n_t + 1), last of the
+    event at any time.
+    """
+    responses, k, (bottom, top) = samples.responses, samples.column, limits
+    at_times, ever = [], np.zeros((4, _REPLICATES, samples.number // _REPLICATES), dtype=bool)
+    for window, low, high in samples.over_time():
+        lowest, highest, e = responses.lower[window, k], responses.upper[window, k], samples.error[window]
+        low, high = np.clip((low, high), lowest, highest)
+        pairs = (low, high), (high, low), (low - e, high + e), (high + e, low - e)
+        beyond = np.stack([(above_it > top) | (below_it < bottom) for above_it, below_it in pairs])
+        at_times.append(beyond.mean(axis=2))
+        ever |= beyond.any(axis=3)
+    sets = np.concatenate([*at_times, ever.mean(axis=2)[..., None]], axis=2)  # (4, replicates, n_t + 1)
+    lower, upper, lowest, highest = sets.mean(axis=1)
+    sampling = np.maximum(np.maximum(_scatter(sets[0]), _scatter(sets[1])), _NONE / samples.number)
+    of_polynomials = np.maximum(lower - lowest, highest - upper)
+    return np.array([lower, upper, sampling + of_polynomials, of_polynomials])
+
+
+def _near_limit(samples: "_Samples", limits: tuple[float, float], error: float) -> Array:
+    """The same by runs near the limit."""
+    from scipy.special import ndtr, ndtri
+
+    (bottom, top), columns = limits, samples.columns
+
+    def margins(Y: Array) -> Array:
+        return np.maximum(Y - top, bottom - Y)
+
+    uniform, Y = samples.known()
+    found = rare_event(
+        lambda z: samples.unit_points(ndtr(z))[:, columns],
+        lambda z: margins(samples.by_runs(samples.unit_points(ndtr(z)))),
+        (ndtri(uniform), margins(Y)),
+        error,
+        _MOST_RUNS,
+    )
+    samples.runs += found.runs
+    share, n = np.clip(found.shares, 0.0, 1.0), max(found.failures, 1)
+    of_share = np.minimum(_DEVIATIONS * np.sqrt(share * (1 - share) / n) + np.where(share < 1, _NONE / n, 0.0), 1.0)
+    probability = found.probability * np.append(share, 1.0)
+    estimate = found.error * np.append(share, 1.0) + found.probability * np.append(of_share, 0.0)
+    return np.array([probability, probability, estimate, estimate])
+
+
+def samples_of(
+    responses: Responses, n: object, laws: object, correlation: object, seed: object, nominal: Mapping[str, float]
+) -> Sweep:
+    """Random samples; see `Bounds.samples`."""
+    owner, box = "Bounds.samples", responses.box
+    number, seed = whole(owner, "n", n, 1), whole(owner, "seed", seed, 0)
+    require_memory(owner, "the samples", number * responses.lower.size)
+    own = Laws.of(owner, laws, correlation, box)
+    lacking = [name for name, r in zip(box.names, box.radius, strict=True) if r > 0 and name not in own.names]
+    if lacking:
+        raise DeclarationError(
+            f"{owner}: samples need a distribution of every parameter, and {', '.join(lacking)} have none. "
+            "scipy.stats.uniform(low, width) spreads evenly."
+        )
+    points = np.zeros((number, len(box)))
+    points[:, own.columns] = own.unit_points((Random().points(number, len(own.names), seed) + 1) / 2, box)
+    Y = _values(responses, points)
+    parameters = {name: np.full(number, value) for name, value in nominal.items()}
+    parameters |= dict(zip(box.names, box.from_unit(points).T, strict=True))
+    units = responses.units or ("",) * len(responses.names)
+    name = f"samples by {responses.method}"
+    return Sweep(name, responses.t, responses.names, units, parameters, {}, Y, np.ones(number, dtype=bool), ())
+
+
+def _values(responses: Responses, points: Array) -> Array:
+    """Responses (N, n_t, n_y) of polynomials that agree with some runs at these points, or of runs."""
+    surrogate, runs = responses.surrogate, responses.runs
+    if surrogate is not None and responses.is_good.all():
+        if runs is None:
+            return surrogate.values(points)
+        some = points[:_CHECKS]
+        error = _MISSED * np.abs(surrogate.values(some) - runs.values(some)).max(axis=0)
+        if responses.are_good(error, range(len(responses.names))).all():
+            return surrogate.values(points)
+    assert runs is not None
+    return runs.values(points)
+
+
+class _Samples:
+    """Samples of an output: sets of points that are spread by laws, and ranges over the parameters without a
+    distribution.
+
+    Attributes
+    ----------
+    free : (d,)            parameters without a law
+    number : int           of all samples
+    error : (n_t,)         of the polynomials
+    surrogate : Piecewise  None if runs are the samples
+    """
+
+    def __init__(
+        self, owner: str, responses: Responses, k: int, laws: object, correlation: object, n: int = _FEWER
+    ) -> None:
+        self.responses, self.column, self._laws = responses, k, Laws.of(owner, laws, correlation, responses.box)
+        self.columns = self._laws.columns
+        self.free = responses.box.radius > 0
+        self.free[self.columns] = False
+        self.runs, self._around = responses.extra_runs, np.zeros((1, 0))
+        self.surrogate, self.error = responses.own(k), np.zeros(len(responses.t))
+        if self.surrogate is not None:
+            self.error = self.surrogate.error[:, 0]
+            if responses.runs is not None:
+                self.runs += _CHECKS
+                residual = np.abs(
+                    self.surrogate.values(self.unit_points(self.checks[0]))[:, :, 0] - self.checks[1]
+                ).max(axis=0)
+                self.error = _MISSED * residual
+                if not responses.are_good(self.error[:, None], [k])[0]:
+                    self.surrogate = None
+        if self.surrogate is None and self.free.any():
+            self._fit()
+        if self.surrogate is not None:
+            n = _FEWER if self.free.any() else _SAMPLES
+        self.spread(n)
+
+    @cached_property
+    def checks(self) -> tuple[Array, Array]:
+        """Even numbers (N, n_l + n_free) of runs that are spread by the laws, and evenly where there are none, and
+        responses (N, n_t).
+        """
+        u = (Sobol().points(_CHECKS, len(self.columns) + self.free.sum(), seed=_REPLICATES) + 1) / 2
+        return u, self.by_runs(self.unit_points(u))
+
+    def known(self) -> tuple[Array, Array]:
+        """Even numbers (N, n_l) of all runs that were made, and responses (N, n_t)."""
+        return self.checks if self.surrogate is not None else (self._uniform, self._by_samples[:, :, 0])
+
+    def may_grow(self) -> bool:
+        """Whether more samples take no runs, and little time."""
+        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= _MOST_VALUES
+
+    def spread(self, n: int) -> None:
+        """Take n samples in each set."""
+        self.number = _REPLICATES * n
+        sets = [Sobol().points(n, len(self.columns), seed) for seed in range(_REPLICATES)]
+        self._uniform = (np.concatenate(sets) + 1) / 2
+        self._points = self.unit_points(self._uniform)
+
+    def unit_points(self, uniform: Array) -> Array:
+        """Points (N, d) of the unit box from even numbers for the laws, (N, n_l), and for what has none, if given."""
+        n, points = len(self.columns), np.zeros((len(uniform), len(self.free)))
+        points[:, self.columns] = self._laws.unit_points(uniform[:, :n], self.responses.box)
+        if uniform.shape[1] > n:
+            points[:, self.free] = 2 * uniform[:, n:] - 1
+        return points
+
+    def by_runs(self, points: Array) -> Array:
+        """Responses (N, n_t) of runs."""
+        assert self.responses.runs is not None
+        return self.responses.runs.values(points)[:, :, self.column]
+
+    def _fit(self) -> None:
+        """Polynomials by least squares, which are not good, and their error at sets of runs that differ in the
+        parameters without a law alone.
+        """
+        responses, free = self.responses, np.flatnonzero(self.free)
+        assert responses.runs is not None
+        points, Y = responses.runs.sample(_FITTED)
+        self.surrogate = fitted(points, Y[:, :, [self.column]], responses.box.names)
+        ends = corners(len(free)) if len(free) <= _FEW_INTERVALS else Random().points(_INSIDE, len(free), 0).round()
+        self._around = np.concatenate([ends, Sobol().points(_INSIDE, len(free), seed=0)])
+        few = len(ends) + _INSIDE // 4
+        outer = self.unit_points(self.checks[0])
+        with_free = outer[:, None].repeat(few, axis=1)
+        with_free[:, :, free] = self._around[:few]
+        runs = self.by_runs(with_free.reshape(-1, outer.shape[1])).reshape(len(outer), few, -1)
+        low, high = self._ranges(self.surrogate, outer)
+        residual = np.square([low[:, :, 0] - runs.min(axis=1), high[:, :, 0] - runs.max(axis=1)])
+        self.error = _MISSED * np.sqrt(residual.mean(axis=1).max(axis=0))
+        self.runs += len(points) + runs.shape[0] * few
+
+    def _ranges(self, own: Piecewise, points: Array) -> tuple[Array, Array]:
+        """Lowest and highest values (N, n_t, 1) over the parameters without a distribution."""
+        if not self._around.size:
+            return own.ranges(points, self.free)
+        low, high = np.full((2, len(points), *own.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
+        for each in self._around:
+            points[:, self.free] = each
+            values = own.values(points)
+            low, high = np.minimum(low, values), np.maximum(high, values)
+        return low, high
+
+    def over_time(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Windows of time, and the lowest and highest values (replicates, n, n_t) there."""
+        surrogate, n_t = self.surrogate, len(self.responses.t)
+        step = n_t
+        if surrogate is not None:  # each window computes all terms at the points again
+            step = max(_AT_ONCE // self.number, *(len(own.alpha) for own in surrogate.expansions))
+        for start in range(0, n_t, step):
+            window = slice(start, min(start + step, n_t))
+            if surrogate is None:
+                low = high = self._by_samples
+            elif self.free.any():
+                low, high = self._ranges(surrogate.part(window, [0]), self._points)
+            else:
+                low = high = surrogate.part(window, [0]).values(self._points)
+            shape = _REPLICATES, -1, low.shape[1]
+            sets = low.reshape(shape)
+            yield window, sets, sets if low is high else high.reshape(shape)
+
+    @cached_property
+    def _by_samples(self) -> Array:
+        """Responses of runs at all samples."""
+        self.runs += self.number
+        return self.by_runs(self._points)[:, :, None]
+
+    def about(
+        self, levels: Array | None = None
+    ) -> tuple[str, str, Array, str, tuple[str, ...], int, int, tuple[str, ...]]:
+        """The attributes of `Figures`."""
+        responses = self.responses
+        intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
+        remarks = (*responses.remarks, *self._laws.remarks)
+        if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < _FEW).any():
+            text = ", ".join(f"{q:g}" for q in levels[few])
+            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
+        unit = responses.units[self.column] if responses.units else ""
+        numbers = self.number, self.runs
+        return responses.names[self.column], unit, responses.t, repr(self._laws), intervals, *numbers, remarks
+
+
+def _scatter(sets: Array) -> Array:
+    """Sampling error of the mean of figures of all sets (replicates, ...)."""
+    return _DEVIATIONS * sets.std(axis=0, ddof=1) / np.sqrt(_REPLICATES)

@@ -1,0 +1,99 @@
+"""Bounds of a simulator by a method."""
+
+from dataclasses import replace
+from typing import Any
+
+from symmb._errors import PropagationError, warn_of
+from symmb._interrupts import kept_interrupts
+from symmb._names import ByName
+from symmb._progress import shown_runs
+from symmb._types import Executor
+from symmb._units import units_of_parameters
+from symmb.bound.bounds.doubts import checked, doubted
+from symmb.bound.bounds.method import Method
+from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
+from symmb.bound.bounds.registry import method_of
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.study import Study
+from symmb.connect import Noisy, Progress, Simulator
+from symmb.equations.model import Box, Scene
+from symmb.run.integrate import Solver
+from symmb.run.simulation import SceneSimulator, prepare_equations, simulator_of
+
+
+def propagate(
+    scene_or_simulator: Scene | Simulator,
+    method: Method | str | None = None,
+    box: Box | None = None,
+    solver: Solver | str | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Bounds:
+    """Bound every output of a scene or a simulator over time, for parameters anywhere in a box.
+
+    Parameters
+    ----------
+    scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
+    method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., or its text on the command line,
+        such as "pce:4"; default: PolynomialChaos()
+    box : intervals of some or all parameters; the others keep their nominal values; default: that of the scene
+    solver : of a Scene, or its text such as "cvodes:1e-9"; default: chosen by pilot runs, mostly DormandPrince()
+    executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
+        on it
+    progress : called with the number of finished runs and of all runs, which grows for adaptive methods. These also
+        call its method ``estimate``, if it has one, with the estimated error so far. Default: a bar, in notebooks and
+        terminals
+
+    Returns
+    -------
+    Bounds
+        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` say what is uncertain about them; Python issues a
+        SymmbWarning as well.
+
+    Raises
+    ------
+    DeclarationError
+        If method is not a method, there is no box, or it names an unknown parameter.
+    PropagationError
+        If the simulator lacks what the method needs, or too many runs fail.
+
+    Examples
+    --------
+    >>> import numpy as np, symmb as mb
+    >>> t = np.array([0.0, 1.0])
+    >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
+    >>> result = propagate(decay, mb.Vertex(), mb.Box(k=(0.5, 2.0)))
+    >>> result.upper[:, 0].round(3)
+    array([1.   , 0.607])
+    """
+    method = PolynomialChaos() if method is None else method_of("propagate", method)
+    with kept_interrupts(), shown_runs(progress, repr(method), method.unit_of_work) as progress:
+        simulator, box = simulator_of(scene_or_simulator, box, solver)
+        try:
+            bounds = method.bounds(simulator, box, executor=executor, progress=progress)
+        except PropagationError as error:
+            if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # as in a copy from a pickle
+                raise
+            doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may say why runs fail
+            raise PropagationError("\n".join((str(error), *doubts))) from error
+        bounds = finished(method, simulator, bounds, executor)
+    warn_of(bounds.doubts, f"Bounds by {bounds.method}")
+    return bounds
+
+
+def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None) -> Bounds:
+    """The bounds that a method gives, with what is doubtful about them, and with what they were made from."""
+    box = bounds.box
+    assert box is not None
+    bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
+    nominal, own = getattr(simulator, "nominal", None), simulator.parameters
+    values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
+    if nominal is None:  # a black box: the study may have made a run there
+        nominal = bounds.nominal
+    known: dict[str, Any] = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}
+    of_scene = isinstance(simulator, SceneSimulator)
+    known["subject"] = simulator.name if of_scene else repr(simulator)
+    known["solver"] = repr(simulator.solver) if of_scene else ""
+    if bounds.noise is None and bounds.kind == "sampled" and isinstance(simulator, Noisy):
+        known["noise"] = simulator.noise
+    return replace(bounds, **known)

@@ -1,0 +1,132 @@
+"""Reductions of trajectories that bounding methods compute block by block."""
+
+import operator
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array, Executor, Indices, Mask
+from symmb.bound.bounds.failures import Failure, failure_text
+from symmb.connect import Reduction, Samples, Simulator
+from symmb.equations.model import Box
+
+FailedRuns = tuple[tuple[int, float, str], ...]
+"""(sample number, time, message) of each failed run."""
+
+
+def extremes(simulator: Simulator) -> Reduction[tuple[Array, Array]]:
+    """Smallest and largest values (n_t, n_y) over the runs that did not fail; inf and -inf without any."""
+    shape = len(simulator.times), len(simulator.outputs)
+    return Reduction(
+        partial(_no_extremes, shape), _update_extremes, _merge_extremes, trajectories=False, attained=_itself
+    )
+
+
+def failures() -> Reduction[FailedRuns]:
+    """The failed runs."""
+    return Reduction(tuple, _update_failures, operator.add, trajectories=False)
+
+
+def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
+    """``functionals @ Y``, (n_b, N) times (N, n_t n_y), over the runs that did not fail, without all of Y in memory."""
+    size = len(simulator.times) * len(simulator.outputs)
+    init = partial(np.zeros, (len(functionals), size))
+    return Reduction(init, partial(_update_projection, functionals), np.add)
+
+
+def node_values() -> Reduction[tuple[tuple[Indices, Array], ...]]:
+    """Numbers (n,) and values (n, n_t n_y) of the runs that did not fail, block by block."""
+    return Reduction(tuple, _update_values, operator.add)
+
+
+def gathered(simulator: Simulator, P: Array, executor: Executor | None) -> tuple[Array, FailedRuns]:
+    """Values (N, n_t, n_y) at samples P (N, d), nan where a run failed, and the failed runs."""
+    Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
+    blocks, failed = simulator.stream(P, together(node_values(), failures()), executor)
+    for indices, values in blocks:
+        Y[indices] = values.reshape(len(indices), *Y.shape[1:])
+    return Y, failed
+
+
+def together(*reductions: Reduction[Any]) -> Reduction[tuple[Any, ...]]:
+    """Several reductions of the same runs, their states in a tuple."""
+    return Reduction(
+        partial(_init_together, reductions),
+        partial(_update_together, reductions),
+        partial(_merge_together, reductions),
+        trajectories=any(reduction.trajectories for reduction in reductions),
+        attained=next((partial(_of_part, k, r.attained) for k, r in enumerate(reductions) if r.attained), None),
+    )
+
+
+def failure_records(simulator: Simulator, box: Box, P: Array, runs: FailedRuns) -> tuple[Failure, ...]:
+    """Failed runs with the values of the box's parameters."""
+    order = list(simulator.parameters)
+    return tuple(
+        Failure({name: float(P[index, order.index(name)]) for name in box.names}, time, message)
+        for index, time, message in runs
+    )
+
+
+def which_failed(runs: FailedRuns, number: int) -> Mask:
+    """Which runs (number,) failed."""
+    return np.isin(np.arange(number), [index for index, _, _ in runs])
+
+
+def require_some(method: object, failed: tuple[Failure, ...], runs: int) -> None:
+    """PropagationError if every run failed."""
+    if len(failed) == runs:
+        raise PropagationError(f"{method!r}: all {runs} runs failed.\n{failure_text(failed)}")
+
+
+def _itself(state: tuple[Array, Array]) -> tuple[Array, Array]:
+    return state
+
+
+def _of_part(k: int, attained: Callable[[Any], tuple[Array, Array]], state: tuple[Any, ...]) -> tuple[Array, Array]:
+    return attained(state[k])
+
+
+def _no_extremes(shape: tuple[int, int]) -> tuple[Array, Array]:
+    return np.full(shape, np.inf), np.full(shape, -np.inf)
+
+
+def _update_extremes(state: tuple[Array, Array], block: Samples, indices: Indices) -> tuple[Array, Array]:
+    return _merge_extremes(state, block.extremes())
+
+
+def _merge_extremes(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
+    return np.minimum(first[0], second[0]), np.maximum(first[1], second[1])
+
+
+def _update_failures(state: FailedRuns, block: Samples, indices: Indices) -> FailedRuns:
+    bad = ~block.ok
+    return state + tuple(zip(indices[bad].tolist(), block.t_failed[bad].tolist(), block.messages, strict=True))
+
+
+def _update_values(state: tuple[Any, ...], block: Samples, indices: Indices) -> tuple[Any, ...]:
+    return (*state, (indices[block.ok], block.Y.reshape(len(block.Y), -1)[block.ok]))
+
+
+def _update_projection(functionals: Array, state: Array, block: Samples, indices: Indices) -> Array:
+    Y = block.Y.reshape(len(block.Y), -1)
+    return state + functionals[:, indices[block.ok]] @ (Y if block.ok.all() else Y[block.ok])
+
+
+def _init_together(reductions: tuple[Reduction[Any], ...]) -> tuple[Any, ...]:
+    return tuple(reduction.init() for reduction in reductions)
+
+
+def _update_together(
+    reductions: tuple[Reduction[Any], ...], state: tuple[Any, ...], block: Samples, indices: Indices
+) -> tuple[Any, ...]:
+    return tuple(r.update(part, block, indices) for r, part in zip(reductions, state, strict=True))
+
+
+def _merge_together(
+    reductions: tuple[Reduction[Any], ...], first: tuple[Any, ...], second: tuple[Any, ...]
+) -> tuple[Any, ...]:
+    return tuple(r.merge(a, b) for r, a, b in zip(reductions, first, second, strict=True))

@@ -1,0 +1,62 @@
+"""Polynomials by least squares from runs at points that are spread over the box, with their left-out errors."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from symmb._threads import one_thread
+from symmb._types import Array
+from symmb.bound.polynomials import Expansion, HyperbolicCross, MultiIndices, basis_values
+from symmb.bound.polynomials.ranges import Piecewise
+
+_SHAPES = 1.0, 0.75, 0.5
+"""Exponents of hyperbolic crosses: the first is the total degree, others favour terms of few parameters."""
+_HIGHEST = 16
+"""Highest degree: runs for more of them are rare."""
+_RUNS_PER_TERM = 2
+"""Least number of runs for each term: fewer leave coefficients to chance."""
+
+_LEAST_REST = 1e-6
+"""Least share of a run that its own residual keeps: a run that determines a term alone has none but rounding."""
+
+
+def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
+    """Polynomials through responses Y (N, n_t, n_y) at points (N, d). The error is the rms of left-out residuals.
+
+    Each response takes the basis whose residuals are least where a run is left out. (Blatman and Sudret, Journal of
+    Computational Physics 230 (2011), section 3.3)
+    """
+    values = Y.reshape(len(Y), -1)
+    squares, chosen = np.square(values - values.mean(axis=0)).mean(axis=0), np.full(values.shape[1], -1)
+    found = [(np.zeros((1, points.shape[1]), dtype=np.intp), values.mean(axis=0)[None])]
+    with one_thread():
+        for alpha in _bases(points.shape[1], len(points) // _RUNS_PER_TERM):
+            q, r = np.linalg.qr(basis_values(alpha, points))
+            rest = np.maximum(1.0 - np.square(q).sum(axis=1), _LEAST_REST)
+            projected = q.T @ values
+            left_out = np.square((values - q @ projected) / rest[:, None]).mean(axis=0)
+            better = left_out < squares
+            squares, chosen = np.where(better, left_out, squares), np.where(better, len(found), chosen)
+            found.append((alpha, np.linalg.solve(r, projected)))
+    alpha, which = np.unique(np.concatenate([each for each, _ in found]), axis=0, return_inverse=True)
+    coefficients, first = np.zeros((len(alpha), values.shape[1])), 0
+    for k, (own, c) in enumerate(found):
+        columns = np.flatnonzero(np.maximum(chosen, 0) == k)
+        coefficients[np.ix_(which.ravel()[first : first + len(own)], columns)] = c[:, columns]
+        first += len(own)
+    used = (coefficients != 0).any(axis=1) | (alpha.sum(axis=1) == 0)
+    expansion = Expansion(alpha[used], coefficients[used].reshape(-1, *Y.shape[1:]), parameters)
+    return Piecewise.whole(expansion, np.sqrt(squares).reshape(Y.shape[1:]))
+
+
+def _bases(d: int, most: int) -> Iterator[MultiIndices]:
+    """Sets of degrees of at most so many terms, each once."""
+    sizes = set[int]()
+    for q in _SHAPES:
+        for degree in range(1, _HIGHEST + 1):
+            alpha = HyperbolicCross(q).indices(d, degree)
+            if len(alpha) > most:
+                break
+            if len(alpha) not in sizes:
+                sizes.add(len(alpha))
+                yield alpha

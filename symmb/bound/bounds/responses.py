@@ -1,0 +1,111 @@
+"""What questions about responses over a box are put to: polynomials, or runs where none are good."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from symmb._options import require_name
+from symmb._types import Array, Mask
+from symmb.bound.bounds.time_windows import is_doubtful
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.equations.model import Box
+
+GOOD = 0.25
+"""Largest error of polynomials over the widths at which they are asked: their answers stand beside their errors."""
+
+
+class Runs(Protocol):
+    """Further runs: a range with its error and their number, values, and bounds by PolynomialChaos()."""
+
+    def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]: ...
+
+    def attempted(self, points: Array) -> tuple[Array, tuple[Any, ...]]: ...
+
+    def values(self, points: Array) -> Array: ...
+
+    @property
+    def has_lanes(self) -> bool: ...
+
+    @property
+    def adaptive(self) -> Any: ...
+
+    def sample(self, n: int) -> tuple[Array, Array]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """Responses over a box.
+
+    Attributes
+    ----------
+    t : (n_t,)                 times [s]
+    names, units : n_y outputs and their units; units may be empty
+    box : Box
+    nominal : (d,)             nominal parameters in the unit box, or the closest point of it
+    lower, upper : (n_t, n_y)  their bounds
+    estimate : (n_t, n_y)      estimated error of these
+    floor : (n_y,)             errors that are noise or rounding
+    surrogate : Piecewise      None if there is none
+    is_good : (n_y,)           for which outputs it is good enough, or has to do because no runs can be made
+    runs : Runs                None if no runs can be made
+    method : str               where the surrogate comes from
+    extra_runs : int           further runs that were made for it
+    remarks : sentences        what else is known
+    """
+
+    t: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    box: Box
+    nominal: Array
+    lower: Array
+    upper: Array
+    estimate: Array
+    floor: Array
+    surrogate: Piecewise | None
+    is_good: Mask
+    runs: Runs | None
+    method: str
+    extra_runs: int
+    remarks: tuple[str, ...]
+
+    def column(self, owner: str, output: object) -> int:
+        """Number of an output."""
+        return self.names.index(require_name(owner, "output", output, self.names))
+
+    def own(self, k: int) -> Piecewise | None:
+        """Good polynomials of output number k alone."""
+        return self.surrogate.part(slice(None), [k]) if self.surrogate is not None and self.is_good[k] else None
+
+    def are_good(self, error: Array, columns: Sequence[int]) -> Mask:
+        """Which of some outputs have polynomials whose error (n_t, n) is small beside the width, or noise."""
+        lower, upper, floor = self.lower[:, columns], self.upper[:, columns], self.floor[[*columns]]
+        power = np.frexp(np.abs([lower, upper]).max(axis=(0, 1), initial=0.0))[1]  # squares may overflow
+        error, lower, upper, floor = (np.ldexp(each, -power) for each in (error, lower, upper, floor))
+        return np.logical_not(is_doubtful(error, upper - lower, floor, GOOD).any(axis=0))
+
+    def range(self, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
+        """Bounds (n_t, n_y) by the polynomials over a part of the unit box, and their error (n_t, n_y).
+
+        They are nan for outputs without good ones. Parameters with equal ends are fixed.
+        """
+        low, high, error = np.full((3, *self.lower.shape), np.nan)
+        if self.surrogate is not None and self.is_good.any():
+            good = np.flatnonzero(self.is_good).tolist()
+            own = self.surrogate.part(slice(None), good)
+            low[:, good], high[:, good], _ = own.range(lower, upper)
+            error[:, good] = own.error
+        return np.maximum(low, self.lower), np.minimum(high, self.upper), error
+
+    def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
+        """The same by a study in which some parameters (d,) are free and others nominal, and its runs; with a label."""
+        assert self.runs is not None
+        if not free.any():
+            value = self.runs.values(self.nominal[None])[0]
+            return value, value, np.zeros_like(value), 1
+        part = {
+            name: ends for name, ends, is_free in zip(self.box.names, self.box.bounds, free, strict=True) if is_free
+        }
+        return self.runs.range(Box(**part), label)

@@ -1,0 +1,302 @@
+"""The result of every bounding method."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError
+from symmb._labelled import Counted, Labelled, NamedColumns, Result
+from symmb._names import look_up_by_name
+from symmb._options import require_truth
+from symmb._progress import shown_runs
+from symmb._table import aligned, over_times
+from symmb.bound.bounds import result_file
+from symmb.bound.bounds.answers import Answers
+from symmb.bound.bounds.failures import failure_text
+from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, kept_limit, limit_pairs
+from symmb.bound.bounds.worst_case import WorstCase
+from symmb.results import plot
+from symmb.results.files import Record, Saved, Table, attributes, entries
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ZERO = 1e-12
+"""Share of the largest bound of an output up to which what is printed is rounding."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bounds(Answers, Counted, Result, Saved):
+    """Lower and upper bounds of every output at every time.
+
+    `print` shows their kind, extremes and widths, `plot` draws them, `save` and `load` keep them in a file.
+
+    Attributes
+    ----------
+    t : (n_t,) times [s]
+    names : n_y outputs
+    lower, upper : (n_t, n_y) best estimate of the bounds; `lower["x"]` is the lower bound of one output
+    kind : "enclosure" (proved to contain the responses), "estimate" (from a surrogate: they may be too wide or too
+        narrow) or "sampled" (attained by runs: the true bounds may be wider)
+    method : text of the method's constructor
+    evaluations, runs : number of runs; a run with derivatives counts as many as they cost
+    estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
+    noise : (n_y,) how far runs may be off by noise or rounding, or None where it is not known
+    inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
+    failed : the runs that failed
+    failed_region : where these lie in the box, in words; empty for less than two, and where it is not known
+    seconds : wall time of runs and bounding [s]
+    expansion : polynomial chaos of a given order, or None
+    caution : from when on the method is not valid, and why; empty if it is valid
+    run_doubts : warnings about the runs, in sentences; `warnings` (or `doubts`) has all
+    remarks : what else is known about the bounds, in sentences: a tolerance that was not reached
+    units : n_y units of the outputs, '' where they are not known; empty if none is known
+    box : intervals of the parameters, or None where they are not known
+    surrogate : polynomials that replace the responses, with their error; None if the method has none, or a file
+        was read that does not hold them
+    study : simulator and box, for more runs; None if they were read or pickled
+    subject, solver : what was bounded, a scene by its name, and the solver of a scene in words; empty if not known
+    nominal : (n_t, n_y) outputs of the nominal run, or None where it is not known
+    nominal_parameters : nominal values of all parameters; empty if they are not known
+    attaining : the runs that attain the bounds; None if they were read or pickled, or no runs are made
+    worst_cases : those over all times, of bounds that were read from a file
+    figures : names of the scalar outputs, which are one number per run; their bounds are the same at all times
+    range_of : whose range an adaptive method took, in words: interpolants, runs at corners; empty of other methods
+
+    Examples
+    --------
+    >>> t = np.array([0.0, 1.0])
+    >>> Bounds(t, ("x",), np.array([[0.0], [1.0]]), np.array([[0.0], [3.0]]), "sampled", "Vertex()", 4)["x"]
+    (array([0., 1.]), array([0., 3.]))
+    """
+
+    def __post_init__(self) -> None:
+        look_up_by_name(self)
+        for side in ("lower", "upper"):
+            object.__setattr__(self, side, NamedColumns(getattr(self, side), self.names))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "study": None, "attaining": None}
+
+    def check(self, limits: Limits) -> LimitCheck:
+        """Check whether outputs keep limits for all parameters of the box, at all times.
+
+        A limit is kept if the bounds, widened by their estimated error at each time, are inside, and no warning
+        concerns the output. It is violated if a run is beyond it by more than rounding and noise. If the bounds are
+        closer to a limit than twice their estimated error, further runs search for a run beyond the limit. For a scene,
+        half of the width of the bounds is close enough. The search makes at most 600 runs, or as many as the study;
+        with other simulators no more than the study. The limit is kept if the search ends inside. Otherwise it is
+        undecided. An enclosure proves that a limit is kept. Samples alone can only show that it is violated.
+
+        Parameters
+        ----------
+        limits : mapping of output to (low, high), of which one may be None, in the unit of the output, or with another
+            that fits, as ("75 deg/s", None) and (0.2, 0.3, "mm")
+
+        Raises
+        ------
+        DeclarationError
+            If an output is unknown, or limits cross.
+        """
+        pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
+        with shown_runs(None, "runs near limits"):
+            checked = [kept_limit(self, name, *ends) for name, ends in pairs.items()]
+        return LimitCheck(self.t, self.method, tuple(checked), partial(self.plot, None), self._closest_to(checked))
+
+    def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
+        """The run that comes closest to one of some limits, if runs are known.
+
+        Limits are the same at all times, so that it is the worst case over all times, which files hold.
+        """
+        limit = min(limits, key=lambda limit: float(limit.margin.min()))
+        i, k, side = limit.row, self._column(limit.output), self._side(limit)
+        if self.attaining is None:
+            return next((case for case in self.worst_cases if (case.output, case.side) == (limit.output, side)), None)
+        case, further = self._cases(self.attaining, [(side, i, k)])[0], limit.further
+        if further is None:
+            return case
+        case = self._closer(case, further.side, further.place, float(further.values[i]))
+        return replace(case, value=case.attained) if np.isfinite(further.error) else case
+
+    def _side(self, limit: KeptLimit) -> str:
+        """The side of a limit that is closest."""
+        i, k = limit.row, self._column(limit.output)
+        nearest = "lower" if self.lower[i, k] - limit.low < limit.high - self.upper[i, k] else "upper"
+        return limit.further.side if limit.further else nearest
+
+    @classmethod
+    def _of_record(cls, record: Record) -> "Bounds":
+        return cls(**attributes(cls, record), **result_file.parts_of(record))
+
+    @classmethod
+    def _of_table(cls, table: Record) -> "Bounds":
+        return cls._of_record(result_file.record_of_table(table))
+
+    def _record(self) -> dict[str, Any]:
+        expansion = self.expansion
+        return {
+            **entries(self),
+            **result_file.inner_entries(self.inner),
+            "failed": [asdict(run) for run in self.failed],
+            **result_file.doubts_entries(self.run_doubts, self.names),
+            "doubts": self.doubts,
+            "worst": [entries(case) for case in self._all_worst()],
+            **result_file.box_entries(self.box),
+            **{name: expansion and getattr(expansion, name) for name in ("parameters", "alpha", "coefficients")},
+            **result_file.surrogate_entries(self.surrogate),
+        }
+
+    def _table(self) -> Table:
+        parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}
+        columns = {
+            f"{name} {part}": values[:, k]
+            for k, name in enumerate(self.names)
+            for part, values in parts.items()
+            if values is not None
+        }
+        same = {"kind": self.kind, "method": self.method, "evaluations": self.evaluations}
+        return {"t": self.t, **columns, **{name: [value] * len(self.t) for name, value in same.items()}}
+
+    def _labelled(self) -> Labelled:
+        return result_file.labelled(self._record(), self.outer, self.failed, self.box)
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        deviation: bool = False,
+        **look: Any,
+    ) -> "Figure":
+        """Draw the bounds of outputs over time; write the picture to ``path`` if given.
+
+        Without names these are the first six outputs. The filled band lies between lower and upper; dashed lines are
+        ``outer``, dotted ones ``inner`` of bounds that are not sampled. The thin line is the nominal run.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes to draw in, instead of a new figure, one an output
+        figsize : (width, height)  of a new figure [inch]
+        title : str                of a new figure, in place of its own
+        deviation : bool           draw deviations from the nominal run: bands may be too narrow to be seen beside it
+        label, color, legend       of the bounds: a text and a colour; and True or False
+
+        Raises
+        ------
+        DeclarationError           if an option is wrong, or deviations are asked for and the nominal run is not known
+        """
+        require_truth("Bounds.plot", "deviation", deviation)
+        if deviation and self.nominal is None:
+            raise DeclarationError(
+                "Bounds.plot: deviation needs the nominal run, which these bounds do not hold. Bounds by "
+                "PolynomialChaos() hold it if the nominal parameters are in the middle of the box."
+            )
+        figure = plot.plot_bounds(
+            self.t,
+            self.names,
+            plot.Band(f"{self.method}, {self.kind}", self.lower, self.upper),
+            units=self.units,
+            family=plot.family(self.method),
+            chosen=plot.columns_of("Bounds.plot", outputs, self.names),
+            outer=None if self.estimate is None else self.outer,
+            inner=None if self.kind == "sampled" else self.inner,
+            nominal=self.nominal,
+            deviation=deviation,
+            style=plot.Style("Bounds.plot", ax, **look),
+        )
+        return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
+
+    def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:
+        """Write a report: one .html file that opens offline, and prints.
+
+        It first says in sentences whether limits are kept, and what to do next: which tolerance to tighten, and by how
+        much. Curves and the mechanism follow. An annex holds warnings, tables, worst cases, contributions by adaptive
+        methods, the equations, what is assumed, what it cost, and how to repeat it.
+
+        Parameters
+        ----------
+        path : of the file
+        limits : those of `check`; default: none
+        company, author, date, drawing, revision :
+            the title block; parts that are not given are left out
+
+        Raises
+        ------
+        DeclarationError
+            If the name has another suffix, an output or a part of the title block is unknown, or limits cross.
+        FileError
+            If the file cannot be written; the previous one is kept.
+
+        Examples
+        --------
+        >>> import symmb as mb, tempfile, pathlib
+        >>> t = np.linspace(0.0, 1.0, 3)
+        >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
+        >>> bounds = mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0)))
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "report.html"
+        >>> bounds.report(path, {"x": (0.1, None)}, author="A. Miller", drawing="D-17")
+        >>> "x is at least 0.1 in all cases" in path.read_text()
+        True
+        """
+        # Reports stand on drawings, which stand on bounds. Only who asks for one loads them.
+        import_module("symmb.show.report").write_bounds(self, path, limits, block)
+
+    def _about(self) -> list[str]:
+        failed = f"{len(self.failed)} failed:" if self.failed else "none failed"
+        times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
+        return [
+            f"Bounds by {self.method}, {times}",
+            f"  kind         {self.kind} ({result_file.MEANING[self.kind]})",
+            f"  evaluations  {self.evaluations}, {failed}",
+            *([failure_text(self.failed, 3, indent="    ")] if self.failed else []),
+            *([f"  range of     {self.range_of}"] if self.range_of else []),
+        ]
+
+    def _head(self) -> list[str]:
+        lines = [*self._about(), *(f"  warning      {doubt}" for doubt in self.doubts)]
+        return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
+
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        """Extremes of each output, the nominal run then, the largest width and estimated error. Rounding is 0."""
+        then = [] if self.nominal is None else ["nominal then"]
+        rows = [["output", "lowest", "at [s]", *then, "highest", "at [s]", *then, "width", "at [s]", "estimated error"]]
+        with np.errstate(over="ignore"):
+            width = self.upper - self.lower
+        width = np.where(np.isnan(width), np.inf, width)
+        for k, name in enumerate(names):
+            sizes = np.abs([self.lower[:, k], self.upper[:, k]])
+            least = _ZERO * sizes.max(initial=0.0, where=np.isfinite(sizes))
+            places = int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())
+            cells = [name]
+            is_figure = self.names[k] in self.figures
+            for values, i in zip((self.lower, self.upper), places, strict=True):
+                cells += [_number_text(values[i, k], least), "" if is_figure else f"{self.t[i]:.6g}"]
+                cells += [] if self.nominal is None else [_number_text(self.nominal[i, k], least)]
+            widest = int(width[:, k].argmax())
+            when = "" if is_figure else f"{self.t[widest]:.6g}"
+            error = "–" if self.estimate is None else f"≤ {self.estimate[:, k].max():.1e}"
+            rows.append([*cells, _number_text(width[widest, k], least), when, error])
+        return over_times(rows, self.t)
+
+    def __str__(self) -> str:
+        return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(self.names)))])
+
+    def _tabulated(self, head: Sequence[str]) -> str:
+        """A head and the extremes as HTML."""
+        return html.page(html.text("\n".join(head)), html.table(self._rows(plot.labels(self.names, self.units))))
+
+    def _repr_html_(self) -> str:
+        return html.page(self._tabulated(self._head()), html.picture(plot.png(self.plot())))
+
+
+def _number_text(value: float, least: float) -> str:
+    return "0" if abs(value) <= least else f"{value:.6g}"

@@ -1,0 +1,168 @@
+"""Bounds by the extremes of many samples: attained, not proved."""
+
+from collections.abc import Mapping
+from dataclasses import InitVar, dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._limits import require_memory, require_runs
+from symmb._options import constructor_text, require_instance, require_kind, require_whole
+from symmb._types import Array, Executor
+from symmb.bound.bounds.failures import failed_region
+from symmb.bound.bounds.laws import Correlation, Laws, given_once, laws_text
+from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.result_file import Kind
+from symmb.bound.nodes import Random, Sampler, grid
+from symmb.connect import Progress, Simulator
+from symmb.equations.model import Box
+
+_RANDOM = Random()
+
+
+@dataclass(frozen=True)
+class MonteCarlo(Method):
+    """Extremes over random samples of the box.
+
+    They lie inside the range of the responses: the fewer the samples and the more the parameters, the farther. A few
+    check runs look for values beyond the bounds. More than a tenth of the width is a warning.
+
+    Parameters
+    ----------
+    samples : number of runs
+    seed : of the random numbers; the same seed gives the same samples
+    sampler : Random(), Sobol() or LatinHypercube()
+    laws : mapping of name to distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3), which is cut to its
+        interval; parameters without one are spread evenly
+    correlation : correlations of a Gaussian copula, in the order of the distributions; default: independent
+    distributions : another name of `laws`. The attribute `laws` has them
+
+    Raises
+    ------
+    DeclarationError
+        If samples is not a positive integer or the seed is negative. Raised by `bounds`, as by `Bounds.quantiles`.
+
+    Examples
+    --------
+    >>> MonteCarlo(10_000)
+    MonteCarlo(10000)
+    """
+
+    samples: int = 10_000
+    seed: int = 0
+    sampler: Sampler = _RANDOM
+    laws: Mapping[str, Any] | None = field(default=None, hash=False)
+    correlation: Correlation | None = field(default=None, hash=False)
+    distributions: InitVar[Mapping[str, Any] | None] = None
+
+    kind: ClassVar[Kind] = "sampled"
+
+    @property
+    def doubtful_miss(self) -> float:  # it is known that random samples end before the extremes, and laws far before
+        return 0.1 if self.laws is None else np.inf
+
+    def __post_init__(self, distributions: Mapping[str, Any] | None) -> None:
+        require_whole(self, "samples", 1)
+        require_whole(self, "seed", 0)
+        object.__setattr__(self, "laws", given_once("MonteCarlo", self.laws, distributions))
+        if self.laws is not None:
+            expected = 'distributions by name, as {"k": norm(40, 1.3)}'
+            require_instance("MonteCarlo: distributions", self.laws, Mapping, expected)
+        elif self.correlation is not None:
+            raise DeclarationError("MonteCarlo: correlation needs distributions, and there are none.")
+        require_kind("MonteCarlo", "sampler", self.sampler, "points", "Random(), Sobol() or LatinHypercube()")
+
+    def planned_runs(self, d: int) -> int:
+        return self.samples
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        require_runs(self, self.samples, "Use fewer samples.")
+        require_memory(self, "the samples", self.samples * (2 * len(box) + len(simulator.parameters)))
+        points, laws = self.sampler.points(self.samples, len(box), self.seed), None
+        if self.laws is not None:
+            laws = Laws.of(repr(self), self.laws, self.correlation, box)
+            points[:, laws.columns] = laws.unit_points((points[:, laws.columns] + 1) / 2, box)
+        bounds = _sampled(self, points, simulator, box, executor, progress)
+        return bounds if laws is None else replace(bounds, remarks=laws.remarks)
+
+    def __repr__(self) -> str:
+        if self.laws is None:
+            return constructor_text(self, str(self.samples))
+        text = constructor_text(replace(self, laws=None, correlation=None), str(self.samples))
+        correlated = "" if self.correlation is None else f", correlation={np.asarray(self.correlation).tolist()}"
+        return f"{text[:-1]}, distributions={laws_text(self.laws)}{correlated})"
+
+
+@dataclass(frozen=True)
+class Scanning(Method):
+    """Extremes over a regular grid that includes the box's faces and corners (the paper's scanning method).
+
+    Parameters
+    ----------
+    points : grid points for each parameter, at least 2; ``points**d`` runs in total
+
+    Examples
+    --------
+    >>> Scanning(21)
+    Scanning(21)
+    """
+
+    points: int = 21
+
+    kind: ClassVar[Kind] = "sampled"
+
+    def __post_init__(self) -> None:
+        require_whole(self, "points", 2)
+
+    def planned_runs(self, d: int) -> int:
+        return self.points**d
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        return _scanned(self, self.points, simulator, box, executor, progress)
+
+    def __repr__(self) -> str:
+        return constructor_text(self, str(self.points))
+
+
+@dataclass(frozen=True)
+class Vertex(Method):
+    """Extremes over the 2^d corners of the box: exact where the response is monotonic in every parameter.
+
+    Examples
+    --------
+    >>> Vertex()
+    Vertex()
+    """
+
+    kind: ClassVar[Kind] = "sampled"
+
+    def planned_runs(self, d: int) -> int:
+        return 2**d
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        return _scanned(self, 2, simulator, box, executor, progress)
+
+
+def _scanned(
+    method: Method, points: int, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+) -> Bounds:
+    d, runs = len(box), points ** len(box)
+    require_runs(method, runs, "Use PolynomialChaos() or MonteCarlo(...).")
+    require_memory(method, "the points", runs * (2 * d + len(simulator.parameters)))
+    return _sampled(method, grid(np.linspace(-1.0, 1.0, points), d), simulator, box, executor, progress)
+
+
+def _sampled(
+    method: Method, unit: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+) -> Bounds:
+    P = parameter_samples(simulator, box, unit)
+    reduction = together(extremes(simulator), failures())
+    (lower, upper), bad = simulator.stream(P, reduction, executor, progress)
+    failed = failure_records(simulator, box, P, bad)
+    require_some(method, failed, len(P))
+    region = failed_region(box, unit, which_failed(bad, len(P)))
+    details = {"inner": (lower, upper), "failed": failed, "failed_region": region}
+    return method._result(simulator, lower, upper, len(P), **details)

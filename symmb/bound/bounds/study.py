@@ -1,0 +1,103 @@
+"""What bounds are made from: kept with them, so that more runs can be made."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._progress import shown_runs
+from symmb._types import Array
+from symmb.bound.bounds.method import parameter_samples
+from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
+from symmb.bound.bounds.reductions import FailedRuns, gathered
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.nodes import Sobol
+from symmb.connect import Simulator
+from symmb.equations.model import Box, Scene
+from symmb.run.integrate import Solver
+from symmb.run.simulation import DAESimulator, SceneSimulator, simulator_with
+
+_FAILED = (
+    "{} of {} runs failed: {}. Take a box without failures; MonteCarlo(n, distributions=...) leaves failed runs out."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """The simulator and the box of bounds."""
+
+    simulator: Simulator
+    box: Box
+
+    @property
+    def scene(self) -> Scene:
+        """The scene. Other simulators have no mechanism."""
+        return self.prepared.scene
+
+    @property
+    def solver(self) -> Solver:
+        """That of the scene."""
+        return self.prepared.solver
+
+    @property
+    def prepared(self) -> DAESimulator:
+        """The scene, prepared for runs."""
+        simulator = self.simulator
+        if isinstance(simulator, SceneSimulator) and simulator.scene is not None:
+            is_whole = isinstance(simulator, DAESimulator)
+            return simulator if is_whole else simulator_with(simulator.scene, simulator.solver)
+        raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")
+
+    @cached_property
+    def adaptive(self) -> Bounds:
+        """Bounds over the box by PolynomialChaos()."""
+        with shown_runs(None, "a study with PolynomialChaos()") as progress:
+            return PolynomialChaos().bounds(self.simulator, self.box, progress=progress)
+
+    def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
+        """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and how many runs they took.
+
+        Parameters that are not in the box have their nominal values. The progress shows the label.
+        """
+        with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
+            bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)
+        assert bounds.estimate is not None
+        return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
+
+    def sample(self, n: int) -> tuple[Array, Array]:
+        """The first n of points that are spread over the unit box, and the responses there. All figures share them.
+
+        Points whose runs fail are left out. A PropagationError tells that most do.
+        """
+        known, new = self._sampled, Sobol().points(n, len(self.box), seed=1)
+        if len(new) > (before := len(known[0])):
+            Y, bad = self.attempted(new[before:])
+            if len(bad) > len(Y) // 2:
+                raise PropagationError(_FAILED.format(len(bad), len(Y), bad[0][2]))
+            known[:] = new, np.concatenate([known[1], Y])
+        points, Y = known[0][:n], known[1][:n]
+        ok = np.isfinite(Y).all(axis=(1, 2))
+        return points[ok], Y[ok]
+
+    @cached_property
+    def _sampled(self) -> list[Array]:
+        """Points, and responses, which are nan where a run failed."""
+        shape = len(self.simulator.times), len(self.simulator.outputs)
+        return [np.zeros((0, len(self.box))), np.zeros((0, *shape))]
+
+    @property
+    def has_lanes(self) -> bool:
+        """Whether runs share their steps, so that many cost little."""
+        return isinstance(self.simulator, SceneSimulator)
+
+    def attempted(self, points: Array) -> tuple[Array, FailedRuns]:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box, nan where a run failed, and the failed runs."""
+        return gathered(self.simulator, parameter_samples(self.simulator, self.box, points), None)
+
+    def values(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box, where no run may fail."""
+        Y, bad = self.attempted(points)
+        if bad:
+            raise PropagationError(_FAILED.format(len(bad), len(points), bad[0][2]))
+        return Y

@@ -1,0 +1,104 @@
+"""Bounds by particle swarms, one for each minimum and maximum, as in references of the literature."""
+
+import operator
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._limits import require_memory, require_runs
+from symmb._options import constructor_text, require_whole
+from symmb._types import Array, Executor, Indices, Mask
+from symmb.bound.bounds.failures import Failure, failed_region
+from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.result_file import Kind
+from symmb.connect import Progress, Reduction, Samples, Simulator
+from symmb.equations.model import Box
+
+_CONSTRICTION, _PULL = 0.7298, 2.05
+"""Factor on the velocity, and largest pull towards the own and the common best point: Clerc and Kennedy (2002), IEEE
+Transactions on Evolutionary Computation 6, 58-73."""
+
+
+@dataclass(frozen=True)
+class Swarm(Method):
+    """Extremes found by particle swarms: for every output and time one that minimises and one that maximises.
+
+    All 2 n_t n_y swarms take their steps together, with one call of the simulator for each step. A particle optimises
+    the output and time of its swarm only, but the bounds are the extremes of all runs. The method takes 2 n_t n_y
+    ``particles`` ``steps`` runs: choose few times. A particle whose run fails continues, and is never the best.
+
+    Parameters
+    ----------
+    particles : of each swarm
+    steps : positions that each particle takes, the random start included
+    seed : of the random numbers
+
+    Examples
+    --------
+    >>> Swarm(particles=20)
+    Swarm(particles=20)
+
+    References
+    ----------
+    Clerc and Kennedy, IEEE Transactions on Evolutionary Computation 6 (2002), the constricted swarm.
+    """
+
+    particles: int = 10
+    steps: int = 20
+    seed: int = 0
+
+    kind: ClassVar[Kind] = "sampled"
+
+    def __post_init__(self) -> None:
+        require_whole(self, "particles", 1)
+        require_whole(self, "steps", 1)
+        require_whole(self, "seed", 0)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        n_t, n_y, d = len(simulator.times), len(simulator.outputs), len(box)
+        random = np.random.default_rng(self.seed)
+        shape = 2 * n_t * n_y, self.particles, d
+        runs = shape[0] * self.particles
+        require_runs(self, self.steps * runs, "Use fewer times, particles or steps.")
+        require_memory(self, "the positions of all particles", self.steps * runs * d)
+        watched = Reduction(tuple, partial(_watch, n_t * n_y, self.particles), operator.add)
+        reduction = together(watched, extremes(simulator), failures())
+        x, velocity = random.uniform(-1.0, 1.0, shape), np.zeros(shape)
+        own, least = x.copy(), np.full(shape[:2], np.inf)
+        lower, upper = np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf)
+        failed: tuple[Failure, ...] = ()
+        points, lost = list[Array](), list[Mask]()
+        for step in range(self.steps):
+            P = parameter_samples(simulator, box, x.reshape(runs, d))
+            values, (low, high), bad = simulator.stream(P, reduction, executor)
+            lower, upper = np.minimum(lower, low), np.maximum(upper, high)
+            failed += failure_records(simulator, box, P, bad)
+            points.append(x.reshape(runs, d))
+            lost.append(which_failed(bad, runs))
+            if progress is not None:
+                progress((step + 1) * runs, self.steps * runs)
+            value = np.concatenate(values).reshape(shape[:2])
+            better = value < least
+            own[better], least[better] = x[better], value[better]
+            common = np.take_along_axis(own, least.argmin(axis=1)[:, None, None], axis=1)
+            pull = random.uniform(0.0, _PULL, shape) * (own - x) + random.uniform(0.0, _PULL, shape) * (common - x)
+            moved = np.clip(x + _CONSTRICTION * (velocity + pull), -1.0, 1.0)
+            x, velocity = moved, moved - x
+        require_some(self, failed, self.steps * runs)
+        region = failed_region(box, np.concatenate(points), np.concatenate(lost))
+        details = {"inner": (lower, upper), "failed": failed, "failed_region": region}
+        return self._result(simulator, lower, upper, self.steps * runs, **details)
+
+    def __repr__(self) -> str:
+        return constructor_text(self)
+
+
+def _watch(pairs: int, particles: int, state: tuple[Array, ...], block: Samples, indices: Indices) -> tuple[Array, ...]:
+    """The objective of each run: a response, its negative in the second half of the swarms; inf where a run failed."""
+    swarm = indices // particles
+    values = block.Y.reshape(len(indices), -1)[np.arange(len(indices)), swarm % pairs]
+    return (*state, np.where(block.ok, np.where(swarm < pairs, values, -values), np.inf))

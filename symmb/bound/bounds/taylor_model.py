@@ -1,0 +1,198 @@
+"""Proved bounds: Taylor models of the motion, as polynomials with a remainder."""
+
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._errors import PropagationError, SymmbWarning
+from symmb._limits import require_runs
+from symmb._options import constructor_text, require_whole
+from symmb._types import Array, Executor, Mask
+from symmb.bound.bounds.method import Method
+from symmb.bound.bounds.result import Bounds
+from symmb.bound.bounds.result_file import Kind
+from symmb.connect import Progress, Simulator
+from symmb.equations.model import Box
+from symmb.prove import EXTRA_NODES, NO_START, SINGULAR, Enclosure, enclose, problem_of
+
+_HIGHEST = 60
+"""Highest order: coefficients of smooth motions are rounding long before, and their number grows with its powers."""
+_TERMS = 20_000
+"""Most terms of a polynomial of the parameters. A step then takes a minute, and gigabytes with some ten states."""
+_NODES = 1_000_000
+"""The same of interpolations of expressions: they take half a minute."""
+_PARTS = 1000
+"""Parts of the horizon in which progress is told."""
+
+
+@dataclass(frozen=True)
+class TaylorModel(Method):
+    """Proved bounds of the motions of mechanisms, as polynomials of the parameters with a remainder.
+
+    All solutions for all parameters in the box lie between lower and upper at every output time, in exact arithmetic of
+    the model as compiled to its expression graph.
+
+    The motion x(xi, t) = u(xi, t) + B(xi, t) w is a polynomial u of time and of the parameters over each step, in
+    Chebyshev form, and a remainder in the coordinates w of a frame B, which follows the variational equation and is
+    itself a polynomial of the parameters. The polynomials need not be exact. The defect u' - f(u) is an analytic
+    function; it is interpolated at Chebyshev nodes, where values have bounds of their rounding, and the error of the
+    interpolation is bounded by the largest value on ellipses around the box. If the equations are polynomials, there is
+    no such error with enough nodes. With three or more parameters, the polynomials have a total degree, and the defect
+    is a Taylor model in the parameters at nodes of time. A box for w that the equation of w cannot leave is then
+    proved. Ranges of the outputs follow by Bernstein coefficients and halving.
+
+    It takes chains, trees and closed loops, first-order states, and scenes without bodies whose outputs are
+    expressions. In loops, the states are all coordinates, and as many velocities as are independent. These give the
+    other velocities. If other velocities suit the nominal run better, the states change to these. Frequencies and
+    damping of a `ModalSimulator` are proved as long as no two may cross in the box. Values of `critical` are proved as
+    values at which one eigenvalue is imaginary, or 0. A few points of the box check that no other eigenvalue comes
+    before them. This is not proved. Both need an equilibrium, or a steady motion in coordinates that do not turn.
+    Reactions and accelerations are outputs like others; multipliers of redundant rows are those of smallest norm.
+    Steps end at the instants of sampled values. Kinks and jumps of forces are passed where all of the box passes them
+    once, transversally and alone: drag by abs(w) w goes through w = 0. Laws that are not smooth on one side of a kink,
+    such as w abs(w)**0.5, end the proof there. Impacts, and rows that depend on others for some parameters only, are
+    refused. Proofs can end early: at a kink that only a part of the box meets, or close to a singular position of a
+    loop. Bounds are infinite from then on, and ``caution`` says until when they are proved. Outputs that are not
+    smooth, or have operations without a remainder, have infinite bounds. The executor is not used, and each box counts
+    as a run.
+
+    Parameters
+    ----------
+    order : highest degree in each parameter; of three parameters and more, highest total degree
+    boxes : most parts of the box. It is halved where and when the remainder grows, and the bounds are joined
+
+    Raises
+    ------
+    PropagationError
+        From ``bounds``: the scene has equations that it does not take, or too many uncertain parameters for the order.
+
+    Examples
+    --------
+    >>> TaylorModel(), TaylorModel(order=12, boxes=4)
+    (TaylorModel(order=8), TaylorModel(order=12, boxes=4))
+
+    References
+    ----------
+    Makino and Berz, International Journal of Differential Equations and Applications 10 (2005), preconditioned Taylor
+    models; International Journal of Pure and Applied Mathematics 4 (2003), their arithmetic. Lohner, thesis, Karlsruhe
+    (1988), frames. Lin and Stadtherr, Applied Numerical Mathematics 57 (2007), parameters. Nedialkov, Jackson and
+    Corliss, Applied Mathematics and Computation 105 (1999), a-priori enclosures. Neumaier, Reliable Computing 9 (2003),
+    Taylor forms. Trefethen, Approximation Theory and Approximation Practice (2013), theorems 8.1 and 15.2,
+    interpolation of analytic functions. Filippov, Differential Equations with Discontinuous Righthand Sides (1988),
+    section 10, transversal passes.
+    """
+
+    order: int = 8
+    boxes: int = 1
+
+    kind: ClassVar[Kind] = "enclosure"
+    unit_of_work: ClassVar[str] = "parts of the time"
+
+    def __post_init__(self) -> None:
+        require_whole(self, "order", 1, _HIGHEST)
+        require_whole(self, "boxes", 1)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        problem = problem_of(self, simulator, box)
+        self._require_room(problem.d, *((_TERMS, 1) if problem.n else (_NODES, EXTRA_NODES + 1)))
+
+        outlook = _Outlook(self)
+
+        def tell(share: float) -> None:
+            outlook.note(share)
+            if progress is not None:
+                progress(min(int(share * _PARTS), _PARTS), _PARTS)
+
+        require_runs(self, self.boxes, "Use fewer boxes.")
+        found = enclose(problem, self.order, self.boxes, tell)
+        tell(1.0)
+        times, outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
+        few = not problem.n or NO_START in found.why or SINGULAR in found.why
+        remedy = "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
+        caution = _caution(found, remedy, times, outputs, problem.refused)
+        return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
+
+    def _require_room(self, d: int, terms: int, more: int) -> None:
+        """Refuse more parameters than polynomials of the order, with `more` terms of each, have room for."""
+        if (self.order + more) ** d > terms:
+            most = int(terms ** (1.0 / d) + 1e-9) - more
+            lower = f"order={most}, " if most > 0 else ""
+            raise PropagationError(
+                f"{self!r}: polynomials of {d} parameters have {(self.order + more) ** d} terms, of which it takes at "
+                f"most {terms}. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
+            )
+
+    def __repr__(self) -> str:
+        return constructor_text(self, f"order={self.order}")
+
+
+class _Outlook:
+    """Says once, early, how long a proof takes, if it takes minutes.
+
+    The first steps are short and become longer, so that the last step tells more than all of them. Before a proof ends
+    early, steps become short again, and all of them tell more.
+    """
+
+    def __init__(self, method: TaylorModel) -> None:
+        self._method, self._last, self._is_open = method, (time.monotonic(), 0.0), True
+        self._begin = self._last[0]
+
+    def note(self, share: float) -> None:
+        """Note the share of the horizon that is proved."""
+        (before, last), now = self._last, time.monotonic()
+        self._last = now, share
+        if not self._is_open or now < self._begin + _SHORT or not last < share < 1.0:
+            return
+        self._is_open = False
+        minutes = (1.0 - share) * min((now - before) / (share - last), (now - self._begin) / share) / 60.0
+        if minutes > 1.0:
+            warnings.warn(
+                f"{self._method!r}: {100 * share:.2g} % of the time is proved; the rest takes about {minutes:.0f} "
+                "minutes. A lower order or fewer boxes take less.",
+                SymmbWarning,
+                stacklevel=2,
+            )
+
+
+_SHORT = 8.0
+"""Time after which a proof tells how long it takes [s]."""
+
+
+def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str], refused: Sequence[str]) -> str:
+    """The caution about times or outputs of which nothing or little is proved."""
+    begin = float(times[0])
+    parts = [
+        f"infinite for {name}, since {unknown} has no remainder"
+        for name, unknown in zip(outputs, refused, strict=True)
+        if unknown
+    ]
+    known = np.array([not unknown for unknown in refused], dtype=bool)
+    upper, loose = found.upper[:, known], found.is_loose & known
+    if found.why and not np.isfinite(upper).any():
+        return "; ".join([*parts, f"not proved at any time: {found.why}{remedy}"])
+    is_infinite = ~np.isfinite(found.upper) & known
+    if found.why:
+        parts.append(f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}{remedy}")
+        is_infinite &= is_infinite.all(axis=0)  # others are, because the motion is not known
+    if is_infinite.any():
+        names, when = _names(outputs, is_infinite), "" if is_infinite.all(axis=0).any() else " at some times"
+        parts.append(
+            f"infinite for {names}{when}, which cannot be shown to be smooth over the box; try smaller intervals"
+        )
+    elif not found.why and loose.any():
+        begin = times[loose.any(axis=1).argmax()]
+        parts.append(
+            f"proved, but wide from t = {begin:g} s on for {_names(outputs, loose)}: more than half of a width is "
+            f"remainder{remedy}"
+        )
+    return "; ".join(parts)
+
+
+def _names(outputs: Sequence[str], which: Mask) -> str:
+    """The outputs that are marked at any time (n_t, n_y), the first three of them."""
+    names = [name for name, marked in zip(outputs, np.any(which, axis=0).tolist(), strict=True) if marked]
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more outputs" if len(names) > 3 else "")

@@ -1,0 +1,247 @@
+"""The runs that attain bounds: their parameters, values and times."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError, SimulationError
+from symmb._labelled import Labelled, Result, parameter_names, texts
+from symmb._names import look_up_by_name
+from symmb._options import is_finite_number, shown
+from symmb._table import aligned, at_time, is_timeless, over_times
+from symmb._types import Array, Indices
+from symmb._units import label, units_of_parameters, with_units
+from symmb.connect import Attained, Simulator
+from symmb.equations.model import Scene
+from symmb.results.files import NOT_KEPT, Record
+from symmb.run.simulation import SceneSimulator, Trajectory, simulate
+
+_TOGETHER = 64
+"""Samples of a block that is repeated: a multiple of those that share their steps."""
+SIDES: tuple[str, str] = ("lower", "upper")
+Place = tuple[str, int, int]
+"""A side, the number of a time, and that of an output."""
+_SEVERAL = 2
+"""Output times of bounds where their number is not known."""
+_SHARE = 1e-3
+"""Share of the width by which a run may miss a bound without a word: pictures do not show it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A run of a study: its value of the output, and the parameters of itself and of those that ran beside it.
+
+    A simulator chooses its steps for some samples together, so that run `index` of the block P (n, d) is repeated to
+    the last bit only in its block.
+    """
+
+    value: float
+    P: Array
+    index: int
+
+
+@dataclass(frozen=True, eq=False)
+class AttainingRuns:
+    """Where a study attained the lowest and highest values of its outputs.
+
+    Attributes
+    ----------
+    simulator : Simulator
+    blocks : tuple of (n, d)       samples that ran together
+    ends : dict                    "lower", "upper" -> these values (n_t, n_y)
+    at : dict                      "lower", "upper" -> (n_t, n_y) numbers of the blocks that attain them
+    """
+
+    simulator: Simulator
+    blocks: tuple[Array, ...]
+    ends: Mapping[str, Array]
+    at: Mapping[str, Indices]
+
+    @classmethod
+    def of(cls, simulator: Simulator, attained: Attained) -> "AttainingRuns | None":
+        """What a study noted; None if it noted nothing at some times."""
+        if not (attained.lower <= attained.upper).all():
+            return None
+        both = np.stack([attained.lower_at, attained.upper_at])
+        used, numbers = np.unique(both, return_inverse=True)
+        ends = dict(zip(SIDES, (attained.lower, attained.upper), strict=True))
+        at = dict(zip(SIDES, numbers.reshape(both.shape), strict=True))
+        return cls(simulator, tuple(attained.blocks[k] for k in used), ends, at)
+
+    def samples(self, places: Sequence[Place]) -> list[Sample]:
+        """The runs that attain bounds at places. Blocks of several samples are run again, each once."""
+        numbers = [int(self.at[side][time, output]) for side, time, output in places]
+        samples: dict[int, Sample] = {}
+        for number in dict.fromkeys(numbers):
+            own = [n for n, place in enumerate(numbers) if place == number]
+            P = self.blocks[number]
+            Y = None if len(P) == 1 else self.simulator.run(P).Y
+            for n in own:
+                side, time, output = places[n]
+                samples[n] = self._sample(
+                    side, P, float(self.ends[side][time, output]), Y if Y is None else Y[:, time, output]
+                )
+        return [samples[n] for n in range(len(places))]
+
+    def _sample(self, side: str, P: Array, value: float, values: Array | None) -> Sample:
+        """That of samples P (n, d) with values (n,), or the only one, which has attained a value."""
+        if values is None:
+            return Sample(value, P, 0)
+        if np.isnan(values).all():
+            raise SimulationError(f"{self.simulator!r}: the run that attained a bound fails when it is made again.")
+        index = int(np.nanargmin(values) if side == "lower" else np.nanargmax(values))
+        begin = index // _TOGETHER * _TOGETHER
+        return Sample(float(values[index]), P[begin : begin + _TOGETHER], index - begin)
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """A bound of an output, and the run that comes closest to it.
+
+    Attributes
+    ----------
+    output, side : str         side is "lower" or "upper"
+    value, time : float        the bound, and when it is reached [s]
+    parameters : dict          values of all parameters of the run
+    attained : float           value of the output in the run at this time
+    width : float              of the bounds at this time
+    varied : tuple of str      the parameters of the box that act on the output, which are printed
+    times : int                how many output times the bounds have, 1 of a figure: an only time of 0 is not printed
+    simulator : Simulator      None if the bounds were read from a file
+    """
+
+    output: str
+    side: str
+    value: float
+    time: float
+    parameters: dict[str, float]
+    attained: float
+    width: float
+    varied: tuple[str, ...]
+    times: int = _SEVERAL
+    simulator: Simulator | None = field(default=None, metadata=NOT_KEPT)
+
+    __post_init__ = look_up_by_name
+
+    @property
+    def _times(self) -> list[float]:
+        return [self.time] * self.times
+
+    @property
+    def _word(self) -> str:
+        return "lowest" if self.side == "lower" else "highest"
+
+    @property
+    def shortfall(self) -> float:
+        """How far the run stays inside of the bound."""
+        return self.attained - self.value if self.side == "lower" else self.value - self.attained
+
+    @property
+    def is_short(self) -> bool:
+        """Whether the run misses the bound by more than pictures show."""
+        return self.shortfall > _SHARE * self.width
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with the parameters of this run as its nominal ones.
+
+        Raises
+        ------
+        DeclarationError    if the bounds are not of a scene, or were read from a file
+        """
+        scene = getattr(self.simulator, "scene", None)
+        if not isinstance(scene, Scene):
+            raise DeclarationError("This worst case holds no scene: its bounds were read from a file, or have none.")
+        return scene.with_nominal(self.parameters)
+
+    def run(self) -> Trajectory | Array:
+        """The trajectory of a scene, or the outputs (n_t, n_y) of another simulator.
+
+        Raises
+        ------
+        DeclarationError    if the bounds were read from a file
+        """
+        if self.simulator is None:
+            raise DeclarationError("This worst case holds no simulator: its bounds were read from a file.")
+        if isinstance(self.simulator, SceneSimulator):
+            return simulate(self.scene, self.simulator.solver)
+        return np.array(self.simulator.run(np.array([[*self.parameters.values()]])).Y[0])
+
+    def __str__(self) -> str:
+        values = ", ".join(with_units({name: f"{self.parameters[name]:.6g}" for name in self.varied}, self.parameters))
+        text = f"{self._word} {self.output} {self.value + 0.0:.6g}{at_time(self._times, 0)}"
+        text += f": {values}" if values else ""
+        if self.is_short:
+            text += f"; the run there attains {self.attained:.6g}"
+        return text
+
+    def __repr__(self) -> str:
+        return f"WorstCase({self})"
+
+    def _repr_html_(self) -> str:
+        units = units_of_parameters(self.parameters)
+        rows = [[label(name, units.get(name, "")), f"{self.parameters[name]:.6g}"] for name in self.varied]
+        return html.page(html.text(str(self)), html.table([["parameter", "value"], *rows]))
+
+    @classmethod
+    def of_record(cls, record: Record) -> "WorstCase":
+        value, time, attained, width = (record.number(name) for name in ("value", "time", "attained", "width"))
+        side, parameters = record.text("side", *SIDES), record.numbers("parameters")
+        varied = record.texts("varied", default=tuple(parameters))
+        times = record.whole("times", default=_SEVERAL)
+        return cls(record.text("output"), side, value, time, parameters, attained, width, varied, times)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Worst(Result):
+    """The worst cases of an output, with `lower` and `upper`."""
+
+    lower: WorstCase
+    upper: WorstCase
+
+    def __str__(self) -> str:
+        return "\n".join(aligned(self._rows()))
+
+    def _repr_html_(self) -> str:
+        return html.page(html.table(self._rows()))
+
+    def _rows(self) -> list[list[str]]:
+        return worst_rows((self.lower, self.upper))
+
+    def _labelled(self) -> Labelled:
+        cases = self.lower, self.upper
+        variables: dict[str, Any] = {
+            name: (("bound",), np.array([getattr(case, name) for case in cases]))
+            for name in ("value", "time", "attained")
+        }
+        names = [*self.lower.parameters]
+        values = np.array([[case.parameters[name] for name in names] for case in cases])
+        variables["parameters"] = (("bound", "parameter"), values)
+        coordinates: dict[str, Any] = {"bound": (("bound",), texts(SIDES)), "parameter": (("parameter",), texts(names))}
+        free = parameter_names(names, [*coordinates, *variables])
+        coordinates |= {name: (("bound",), values[:, i]) for i, name in enumerate(free)}
+        return Labelled(coordinates, variables, {"output": self.lower.output})
+
+
+def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
+    """Rows of a table of worst cases below its head, with the parameters that act on their outputs."""
+    varied = list(dict.fromkeys(name for case in cases for name in case.varied))
+    units = {name: unit for case in cases for name, unit in units_of_parameters(case.parameters).items()}
+    rows = [["worst case", "bound", "at [s]", *(label(name, units.get(name, "")) for name in varied), "attained"]]
+    for case in cases:
+        values = (f"{case.parameters[name] + 0.0:.6g}" if name in case.varied else "" for name in varied)
+        when = "" if is_timeless(case._times) else f"{case.time:.6g}"
+        numbers = f"{case.value + 0.0:.6g}", when, *values, f"{case.attained + 0.0:.6g}"
+        rows.append([f"{case._word} {case.output}", *numbers])
+    return over_times(rows)
+
+
+def row_of(owner: str, t: Array, time: object) -> int:
+    """Number of the output time that is closest."""
+    slack = 1e-6 * (t[-1] - t[0])
+    if not is_finite_number(time) or not t[0] - slack <= time <= t[-1] + slack:
+        raise DeclarationError(f"{owner}: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {shown(time)}.")
+    return int(np.abs(t - float(time)).argmin())

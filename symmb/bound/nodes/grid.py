@@ -1,0 +1,123 @@
+"""Interpolation on nested nodes, from tensor grids to sparse ones: a set of degrees, and as many nodes.
+
+Nodes of one parameter are numbered: the middle, the ends, then those that halve the angles between them, so that the
+first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Within a halving the next node is that of Leja, where the
+product of distances is largest. Degree k has the first k + 1 nodes. A set of multi-indices with all smaller ones thus
+has one node for each of its polynomials, with the same numbers.
+"""
+
+import itertools
+from collections.abc import Iterable
+from functools import cache, cached_property
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.bound.nodes.tensor_fit import Tensor, interpolants
+from symmb.bound.polynomials import MultiIndices
+
+Index = tuple[int, ...]
+
+
+class Grid:
+    """A growing set of multi-indices in d parameters.
+
+    Attributes
+    ----------
+    row : dict        multi-index -> its row, in the order in which they were added
+    """
+
+    def __init__(self, d: int) -> None:
+        self.d = d
+        self.row: dict[Index, int] = {}
+
+    def missing(self, indices: Iterable[Index]) -> set[Index]:
+        """The given indices and those that must be added with them, so that the set contains all smaller ones."""
+        missing: set[Index] = set()
+        pending = list(indices)
+        while pending:
+            index = pending.pop()
+            if index not in self.row and index not in missing:
+                missing.add(index)
+                pending.extend(below(index))
+        return missing
+
+    def add(self, indices: set[Index]) -> None:
+        """More indices, in the order of their degree."""
+        for index in sorted(indices, key=lambda a: (sum(a), a)):
+            self.row[index] = len(self.row)
+        for derived in ("alpha", "nodes", "_tensors"):
+            self.__dict__.pop(derived, None)
+
+    def ahead(self) -> set[Index]:
+        """Indices that may be added, because the set contains all smaller ones."""
+        near = {above for index in self.row for above in _above(index)}
+        return {index for index in near if index not in self.row and all(b in self.row for b in below(index))}
+
+    @cached_property
+    def alpha(self) -> MultiIndices:
+        """(N, d)."""
+        alpha = np.array(list(self.row), dtype=np.intp).reshape(-1, self.d)
+        alpha.flags.writeable = False  # expansions share it
+        return alpha
+
+    @cached_property
+    def nodes(self) -> Array:
+        """(N, d) in [-1, 1]."""
+        return line(int(self.alpha.max(initial=0)) + 1)[self.alpha]
+
+    def coefficients(self, *blocks: Array, rows: Indices | None = None) -> Array:
+        """Legendre coefficients (N, m) of the interpolant from blocks of values (.., m).
+
+        The rows (N,) of all blocks together, or all of them, are those at the nodes.
+        """
+        return interpolants(self._tensors, blocks, np.arange(len(self.row)) if rows is None else rows)
+
+    @cached_property
+    def _tensors(self) -> list[Tensor]:
+        """The tensor grids in the sum of differences."""
+        tensors = []
+        for index, sign in self._signs().items():
+            shape = tuple(k + 1 for k in index)
+            rows = np.array([self.row[n] for n in itertools.product(*map(range, shape))])
+            tensors.append((rows, [_line_fit(n) for n in shape], sign))
+        return tensors
+
+    def _signs(self) -> dict[Index, int]:
+        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963)."""
+        signs: dict[Index, int] = {}
+        for index in self.row:
+            for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):
+                lowered = tuple(k - z for k, z in zip(index, steps, strict=True))
+                signs[lowered] = signs.get(lowered, 0) + (-1) ** sum(steps)
+        return {index: sign for index, sign in signs.items() if sign}
+
+
+def below(index: Index) -> list[Index]:
+    """The indices of one degree less."""
+    return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
+
+
+def _above(index: Index) -> list[Index]:
+    return [(*index[:i], k + 1, *index[i + 1 :]) for i, k in enumerate(index)]
+
+
+@cache
+def line(n: int) -> Array:
+    """(n,) first nodes of one parameter."""
+    angles, step = [0.0, -1.0, 1.0], 1.0  # quarter turns
+    while len(angles) < n:
+        step /= 2
+        new = np.arange(-1 + step, 1, 2 * step)
+        while new.size:
+            distances = np.abs(np.subtract.outer(np.sin(np.pi / 2 * new), np.sin(np.pi / 2 * np.array(angles))))
+            best = int(np.argmax(np.log(distances).sum(axis=1).round(9)))
+            angles.append(float(new[best]))
+            new = np.delete(new, best)
+    return np.sin(np.pi / 2 * np.array(angles[:n]))
+
+
+@cache
+def _line_fit(n: int) -> Array:
+    """(n, n) matrix from values at the first n nodes to Legendre coefficients."""
+    return np.asarray(np.linalg.inv(np.polynomial.legendre.legvander(line(n), n - 1)), dtype=float)

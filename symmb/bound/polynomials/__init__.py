@@ -1,0 +1,8 @@
+"""Legendre and Chebyshev polynomials of several variables, and expansions in them.
+
+The ranges of expansions over the box are in `polynomials.ranges`.
+"""
+
+from symmb.bound.polynomials.basis import Basis, HyperbolicCross, TensorDegree, TotalDegree
+from symmb.bound.polynomials.expansion import Expansion, Moments, moments
+from symmb.bound.polynomials.legendre import MultiIndices, basis_values, homogeneous, mean_squares

@@ -1,0 +1,99 @@
+"""The Legendre products of an expansion of given order."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from symmb._options import dimensions, require_between
+from symmb.bound.polynomials.legendre import MultiIndices, tensor_degree, total_degree
+
+
+class Basis(Protocol):
+    """A choice of multi-indices."""
+
+    def indices(self, d: int, order: int) -> MultiIndices:
+        """(n_b, d), the constant first."""
+        ...
+
+
+@dataclass(frozen=True)
+class TotalDegree:
+    """Products whose degrees sum to at most the order, eq. (21): the paper's choice.
+
+    Examples
+    --------
+    >>> TotalDegree().indices(2, 2).tolist()
+    [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]
+    """
+
+    def indices(self, d: int, order: int) -> MultiIndices:
+        """(n_b, d), the constant first."""
+        d, _, order = dimensions(self, d, order=order)
+        return total_degree(d, order)
+
+    def size(self, d: int, order: int) -> int:
+        """Number of products."""
+        return math.comb(d + order, d)
+
+
+@dataclass(frozen=True)
+class TensorDegree:
+    """Products whose degrees are each at most the order: as many as a tensor grid has nodes.
+
+    Examples
+    --------
+    >>> len(TensorDegree().indices(2, 2))
+    9
+    """
+
+    def indices(self, d: int, order: int) -> MultiIndices:
+        """(n_b, d), the constant first."""
+        d, _, order = dimensions(self, d, order=order)
+        return tensor_degree(d, order)
+
+    def size(self, d: int, order: int) -> int:
+        """Number of products."""
+        return (order + 1) ** d
+
+
+@dataclass(frozen=True)
+class HyperbolicCross:
+    """Multi-indices whose quasi-norm (sum alpha_i^q)^(1/q) is at most the order: the full order in single
+    parameters, few products of several.
+
+    Parameters
+    ----------
+    q : above 0 and at most 1, which is the total degree; smaller values give fewer products
+
+    Raises
+    ------
+    DeclarationError
+        If q is out of its range.
+
+    Examples
+    --------
+    >>> len(HyperbolicCross().indices(6, 4)), len(TotalDegree().indices(6, 4))
+    (40, 210)
+
+    References
+    ----------
+    Blatman and Sudret, Journal of Computational Physics 230 (2011), hyperbolic index sets.
+    """
+
+    q: float = 0.5
+
+    def __post_init__(self) -> None:
+        require_between(self, "q", "(]", 0.0, 1.0)
+
+    def indices(self, d: int, order: int) -> MultiIndices:
+        """(n_b, d), the constant first."""
+        d, _, order = dimensions(self, d, order=order)
+        alpha = total_degree(d, order)
+        rounding = 1e-12  # rounding of the powers: indices on the border belong to the set
+        return alpha[np.sum((alpha / max(order, 1)) ** self.q, axis=1) <= 1 + rounding]
+
+    def size(self, d: int, order: int) -> int:
+        """Number of products of the total degree, from which these are taken."""
+        return math.comb(d + order, d)

@@ -1,0 +1,9 @@
+"""Ranges of many polynomials over the unit box: exact, Bernstein, or by interval arithmetic.
+
+The compiled parts are in codegen/c.
+"""
+
+from symmb.bound.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS, dense_extremes
+from symmb.bound.polynomials.ranges.exact import Exact
+from symmb.bound.polynomials.ranges.inclusion import LegendreInclusion, Range
+from symmb.bound.polynomials.ranges.piecewise import Piecewise, attained_extremes, joined, last_terms

@@ -1,0 +1,128 @@
+"""Exact ranges of many polynomials at once, by branch and bound in Chebyshev form."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._limits import windows
+from symmb._options import require_between, require_whole
+from symmb._types import Array
+from symmb.bound.polynomials.chebyshev import LowerSet
+from symmb.bound.polynomials.legendre import MultiIndices
+from symmb.bound.polynomials.ranges.bernstein import Bernstein
+from symmb.bound.polynomials.ranges.branch_and_bound import compiled_ranges
+from symmb.bound.polynomials.ranges.inclusion import ChebyshevInclusion, Range
+from symmb.bound.polynomials.ranges.line_search import searched_extremes
+from symmb.bound.polynomials.ranges.terms import terms_of
+from symmb.run.codegen import with_compiler
+
+_MOST_COEFFICIENTS = 2**14
+"""Most Bernstein coefficients of a polynomial that is bounded without a C compiler."""
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """Bounds of m polynomials, and points that nearly attain them.
+
+    Attributes
+    ----------
+    lower, upper : (m,) never narrower than the range, but for rounding
+    at_lower, at_upper : (m, d) points of [-1, 1]^d with values within tolerance and gap of the bounds
+    below, above : (m,) distance of lower and upper from the values at their points if the budget was used up; 0 if
+        they are within tolerance
+    """
+
+    lower: Array
+    upper: Array
+    at_lower: Array
+    at_upper: Array
+    below: Array
+    above: Array
+
+    @property
+    def gap(self) -> Array:
+        """The larger of below and above (m,)."""
+        return np.maximum(self.below, self.above)
+
+
+@dataclass(frozen=True)
+class Exact:
+    """The exact range of each polynomial, for any number of parameters and any order.
+
+    Parameters
+    ----------
+    tolerance : largest excess of either bound over the true extreme, as a share of the polynomial's range; for a
+        constant 1e-13 of the coefficients. The bounds are never narrower than the range, except for rounding.
+    budget : most boxes for each extreme of a polynomial; then its tolerance is relaxed as far as necessary
+
+    Raises
+    ------
+    DeclarationError
+        If the tolerance is below 1e-12, or not below 1, or the budget is not a positive whole number.
+
+    Notes
+    -----
+    Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors fall with the
+    cube of the box size, so that a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C compiler the
+    bounds are those of Bernstein or ChebyshevInclusion, which are wider. The points then come from a search along one
+    parameter after the other.
+
+    Examples
+    --------
+    The cubic of eq. (13), expanded in eq. (25), has the range [0, 4/27], with the maximum at x = 1/3, xi = -1/3:
+
+    >>> import numpy as np
+    >>> coefficients = np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
+    >>> found = Exact(tolerance=1e-12).search(np.arange(4)[:, None], coefficients)
+    >>> bool(abs(found.lower[0]) < 1e-12), bool(abs(found.upper[0] - 4 / 27) < 1e-12)
+    (True, True)
+    >>> found.at_upper.round(3)
+    array([[-0.333]])
+
+    References
+    ----------
+    Ratschek and Rokne, New Computer Methods for Global Optimization (1988): branch and bound, monotonicity test.
+    """
+
+    tolerance: float = 1e-8
+    budget: int = 3000
+
+    def __post_init__(self) -> None:
+        require_between(self, "tolerance", "[)", 1e-12, 1.0)
+        require_whole(self, "budget", 1)
+
+    def bounds(self, alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
+        """Lower and upper bounds, each (m,), of polynomials with Legendre coefficients (n_b, m)."""
+        extremes = self.search(alpha, coefficients)
+        return extremes.lower, extremes.upper
+
+    def search(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
+        """Bounds with points that nearly attain them."""
+        return with_compiler(lambda: self._searched(alpha, coefficients, True), lambda: _enclosed(alpha, coefficients))
+
+    def attained(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
+        """Values at the best points found: without a proof the search ends when the budget is used up."""
+
+        def compiled() -> tuple[Array, Array, Array, Array]:
+            found = self._searched(alpha, coefficients, False)
+            return found.lower + found.below, found.upper - found.above, found.at_lower, found.at_upper
+
+        lower, upper, at_lower, at_upper = with_compiler(compiled, lambda: searched_extremes(alpha, coefficients))
+        return Extremes(lower, upper, at_lower, at_upper, np.zeros_like(lower), np.zeros_like(upper))
+
+    def _searched(self, alpha: MultiIndices, coefficients: Array, proves: bool) -> Extremes:
+        terms, found = terms_of(LowerSet.of(alpha)), []
+        for window in windows(max(coefficients.shape[1], 1), len(alpha)):
+            found.append(compiled_ranges(terms, coefficients[:, window], self.tolerance, self.budget, proves))
+        return Extremes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _enclosed(alpha: MultiIndices, coefficients: Array) -> Extremes:
+    """Attained extremes, and bounds of another method around them."""
+    least, most, at_lower, at_upper = searched_extremes(alpha, coefficients)
+    size = float(np.prod(alpha.max(axis=0, initial=0) + 1.0))
+    fitting = [boxes for boxes in (2, 1) if size * boxes ** alpha.shape[1] <= _MOST_COEFFICIENTS]
+    method: Range = Bernstein(fitting[0]) if fitting else ChebyshevInclusion()
+    lower, upper = method.bounds(alpha, coefficients)
+    lower, upper = np.minimum(lower, least), np.maximum(upper, most)
+    return Extremes(lower, upper, at_lower, at_upper, least - lower, upper - most)

@@ -1,0 +1,73 @@
+"""Extremes of polynomials by a search along one parameter after the other, for use without a C compiler."""
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from symmb._limits import windows
+from symmb._types import Array
+from symmb.bound.polynomials.legendre import MultiIndices
+
+_SAMPLES = 4
+"""Samples along a parameter for each degree: enough to start from the deepest of several valleys."""
+_OTHERS = 3
+"""Searches from points of no meaning: they find most valleys that the others miss."""
+_SWEEPS, _GAIN = 30, 1e-9
+"""Most searches along each parameter, and the gain over the largest coefficient below which they end."""
+
+
+def searched_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
+    """Attained minima and maxima (m,), and their points (m, d), of polynomials with Legendre coefficients (n_b, m)."""
+    lower, at_lower = _minima(alpha, coefficients)
+    upper, at_upper = _minima(alpha, -coefficients)
+    return lower, -upper, at_lower, at_upper
+
+
+def _minima(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
+    """The best minima of searches from the middle, from the corner to which the slopes there lead, and from others."""
+    m, d = coefficients.shape[1], alpha.shape[1]
+    slopes = np.zeros((m, d))
+    for k in range(d):
+        slopes[:, k] = coefficients[(alpha.sum(axis=1) == 1) & (alpha[:, k] == 1)].sum(axis=0)
+    corner = np.where(slopes > 0, -1.0, 1.0)
+    others = np.broadcast_to(np.random.default_rng(0).uniform(-1, 1, (_OTHERS, 1, d)), (_OTHERS, m, d))
+    values, points = np.full(m, np.nan), np.zeros((m, d))
+    for window in windows(m, 4 * len(alpha)):
+        for start in (np.zeros((m, d)), corner, -corner, *others):
+            y, x = _descended(alpha, coefficients[:, window], start[window])
+            better = ~(y >= values[window])
+            values[window] = np.where(better, y, values[window])
+            points[window] = np.where(better[:, None], x, points[window])
+    return values, points
+
+
+def _descended(alpha: MultiIndices, coefficients: Array, x: Array) -> tuple[Array, Array]:
+    x, d = x.copy(), alpha.shape[1]
+    factors = [legendre.legvander(x[:, k], int(alpha[:, k].max()))[:, alpha[:, k]].T for k in range(d)]
+    value, floor = np.full(x.shape[0], np.inf), _GAIN * np.abs(coefficients).max(axis=0, initial=0.0)
+    for _ in range(_SWEEPS):
+        before = value
+        for k in range(d):
+            terms = coefficients * np.prod([factors[j] for j in range(d) if j != k], axis=0)
+            degree = int(alpha[:, k].max())
+            c = np.stack([terms[alpha[:, k] == n].sum(axis=0) for n in range(degree + 1)])
+            x[:, k], value = _least(c)
+            factors[k] = legendre.legvander(x[:, k], degree)[:, alpha[:, k]].T
+        if not (before - value > floor).any():
+            break
+    return value, x
+
+
+def _least(c: Array) -> tuple[Array, Array]:
+    """Points and values (m,) of the minima of polynomials with Legendre coefficients (n, m) of one parameter."""
+    n, every = len(c), np.arange(c.shape[1])
+    samples = np.cos(np.pi * np.arange(_SAMPLES * n + 1) / (_SAMPLES * n))
+    values: Array = np.asarray(legendre.legval(samples, c), dtype=float)
+    best = values.argmin(axis=1)
+    x, value = samples[best], values[every, best]
+    slope, bend = legendre.legder(c), legendre.legder(c, 2)
+    for _ in range(3):  # Newton's method
+        s, b = (legendre.legval(x, f, tensor=False) for f in (slope, bend))
+        new = np.where(b > 0, np.clip(x - s / np.where(b > 0, b, 1.0), -1.0, 1.0), x)
+        y = legendre.legval(new, c, tensor=False)
+        x, value = np.where(y < value, new, x), np.where(y < value, y, value)
+    return x, value

@@ -1,0 +1,30 @@
+"""Simulators as black boxes: parameters in, trajectories out.
+
+The interface, executors, functions, programs and FMUs of others, and the store of their runs.
+"""
+
+from symmb.connect.black_box import BlackBox
+from symmb.connect.identity import digest
+from symmb.connect.run_database import STATES, RunDatabase, open_run_database
+from symmb.connect.simulator import (
+    BLOCK,
+    Attained,
+    Ensemble,
+    Jets,
+    Kinked,
+    March,
+    Noisy,
+    Progress,
+    Reduction,
+    S,
+    Samples,
+    SecondLook,
+    Simulator,
+    attained_by_runs,
+    checked_samples,
+    noise_from_runs,
+    note_attained,
+    run_blocks,
+    stream,
+)
+from symmb.connect.stored_simulator import StoredSimulator

@@ -1,0 +1,223 @@
+"""Simulators of which nothing is known but their runs: functions, programs, FMUs."""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError
+from symmb._names import ByName, name_faults, normal, normal_keys
+from symmb._options import is_finite_number, numbers_of, require_name, shown
+from symmb._table import is_timeless
+from symmb._types import Array, Executor
+from symmb._units import units_of_parameters
+from symmb.connect.executors import LostTask, finished
+from symmb.connect.identity import ChangedFileError
+from symmb.connect.limited_calls import fault_text
+from symmb.connect.simulator import Ensemble, Merging, Progress, Reduction, Simulator, blocks, checked_samples, joined
+
+S = TypeVar("S")
+
+_BLOCKS = 64
+"""About how many blocks a study has."""
+_ENOUGH = 0.02
+"""Time that a task should take, beside which that of sending it is small [s]."""
+
+
+class BlackBox(ABC):
+    """A simulator that makes one run after the other. A run that raises, or is not finite, is a failed sample.
+
+    Attributes
+    ----------
+    parameters : nominal values by name
+    times : (n_t,) increasing times of the rows [s]
+    outputs : n_y names of the columns
+    noise : (n_y,) how far values may be off; None if it is not known
+    """
+
+    parameters: Mapping[str, float]
+    times: Array
+    outputs: tuple[str, ...]
+    noise: Array | None
+
+    @abstractmethod
+    def response(self, values: dict[str, float]) -> Any:
+        """The outputs of a run with these parameters: (n_t, n_y), or (n_t,) if there is one output.
+
+        Raises
+        ------
+        SimulationError
+            If the run fails: messages show the text alone. For other exceptions they also show the kind
+        """
+
+    def _declare(
+        self,
+        parameters: Mapping[str, float],
+        times: Array | Sequence[float],
+        outputs: Sequence[str],
+        noise: Mapping[str, float] | None,
+    ) -> None:
+        """Check and keep what is declared."""
+        owner, units = type(self).__name__, units_of_parameters(parameters)
+        instants = numbers_of(times)
+        if instants is None:
+            raise DeclarationError(f"{owner}: times must be numbers, got {shown(times)}.")
+        times = instants.copy()
+        if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+            raise DeclarationError(f"{owner}: times must be finite and increase, shape (n_t,), n_t >= 1.")
+        if not isinstance(outputs, str | list | tuple):
+            raise DeclarationError(f"{owner}: outputs must be a list of names, got {shown(outputs)}.")
+        names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        if not isinstance(parameters, Mapping):
+            raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
+        faults = name_faults(names) + name_faults([*parameters])
+        names, parameters = tuple(map(normal, names)), normal_keys(owner, parameters)
+        if not names or faults:
+            raise DeclarationError(f"{owner}: outputs must be one or more different names. {' '.join(faults)}".strip())
+        for name, value in parameters.items():
+            if not is_finite_number(value):
+                raise DeclarationError(f"{owner}: parameter {name!r}: {value!r} is not a finite number.")
+        times.flags.writeable = False
+        vars(self).update(
+            parameters=ByName(((n, float(value)) for n, value in parameters.items()), units),
+            times=times,
+            outputs=names,
+            noise=None if noise is None else _noise(owner, noise, names),
+        )
+
+    def run(self, P: Array) -> Ensemble:
+        """Run each row of P (N, d)."""
+        P = checked_samples(self, P, None)
+        Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
+        t_failed = np.full(len(P), np.nan)
+        messages = []
+        for i, row in enumerate(P):
+            values = dict(zip(self.parameters, row.tolist(), strict=True))
+            try:
+                Y[i] = self._shaped(self.response(values))
+            except (KeyboardInterrupt, ChangedFileError):
+                raise
+            except BaseException as error:  # the code is the user's: whatever it raises, also sys.exit, fails the run
+                t_failed[i] = self.times[0]
+                messages.append(f"{fault_text(error)} ({_text(values)})")
+                continue
+            bad = ~np.isfinite(Y[i]).all(axis=1)
+            if bad.any():
+                first = int(bad.argmax())
+                t_failed[i] = self.times[first]
+                messages.append(f"{self._irregular(Y[i])} ({_text(values)})")
+                Y[i, first:] = np.nan
+        return Ensemble(Y, np.isnan(t_failed), t_failed, tuple(messages))
+
+    def stream(
+        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
+    ) -> S:
+        """Run samples P (N, d), and merge the states of blocks in their order.
+
+        A task is one run where runs are slow, and several of a block where they are fast, by what former tasks took.
+        Blocks are the same whatever the tasks are. So the result does not depend on the executor.
+        """
+        P = checked_samples(self, P, progress)
+        all_blocks, tasks = blocks(len(P), samples_of_block(len(P))), list[Array]()
+        seconds = np.inf  # of a run
+
+        def next_tasks() -> Iterator[Array]:
+            for indices in all_blocks:
+                begin, end = int(indices[0]), int(indices[-1]) + 1
+                while begin < end:
+                    size = max(1, min(end - begin, int(_ENOUGH / seconds))) if seconds else end - begin
+                    tasks.append(P[begin : begin + size])
+                    begin += size
+                    yield tasks[-1]
+
+        merging, arrived, following = Merging(reduction, progress, P), dict[int, Ensemble](), 0
+        parts: list[Ensemble] = []  # of the next block
+        for k, result in finished(partial(timed_runs, self), next_tasks(), executor):
+            if isinstance(result, LostTask):
+                arrived[k] = lost_runs(self, tasks[k], result.reason)
+            else:
+                arrived[k], seconds = result
+            while (part := arrived.pop(following, None)) is not None:
+                following += 1
+                parts.append(part)
+                indices = all_blocks[merging.count]
+                if sum(len(some.ok) for some in parts) == len(indices):
+                    merging.reduce(joined(parts, len(self.times), len(self.outputs)), indices)
+        return merging.state
+
+    def _irregular(self, values: Array) -> str:
+        """Which output is not finite first, of values (n_t, n_y)."""
+        k, i = np.argwhere(~np.isfinite(values))[0]
+        at = "" if is_timeless(self.times) else f" at t = {self.times[k]:g}"
+        return f"{self.outputs[i]} is not finite{at}"
+
+    def _shaped(self, result: Any) -> Array:
+        if hasattr(result, "columns") and hasattr(result, "to_numpy"):
+            result = self._columns(result)
+        shape = (len(self.times), len(self.outputs))
+        expected = f"expected numbers of the shape {shape} (n_t, n_y)"
+        try:
+            has_masked = isinstance(result, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in result)
+            values = np.asanyarray(np.ma.stack(result) if has_masked else result)
+            values = values.astype(float) if values.dtype.kind in "biuf" else np.array(None)
+            values = np.asarray(np.ma.filled(values, np.nan))
+        except (TypeError, ValueError):  # lists of different lengths
+            values = np.array(None)
+        if values.dtype.kind == "O":
+            raise SimulationError(f"the function returned {_short(result)}, {expected}")
+        if values.shape == shape[:1] and shape[1] == 1:
+            values = values[:, None]
+        if shape[0] == 1 and values.shape in ((), shape[1:]):  # at one time a number, or one for each output
+            values = values.reshape(1, -1)
+        if values.shape != shape:
+            raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
+        return values
+
+    def _columns(self, frame: Any) -> Any:
+        """The outputs of a DataFrame, by their names."""
+        names = list(frame.columns)
+        if sorted(map(str, names)) != sorted(self.outputs):
+            raise SimulationError(f"the function returned the columns {_short(names)}, expected {list(self.outputs)}")
+        return frame[list(self.outputs)].to_numpy()
+
+
+def samples_of_block(n: int) -> int:
+    """How many of n samples are reduced together. Sums depend on it in their last digit."""
+    return 1 + n // _BLOCKS
+
+
+def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    """Noise (n_y,) of all outputs."""
+    if not isinstance(noise, Mapping):
+        raise DeclarationError(f"{owner}: noise must be numbers by name of the output, got {shown(noise)}.")
+    for name, value in noise.items():
+        require_name(f"{owner}: noise", "output", name, names)
+        if not is_finite_number(value) or value < 0:
+            raise DeclarationError(f"{owner}: noise of {name!r} must be at least 0, got {shown(value)}.")
+    return np.array([float(noise.get(name, 0.0)) for name in names])
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _text(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name}={value:.6g}" for name, value in values.items())
+
+
+def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
+    """Runs, and the time of one of them [s]."""
+    begin = time.perf_counter()
+    ensemble = Ensemble.of(simulator.run(P))
+    return ensemble, (time.perf_counter() - begin) / len(P)
+
+
+def lost_runs(simulator: Simulator, P: Array, reason: str) -> Ensemble:
+    """Failed runs P (n, d) of a worker that died."""
+    Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
+    messages = tuple(f"{reason} ({_text(dict(zip(simulator.parameters, p, strict=True)))})" for p in P.tolist())
+    return Ensemble(Y, np.zeros(len(P), dtype=bool), np.full(len(P), simulator.times[0]), messages)

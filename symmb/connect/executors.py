@@ -1,0 +1,426 @@
+"""Work on other threads, processes and machines: tasks go out one by one, and come back as they end."""
+
+import os
+import pickle
+import queue
+import secrets
+import signal
+import threading
+import time
+import warnings
+import zlib
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from typing import Any
+
+from symmb._cleanup import watch_parent
+from symmb._errors import DeclarationError, SimulationError, SymmbError, SymmbWarning, text_of
+from symmb._options import shown
+from symmb.connect.limited_calls import end_calls_of
+
+_TRIES = 3
+"""Times that a task is tried whose worker dies: at first among others, then alone."""
+_AHEAD = 2
+"""Tasks at a time for each worker: one that runs and one that waits."""
+_TICK = 0.02
+"""Time between looks at futures that do not call back [s]."""
+_LOOK = 1.0
+"""Time between looks at futures that should call back, and at results of Dask that do not arrive [s]."""
+_GRACE, _SOON = 0.5, 0.02
+"""Time for threads and processes to end when a study is interrupted, and between looks whether they have [s]."""
+_BITS = 60
+"""Of the number at which those of the tasks begin."""
+_KILLED = "KilledWorker"
+"""What Dask raises for a task after it has tried it on several workers."""
+_CANCELLED = "CancelledError"
+"""What futures raise, also those of asyncio, if the executor was shut down or its cluster is gone."""
+_UNKNOWN_WORKERS = 512
+"""Tasks at a time, over _AHEAD, of an executor that does not tell its workers, such as that of a cluster."""
+_FEW_WORKERS = 8
+"""The same of a cluster with fewer workers when the first tasks go out. With each task that ends two more may go out
+beside: the cluster may get more workers, and how long tasks take tells how much one should hold."""
+_LOCAL = "LocalCluster"
+"""Dask's cluster of one machine. Where a worker dies twice within 15 s, it ends the process that would start the next
+one, and may come to be without workers for ever, until it is told again how many it should have."""
+_PATIENCE = 30.0
+"""Time in which an executor must begin one of its first tasks, if its futures tell what runs [s]. Processes of MPI take
+some seconds to start. Dask may wait for hours for workers, and its futures do not tell."""
+_THREADS: dict[int, threading.Thread] = {}
+"""Where tasks run, by their numbers, of this process."""
+_END = object()
+
+Numbered = tuple[int, Any]
+"""The number of a task, and its item or its result."""
+
+
+class RefusedError(BrokenExecutor):
+    """An executor does not take a task, or cancels it. No worker has died."""
+
+
+@dataclass(frozen=True)
+class LostTask:
+    """A task whose worker died each time that it was tried."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class _Task:
+    item: Any
+    future: Any
+
+
+def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[Numbered]:
+    """Numbers of items with f(item), as the tasks end; `LostTask` in place of a result if workers die.
+
+    Parameters
+    ----------
+    f : picklable if the executor runs in other processes
+    items : taken when there is a worker for them
+    executor : with `submit`, as those of concurrent.futures, loky, mpi4py and Dask; with an ordered `map`; or a
+        function that makes one, and makes another when it breaks; None: here, one after the other
+
+    Raises
+    ------
+    DeclarationError        if it is none of these, or what it has to run cannot be pickled
+    SimulationError         if an executor breaks that no function makes anew, raises, or returns other results
+    """
+    if executor is None:
+        yield from enumerate(map(f, items))
+        return
+    first = secrets.randbits(_BITS)  # so that results of one call are not taken for those of another
+    with _Pool(executor) as pool:
+        for k, result in (_submitted if pool.submits else _mapped)(f, enumerate(items, first), pool):
+            yield k - first, result
+
+
+def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
+    sent: set[int] = set()
+
+    def numbered() -> Iterator[Numbered]:
+        for task in tasks:
+            sent.add(task[0])
+            yield task
+
+    waiting = numbered()
+    with _as_simulation_error():
+        answers = iter(pool.executor.map(partial(_reply, f), waiting))
+    while True:
+        with _as_simulation_error():
+            answer = next(answers, _END)
+        if answer is _END:
+            break
+        k, result = _unpacked(answer, sent)
+        sent.remove(k)
+        yield k, result
+    if next(waiting, None) is not None or sent:
+        raise SimulationError("executor: its map has ended without the results of all its tasks.")
+
+
+def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
+    most = _AHEAD * (pool.workers_at_first or pool.workers)  # a cluster may get more
+    running: dict[int, _Task] = {}
+    killed: dict[int, tuple[Any, LostTask]] = {}
+    done: queue.SimpleQueue[int] = queue.SimpleQueue()
+    try:
+        while True:
+            try:
+                while len(running) < most and (following := next(tasks, None)) is not None:
+                    k, item = following
+                    running[k] = _Task(item, None)  # if the executor is broken already, it is tried again
+                    running[k] = _begun(f, item, k, pool, done)
+                if not running:
+                    break
+                k = _next(running, done, pool)
+                most = min(most + 2, _AHEAD * pool.workers)
+                result = pool.result(running[k].future, k)
+                task = running.pop(k)
+                if isinstance(result, LostTask):
+                    killed[k] = task.item, result
+                else:
+                    yield k, result
+            except BrokenExecutor as error:
+                suspects, done = dict(sorted(running.items())), queue.SimpleQueue()
+                running.clear()
+                pool.renew(error)
+                for k, task in suspects.items():
+                    yield k, _alone(f, k, task.item, pool)
+        for k, (item, lost) in killed.items():  # Dask blames all tasks of a worker, also those that it had not begun
+            yield k, lost if len(killed) == 1 else _alone(f, k, item, pool)
+    finally:  # where it is interrupted, or an error ends it
+        for task in running.values():
+            if task.future is not None:
+                with suppress(Exception):
+                    task.future.cancel()
+        _end_calls(running)  # or else a pool of threads waits for programs
+
+
+def _require_same_versions(versions: Mapping[str, Any]) -> None:
+    """SimulationError if a worker of Dask has another symmb or another Python than its client."""
+    for address, worker in versions["workers"].items():
+        for name, length in (("symmb", None), ("python", 2)):  # 3.11 of 3.11.7
+            here, there = (
+                ".".join(str(each["packages"].get(name)).split(".")[:length]) for each in (versions["client"], worker)
+            )
+            if here != there:
+                raise SimulationError(f"executor: the worker {address} has {name} {there}, and here is {here}.")
+
+
+def _end_calls(tasks: Iterable[int]) -> None:
+    """End the calls that threads make for some tasks, also those that are about to begin."""
+    deadline = time.monotonic() + _GRACE
+    while (threads := [_THREADS[k] for k in [*tasks] if k in _THREADS]) and time.monotonic() < deadline:
+        end_calls_of(threads)
+        time.sleep(_SOON)
+
+
+def _begun(f: Callable[[Any], Any], item: Any, k: int, pool: "_Pool", done: "queue.SimpleQueue[int]") -> _Task:
+    future = pool.submit(partial(_reply, f), (k, item))
+    with _as_simulation_error(BrokenExecutor):
+        if isinstance(future, type) or not all(callable(getattr(future, name, None)) for name in ("done", "result")):
+            raise SimulationError(f"executor: its submit has returned {shown(future)}, which is no future.")
+        if hasattr(future, "add_done_callback"):
+            future.add_done_callback(lambda _: done.put(k))
+    return _Task(item, future)
+
+
+def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]", pool: "_Pool") -> int:
+    """The number of a task that has ended."""
+    while True:
+        with _as_simulation_error(BrokenExecutor):
+            calls_back = all(hasattr(task.future, "add_done_callback") for task in running.values())
+        with suppress(queue.Empty):
+            k = done.get(timeout=_LOOK if calls_back else _TICK)
+            if k in running:  # it is not if a look has found it
+                return k
+        with _as_simulation_error(BrokenExecutor):
+            for k, task in running.items():
+                if task.future.done():
+                    return k
+        pool.look([task.future for task in running.values()])
+
+
+def _alone(f: Callable[[Any], Any], k: int, item: Any, pool: "_Pool") -> Any:
+    """The result of a task during which a worker died, tried alone."""
+    last = BrokenExecutor()
+    for _ in range(_TRIES - 1):
+        try:
+            done: queue.SimpleQueue[int] = queue.SimpleQueue()
+            task = _begun(f, item, k, pool, done)
+            _next({k: task}, done, pool)
+            return pool.result(task.future, k)
+        except BrokenExecutor as error:
+            last = error
+            pool.renew(error)
+    if isinstance(last, RefusedError):
+        raise _made_broken(last)
+    return LostTask(f"its worker process died each of {_TRIES} times ({text_of(last)})")
+
+
+def _reply(f: Callable[[Any], Any], task: Numbered) -> tuple[int, int, bytes]:
+    """The number of a task, a checksum, and the result in bytes: not every executor returns what it ran."""
+    k, item = task
+    watch_parent()
+    _THREADS[k] = threading.current_thread()
+    try:
+        content = pickle.dumps(f(item), pickle.HIGHEST_PROTOCOL)
+    finally:
+        del _THREADS[k]
+    return k, zlib.crc32(content, k), content
+
+
+def _unpacked(reply: Any, sent: Container[int]) -> Numbered:
+    """The number of a task that was sent, and its result."""
+    with suppress(Exception):  # whatever it is, its comparison may raise
+        k, checksum, content = reply
+        if k in sent and zlib.crc32(content, k) == checksum:
+            return k, pickle.loads(content)
+    raise SimulationError("executor: it has returned something else than the results of its tasks, each once.")
+
+
+class _Pool:
+    """The executor of a user, which must offer what is called here, and how to make another."""
+
+    def __init__(self, given: Any) -> None:
+        named = ("submit", "map")
+        is_factory = isinstance(given, type) or (callable(given) and not any(hasattr(given, name) for name in named))
+        self._make = given if is_factory else None
+        self._start(given)
+
+    def __enter__(self) -> "_Pool":
+        return self
+
+    def __exit__(self, fault: type[BaseException] | None, *_: object) -> None:
+        if fault is not None and isinstance(self.executor, ProcessPoolExecutor):
+            if self._make is not None:
+                _end_processes(self.executor)
+            elif issubclass(fault, KeyboardInterrupt):  # as a terminal does: or else the pool waits for its tasks
+                for process in list(self.executor._processes or ()):
+                    with suppress(ProcessLookupError):
+                        os.kill(process, signal.SIGINT)
+        self._end()
+
+    def _start(self, given: Any) -> None:
+        self.executor: Any = given
+        if self._make is not None:
+            try:
+                self.executor = self._make()
+            except SymmbError:
+                raise
+            except Exception as error:
+                raise DeclarationError(f"executor: the function that makes one raises {text_of(error)}.") from error
+        self.workers_at_first = 0
+        self.has_begun, self._since = False, time.monotonic()
+        self._options: dict[str, Any] = {}
+        if hasattr(getattr(self.executor, "_client", None), "get_executor"):
+            # Dask's executor: futures that it makes from those of its client may never end where workers die.
+            self._options, self.executor = getattr(self.executor, "_kwargs", {}), self.executor._client
+        self.is_dask = hasattr(self.executor, "get_executor")
+        if self.is_dask:
+            self._options = {"pure": False, **self._options}
+            try:
+                self.workers_at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
+                versions = self.executor.get_versions(packages=["symmb"])
+            except Exception as error:  # it is closed
+                raise SimulationError(f"executor: {self.executor!r} does not answer ({text_of(error)}).") from None
+            _require_same_versions(versions)
+        self.submits = callable(getattr(self.executor, "submit", None))
+        maps = callable(getattr(self.executor, "map", None))
+        is_pool = hasattr(self.executor, "apply_async")  # of multiprocessing: no futures
+        if not self.submits and (not maps or is_pool or not _maps_in_order(self.executor)):
+            raise DeclarationError(
+                f"executor: {shown(self.executor)} is not supported. Give an object with submit(f, x) or with an "
+                "ordered map(f, *iterables), or a function that makes one. Examples are a ThreadPoolExecutor, a "
+                "ProcessPoolExecutor and a client of Dask."
+            )
+
+    def submit(self, f: Callable[[Any], Any], item: Any) -> Any:
+        try:
+            return self.executor.submit(f, item, **self._options)
+        except (BrokenExecutor, KeyboardInterrupt):
+            raise
+        except BaseException as error:  # shut down, or its cluster is gone
+            _require_sent(error)
+            raise RefusedError(text_of(error)) from None
+
+    def result(self, future: Any, k: int) -> Any:
+        """The result of the task k, or `LostTask`."""
+        answer = self._answer(future)
+        return answer if isinstance(answer, LostTask) else _unpacked(answer, (k,))[1]
+
+    def _answer(self, future: Any) -> Any:
+        """What the future of a task returns, or `LostTask`."""
+        try:
+            seconds = _LOOK
+            while self.is_dask:  # a result may be lost with its worker, and then has to be made again
+                with suppress(TimeoutError):
+                    return future.result(timeout=seconds)
+                self.look([future])
+                seconds *= 2.0
+            return future.result()
+        except (BrokenExecutor, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            if type(error).__name__ == _CANCELLED:
+                raise RefusedError("The executor has cancelled runs.") from None
+            if type(error).__name__ == _KILLED:
+                return LostTask(text_of(error))
+            with _as_simulation_error():
+                raise
+
+    @property
+    def workers(self) -> int:
+        """How many tasks run side by side."""
+        told = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
+        return told if isinstance(told, int) and told > 0 else _UNKNOWN_WORKERS
+
+    def look(self, futures: Sequence[Any]) -> None:
+        """SimulationError if the executor has begun no task yet, and has had the time."""
+        cluster: Any = getattr(self.executor, "cluster", None)
+        if type(cluster).__name__ == _LOCAL and len(cluster.requested) < len(cluster.plan):
+            cluster.scale(len(cluster.plan))
+        with _as_simulation_error(BrokenExecutor):
+            states = [getattr(future, "running", None) for future in futures]
+            self.has_begun = self.has_begun or any(not callable(runs) or runs() for runs in states)
+        if not self.has_begun and time.monotonic() - self._since > _PATIENCE:
+            raise SimulationError(f"executor: it has begun none of its tasks in {_PATIENCE:.0f} s. Has it no workers?")
+
+    def renew(self, error: BaseException) -> None:
+        """Make another executor in the place of a broken one."""
+        if self._make is None:
+            raise SimulationError(
+                f"executor: {_reason(error)}. The study ends here. Give a function that makes the executor, such as "
+                "lambda: ProcessPoolExecutor(8): then symmb makes another, and finds the run at which workers die."
+            ) from None
+        self._end()
+        self._start(self._make)
+        try:  # a task that harms no worker
+            self._answer(self.submit(int, 0))
+        except BrokenExecutor as fault:
+            raise _made_broken(fault) from None
+
+    def _end(self) -> None:
+        """Shut down an executor that was made here."""
+        if self._make is not None and hasattr(self.executor, "shutdown"):
+            # Waiting tasks are cancelled one by one: with cancel_futures ProcessPoolExecutor waits for ever for tasks
+            # that it could not pickle.
+            try:
+                self.executor.shutdown(wait=True)
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # the results are there
+                warnings.warn(f"executor: its shutdown has raised {text_of(error)}.", SymmbWarning, stacklevel=2)
+
+
+def _end_processes(pool: ProcessPoolExecutor) -> None:
+    """End the processes of a pool, whatever they do."""
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False)
+    for process in processes:
+        process.terminate()
+    deadline = time.monotonic() + _GRACE
+    for process in processes:
+        process.join(max(deadline - time.monotonic(), 0.0))
+        process.kill()  # it may be in compiled code, which notices no signals
+
+
+def _maps_in_order(executor: Any) -> bool:
+    """Whether its map is that of a function over items: tables and modules have others of that name."""
+    try:
+        return list(islice(executor.map(abs, [-1, 2]), 3)) == [1, 2]
+    except Exception:
+        return False
+
+
+@contextmanager
+def _as_simulation_error(*kept: type[BaseException]) -> Iterator[None]:
+    """A context for a call of the user's executor. What it raises becomes a sentence, unless it is symmb's or kept."""
+    try:
+        yield
+    except (SymmbError, KeyboardInterrupt, *kept):
+        raise
+    except BaseException as error:  # asyncio's CancelledError is no Exception
+        _require_sent(error)
+        cause = None if isinstance(error, StopIteration) else error  # contextlib would take it for its own
+        raise SimulationError(f"executor: it has raised {text_of(error)}.") from cause
+
+
+def _require_sent(error: BaseException) -> None:
+    """DeclarationError if what is to run cannot be pickled."""
+    if "pickle" in text_of(error):
+        raise DeclarationError(
+            f"executor: the simulator cannot be sent to other processes ({text_of(error)}). Its functions must be "
+            "those of a module, not lambdas or functions inside of others."
+        ) from None
+
+
+def _made_broken(error: BrokenExecutor) -> SimulationError:
+    return SimulationError(f"executor: the function makes executors that do not run tasks ({_reason(error)}).")
+
+
+def _reason(error: BaseException) -> str:
+    return text_of(error).removeprefix(f"{type(error).__name__}: ").rstrip(".")

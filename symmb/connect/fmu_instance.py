@@ -1,0 +1,169 @@
+"""An instance of an FMU, in a process of its own: how it is made, started, read, and what it tells."""
+
+import ctypes
+import faulthandler
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from symmb._errors import SimulationError
+from symmb._types import Array
+from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
+
+ENDED = "the FMU ended the run"
+DISCARD, _FATAL = 2, 4
+"""Status of calls that FMI knows: what was asked for cannot be done, and no call may follow."""
+_WARNING = 1
+_TERMINATED = 3
+"""The kind of status of FMI 2 that tells whether an FMU has ended the run."""
+_TOLD = 200
+"""Characters of what an FMU says that are told."""
+_LOG: dict[str, str] = {}
+"""The first error and the last warning that FMUs have logged during this run."""
+
+
+class Instance:
+    """A running model. FMPy's classes for FMI 2 and 3, co-simulation and model exchange, look alike here."""
+
+    def __init__(self, fmu: FMU, folder: Path, logs: bool) -> None:
+        self.has_states = fmu.fmi_type != CO_SIMULATION
+        self.version, self._tolerance = fmu.version, fmu.tolerance
+        arguments = {"guid": fmu.token, "modelIdentifier": fmu.identifier, "unzipDirectory": str(folder)}
+        module = fmpy(f"fmi{fmu.version}")
+        self.model = getattr(module, f"FMU{fmu.version}{'Model' if self.has_states else 'Slave'}")(**arguments)
+        if fmu.version == 2:
+            self.model.instantiate(callbacks=_callbacks(), loggingOn=logs)
+        else:
+            self.model.instantiate(logMessage=_note, loggingOn=logs)
+
+    def initialize(self, variables: Sequence[Variable], values: Mapping[str, float], times: Array) -> None:
+        """Set variables, and find the initial state."""
+        stop = float(times[-1]) if len(times) > 1 else None
+        span: dict[str, Any] = {"startTime": float(times[0]), "stopTime": stop}
+        if not self.has_states:
+            span["tolerance"] = self._tolerance
+        if self.version == 2:
+            self.model.setupExperiment(**span)
+            span = {}
+        for variable in variables:
+            value = values[variable.name]
+            number = int(value) if variable.is_whole else value
+            getattr(self.model, f"set{self._accessor(variable.type)}")([variable.reference], [number])
+        self.model.enterInitializationMode(**span)
+        self.model.exitInitializationMode()
+
+    def advance(self, t: float, length: float) -> None:
+        """Make a communication step."""
+        if self.version == 2:
+            try:
+                self.model.doStep(t, length)
+            except Exception as error:
+                if getattr(error, "status", None) == DISCARD and self.model.getBooleanStatus(_TERMINATED):
+                    raise SimulationError(ENDED) from None
+                raise
+        else:
+            _, ends, returned, _ = self.model.doStep(t, length)
+            if ends or returned:
+                raise SimulationError(ENDED)
+
+    def reader(self, variables: Sequence[Variable]) -> Callable[[Array], None]:
+        """What reads these variables into a row."""
+        kinds: dict[str, list[int]] = {}
+        for k, variable in enumerate(variables):
+            kinds.setdefault(self._accessor(variable.type), []).append(k)
+        calls = [
+            (getattr(self.model, f"get{kind}"), [variables[k].reference for k in columns], columns)
+            for kind, columns in kinds.items()
+        ]
+
+        def read(row: Array) -> None:
+            for get, references, columns in calls:
+                row[columns] = get(references)
+
+        return read
+
+    def _accessor(self, kind: str) -> str:
+        """The type by which FMI reads and writes a variable."""
+        return kind if kind != "Enumeration" else "Integer" if self.version == 2 else "Int64"
+
+    def free(self) -> None:
+        """Let go of the instance and of its library."""
+        with suppress(Exception):  # it may be broken
+            self.model.freeInstance()
+
+
+def is_fatal(error: BaseException) -> bool:
+    """Whether no call may follow to the instance that raised this."""
+    return getattr(error, "status", None) == _FATAL
+
+
+def listen() -> None:
+    """Forget what was told so far. What FMUs and FMPy print in this process does not reach the user's output."""
+    _LOG.clear()
+    output = _output()
+    os.ftruncate(output, 0)
+    os.lseek(output, 0, os.SEEK_SET)
+
+
+@cache
+def _output() -> int:
+    """A file that takes the output of this process. A crash of it is a failed run, and is told as that."""
+    faulthandler.disable()
+    file = tempfile.TemporaryFile()
+    for number in (1, 2):
+        os.dup2(file.fileno(), number)
+    sys.stdout = sys.stderr = open(1, "w", closefd=False, errors="replace", buffering=1)
+    return os.dup(file.fileno())
+
+
+def has_error() -> bool:
+    """Whether an error was logged."""
+    return "error" in _LOG
+
+
+def logged() -> str:
+    """The first error that was logged, or else the last warning."""
+    return _short(_LOG.get("error") or _LOG.get("warning", ""))
+
+
+def last_line() -> str:
+    """The last line that was printed."""
+    sys.stdout.flush()
+    ctypes.CDLL(None).fflush(None)
+    output = _output()
+    end = os.lseek(output, 0, os.SEEK_END)
+    text = os.pread(output, 4096, max(0, end - 4096)).decode(errors="replace")
+    lines = [line for line in text.split("\n") if line.strip()]
+    return _short(lines[-1]) if lines else ""
+
+
+def _short(text: str) -> str:
+    return " ".join(text.split())[:_TOLD].rstrip(".")
+
+
+def _note(*arguments: Any) -> None:
+    """Keep a message. Status, category and text are the last arguments in FMI 2 and 3."""
+    status, _, message = arguments[-3:]
+    text = (message or b"").decode(errors="replace")
+    if status > _WARNING:
+        _LOG.setdefault("error", text)
+    elif status == _WARNING:
+        _LOG["warning"] = text
+
+
+@cache
+def _callbacks() -> Any:
+    """FMI 2's functions of the environment. FMPy's C code keeps a pointer to the logger that it was given last."""
+    module = fmpy("fmi2")
+    callbacks = module.fmi2CallbackFunctions()
+    callbacks.logger = module.fmi2CallbackLoggerTYPE(_note)
+    callbacks.allocateMemory = module.fmi2CallbackAllocateMemoryTYPE(fmpy().calloc)
+    callbacks.freeMemory = module.fmi2CallbackFreeMemoryTYPE(fmpy().free)
+    with suppress(OSError):  # FMPy has it for the usual computers; it fills values into messages
+        fmpy("logging").addLoggerProxy(ctypes.byref(callbacks))
+    return callbacks

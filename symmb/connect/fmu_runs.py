@@ -1,0 +1,258 @@
+"""Runs of an FMU, in a process of their own: from one communication point to the next, by FMPy's CVODE if need be."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import ceil
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Protocol
+
+import numpy as np
+
+from symmb._errors import SimulationError, text_of
+from symmb._types import Array
+from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
+from symmb.connect.fmu_instance import DISCARD, ENDED, Instance, has_error, is_fatal, last_line, listen, logged
+
+_SAME = 1e-12
+"""Difference of times, over the largest one, up to which they are the same."""
+AGREE = 1e-6
+"""Difference of a number of steps from a whole one that is taken to be rounding."""
+_MOST_EVENTS = 1000
+"""Events at one time, above which they are taken to go on for ever."""
+RTOL = 1e-9
+"""Relative tolerance: bounds subtract runs that differ little. An oscillator is then exact to 1e-7 after ten periods
+(tests/black_boxes/test_fmu.py)."""
+_MOST_STEPS = 1_000_000
+"""Steps between two communication points. FMPy's 500 are too few for this tolerance."""
+
+
+@dataclass
+class FMURunner:
+    """Makes runs, and keeps the instance of the last one.
+
+    Attributes
+    ----------
+    fmu : its file and interface
+    parameters, outputs : its variables
+    times : (n_t,) output times [s]
+    step : longest communication step [s]; all have this length if the FMU wants that
+    patience : a run that fails without a reason is made again if it took less [s]: many FMUs tell reasons only where
+        they are asked to log everything
+    """
+
+    fmu: FMU
+    parameters: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    times: Array
+    step: float
+    patience: float
+    _instance: Instance | None = field(default=None, init=False)
+    _solver: "FMUSolver | None" = field(default=None, init=False)
+    _t: float = field(default=0.0, init=False)
+
+    def __call__(self, values: Mapping[str, float], folder: Path, again: bool) -> Array:
+        """Outputs (n_t, n_y) of a run with these parameters, of the FMU that was extracted to a folder.
+
+        Where `again` is True and the run before went well, its instance is reset; otherwise a new one is made. It
+        raises SimulationError if the run fails.
+        """
+        listen()
+        begin = time.perf_counter()
+        try:
+            return self._run(values, folder, again)
+        except Exception as error:
+            fault, t = error, self._t
+        is_open = not isinstance(fault, SimulationError) and not has_error()
+        if is_open and time.perf_counter() - begin < self.patience:
+            with suppress(Exception):
+                self._run(values, folder, again=False, logs=True)
+        if isinstance(fault, SimulationError):  # it is a reason itself
+            text, reason = str(fault).rstrip("."), logged()
+        else:
+            name = getattr(fault, "function", None)
+            text, reason = f"{name} failed" if name else text_of(fault), logged() or last_line()
+        raise SimulationError(f"{text} at t = {t:g} s{': ' if reason else ''}{reason}")
+
+    def _run(self, values: Mapping[str, float], folder: Path, again: bool, logs: bool = False) -> Array:
+        instance, self._instance, self._t = self._instance, None, float(self.times[0])
+        try:
+            if instance is not None and not again:
+                instance = instance.free()
+            if instance is None:
+                instance = Instance(self.fmu, folder, logs)
+            else:
+                instance.model.reset()
+            instance.initialize(self.parameters, values, self.times)
+            rows = self._outputs(instance)
+        except Exception as error:
+            if instance is not None and not is_fatal(error):
+                instance.free()
+            raise
+        try:
+            instance.model.terminate()
+            self._instance = instance
+        except Exception as error:  # the run is complete
+            if not is_fatal(error):
+                instance.free()
+        return rows
+
+    def _outputs(self, instance: Instance) -> Array:
+        """Outputs (n_t, n_y) from one communication point to the next."""
+        rows, read = np.empty((len(self.times), len(self.outputs))), instance.reader(self.outputs)
+        step = self._cosimulate if self.fmu.fmi_type == CO_SIMULATION else self._integration(instance)
+        read(rows[0])
+        for k, row in enumerate(rows[1:]):
+            for begin, length in self._steps(k):
+                step(instance, begin, length)
+            read(row)
+        return rows
+
+    def _cosimulate(self, instance: Instance, begin: float, length: float) -> None:
+        self._t = begin
+        instance.advance(begin, length)
+        self._t = begin + length
+
+    def _integration(self, instance: Instance) -> Callable[[Instance, float, float], None]:
+        """Communication steps by the solver, which outlives instances."""
+        events = _EventMode(instance)
+        if self._solver is None:
+            self._solver = _new_solver(self.fmu, instance, self.times[0], self.step)
+        else:
+            self._solver.restart(instance, self.times[0])
+        solver = self._solver
+        return lambda instance, begin, length: self._integrate(instance, solver, events, begin + length)
+
+    def _integrate(self, instance: Instance, solver: "FMUSolver", events: "_EventMode", end: float) -> None:
+        """Take the solver and the FMU from the present time to another."""
+        near, count = _SAME * float(np.abs(self.times).max()), 0
+        while end - self._t > near or events.next - self._t <= near:
+            begin = self._t
+            is_event = events.next - self._t <= near
+            if not is_event:
+                is_event, self._t = solver.advance(self._t, min(end, events.next))
+                instance.model.setTime(self._t)
+                if self.fmu.tells_steps:
+                    wanted, ends = instance.model.completedIntegratorStep()
+                    is_event = is_event or wanted
+                    if ends:
+                        raise SimulationError(ENDED)
+            if is_event or events.next - self._t <= near:
+                instance.model.enterEventMode()
+                events.update()
+                instance.model.enterContinuousTimeMode()
+                solver.restart(instance, self._t)
+            count = count + 1 if self._t - begin <= near else 0
+            if count > _MOST_EVENTS:
+                raise SimulationError("there is one event after the other")
+
+    def _steps(self, k: int) -> Iterator[tuple[float, float]]:
+        """Begins and lengths of communication steps between the times k and k + 1."""
+        begin, end = self.times[k : k + 2].tolist()
+        count = steps_between(begin, end, self.step)
+        if self.fmu.is_uniform:
+            first = round((begin - self.times[0]) / self.step)
+            yield from ((float(self.times[0]) + i * self.step, self.step) for i in range(first, first + count))
+        else:
+            points = np.linspace(begin, end, 1 + count).tolist()
+            yield from ((a, b - a) for a, b in pairwise(points))
+
+
+def steps_between(begin: float, end: float, step: float) -> int:
+    """How many communication steps there are between two times."""
+    return max(1, ceil((end - begin) / step - AGREE))
+
+
+class FMUSolver(Protocol):
+    """FMPy's solver, which outlives instances, for FMPy does not free all that it takes."""
+
+    def restart(self, instance: Instance, t: float) -> None:
+        """Begin at the states of an instance."""
+        ...
+
+    def advance(self, t: float, end: float) -> tuple[bool, float]:
+        """Go on to a time. Returns whether an event indicator changed its sign, and the time then."""
+        ...
+
+
+class _EventMode:
+    """The discrete states of an FMU in event mode, and the time at which the FMU wants to be there again."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._update = (
+            instance.model.newDiscreteStates if instance.version == 2 else instance.model.updateDiscreteStates
+        )
+        self.next = np.inf
+        self.update()
+        instance.model.enterContinuousTimeMode()
+
+    def update(self) -> None:
+        """Update the discrete states until they stay."""
+        wanted = True
+        while wanted:
+            wanted, ends, _, _, is_planned, time = self._update()
+            self.next = time if is_planned else np.inf
+            if ends:
+                raise SimulationError(ENDED)
+
+
+def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolver:
+    """A solver at the states of an instance, whose steps are not longer than `step` [s]."""
+
+    class CVODE(fmpy("sundials").CVodeSolver):
+        """Python drops what callbacks of C raise: it is kept, and raised by `advance`."""
+
+        fault: Exception | None = None
+
+        def restart(self, instance: Instance, t: float) -> None:
+            for name, call in _callbacks(instance).items():
+                setattr(self, name, call)
+            self.reset(t)
+
+        def advance(self, t: float, end: float) -> tuple[bool, float]:
+            self.fault = self.error_info = None
+            try:
+                is_event, _, reached = self.step(t, end)
+            except Exception as error:
+                reason = self.error_info[3] if self.error_info else str(error)
+                raise self.fault or SimulationError(f"CVODE stops: {reason}") from None
+            return is_event, reached
+
+        def f(self, *arguments: Any) -> int:
+            return self._tried(super().f, arguments)
+
+        def g(self, *arguments: Any) -> int:
+            return self._tried(super().g, arguments)
+
+        def _tried(self, call: Any, arguments: tuple[Any, ...]) -> int:
+            try:
+                return call(*arguments)
+            except Exception as error:
+                self.fault = error
+                return 1 if getattr(error, "status", None) == DISCARD else -1  # 1: tried again with a smaller step
+
+    return CVODE(
+        nx=fmu.n_states,
+        nz=fmu.n_indicators,
+        **_callbacks(instance),
+        input=SimpleNamespace(apply=lambda *_: None),  # inputs stay what they were set to
+        startTime=t,
+        maxStep=step,
+        relativeTolerance=RTOL,
+        maxNumSteps=_MOST_STEPS,
+    )
+
+
+def _callbacks(instance: Instance) -> dict[str, Any]:
+    model = instance.model
+    return {
+        "get_x": model.getContinuousStates,
+        "set_x": model.setContinuousStates,
+        "get_dx": model.getDerivatives if instance.version == 2 else model.getContinuousStateDerivatives,
+        "get_z": model.getEventIndicators,
+        "get_nominals": model.getNominalsOfContinuousStates,
+        "set_time": model.setTime,
+    }

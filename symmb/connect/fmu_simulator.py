@@ -1,0 +1,196 @@
+"""An FMU as a simulator: a model that another program has exported."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError
+from symmb._names import ByName
+from symmb._options import is_finite_number, require_timeout, shown
+from symmb._types import Array
+from symmb.connect.black_box import BlackBox
+from symmb.connect.fmu_description import (
+    CO_SIMULATION,
+    FMU,
+    MODEL_EXCHANGE,
+    OWNER,
+    described,
+    extracted,
+    fmpy,
+    parameters_of,
+    variable_of,
+)
+from symmb.connect.fmu_runs import AGREE, RTOL, FMURunner, steps_between
+from symmb.connect.identity import digest
+from symmb.connect.limited_calls import LimitedCalls
+
+_STEPS = 500
+"""Communication steps of a run, as FMPy has them, where neither the user nor the FMU tells the step."""
+_LONG = 10.0
+"""Time of a run beside which that of making a process is small [s]. Runs of this length get a new one each."""
+_SHIFT = 1e-6
+"""Change of parameters by which it is tried whether a reset forgets them."""
+_RESET, _NEW_INSTANCE, _NEW_PROCESS = "reset", "new instance", "new process"
+_KINDS: dict[tuple[str, str], str] = {}
+"""How a run is made after another so that it repeats, by the digest of the FMU's file and its interface."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FMUSimulator(BlackBox):
+    """Trajectories from a Functional Mock-up Unit of FMI 2 or 3, by FMPy, which `pip install 'symmb[fmu]'` installs.
+
+    Runs are made in processes of their own: an FMU that crashes costs one run, and threads run side by side. Each
+    process keeps an instance. It is reset between two runs, if a run after resets is the same to the last bit; this is
+    tried once. Otherwise, and after a failed run, a new instance is made. If a run is not the same in a new instance
+    either, a new process is made.
+
+    Parameters
+    ----------
+    path : str or Path
+        the .fmu file. Processes on other computers must find it there too
+    parameters : mapping
+        nominal values by name of the variable, in its unit in the model description. They are set before the run starts
+    times : (n_t,)
+        increasing times of the rows [s]; the run starts at the first of them
+    outputs : list of str
+        n_y names of variables
+    fmi_type : str
+        "CoSimulation" or "ModelExchange"; default: co-simulation, if the FMU has it
+    step : float
+        longest communication step [s]; default: that of the FMU's default experiment, or 1/500 of the time. The FMU
+        stops at all times as well. For model exchange it is the longest step of the solver, FMPy's CVODE; default:
+        1/500 of the time
+    timeout : float
+        longest time of a run [s]
+    noise : mapping
+        how far values may be off, by name of the output
+
+    Attributes
+    ----------
+    units : tuple of str
+        of the outputs, from the model description; '' where it has none. Boxes know those of the parameters
+
+    Raises
+    ------
+    DeclarationError
+        If the file is no FMU that runs on this computer, has no such variable, or the variable is no number or cannot
+        be set, or an option is out of its range
+    ImportError
+        If FMPy is not installed
+
+    Examples
+    --------
+    With an FMU `pendulum.fmu` that has the parameter `length` and the output `angle`::
+
+        times = np.linspace(0.0, 2.0, 101)
+        pendulum = mb.FMUSimulator("pendulum.fmu", parameters={"length": 1.0}, times=times, outputs=["angle"])
+        bounds = mb.propagate(pendulum, mb.PolynomialChaos(), mb.Box(length=(0.9, 1.1)))
+    """
+
+    path: Path
+    fmi_type: str
+    step: float
+    timeout: float | None
+    units: tuple[str, ...]
+    _fmu: FMU
+    _calls: LimitedCalls
+
+    def __init__(
+        self,
+        path: str | Path,
+        parameters: Mapping[str, float],
+        times: Array | Sequence[float],
+        outputs: Sequence[str],
+        fmi_type: str | None = None,
+        step: float | None = None,
+        timeout: float | None = None,
+        noise: Mapping[str, float] | None = None,
+    ):
+        if not isinstance(path, str | Path):
+            raise DeclarationError(f"{OWNER}: path must be that of a file, got {shown(path)}.")
+        self._declare(parameters, times, outputs, noise)
+        require_timeout(OWNER, timeout)
+        if step is not None and not (is_finite_number(step) and step > 0):
+            raise DeclarationError(f"{OWNER}: step must be a number of seconds above 0, got {shown(step)}.")
+        fmu, variables = described(Path(path).resolve(), fmi_type)
+        inputs = parameters_of(fmu.path, variables, self.parameters)
+        found = tuple(variable_of(fmu.path, variables, name, "output") for name in self.outputs)
+        step = _step(fmu, self.times, step)
+        patience = min(_LONG, np.inf if timeout is None else timeout / 3)
+        runs = FMURunner(fmu, inputs, found, self.times, step, patience)
+        vars(self).update(
+            path=fmu.path,
+            fmi_type=fmu.fmi_type,
+            step=step,
+            timeout=timeout,
+            units=tuple(variable.unit for variable in found),
+            parameters=ByName(self.parameters, {variable.name: variable.unit for variable in inputs if variable.unit}),
+            _fmu=fmu,
+            _calls=LimitedCalls(runs, timeout, "the FMU"),
+        )
+
+    def response(self, values: dict[str, float]) -> Any:
+        """Outputs (n_t, n_y) of one run."""
+        for variable in self._calls.f.parameters:
+            fault = variable.fault_of(values[variable.name])
+            if fault:
+                raise SimulationError(fault)
+        key = self._fmu.digest, self.fmi_type
+        if key in _KINDS:
+            return self._run(values, _KINDS[key])
+        begin = time.perf_counter()
+        result = self._run(values, _NEW_PROCESS)
+        kinds = () if time.perf_counter() - begin > _LONG else (_RESET, _NEW_INSTANCE)
+        _KINDS[key] = next((kind for kind in kinds if self._repeats(values, result, kind)), _NEW_PROCESS)
+        return result
+
+    def _run(self, values: dict[str, float], kind: str) -> Any:
+        fmpy()  # and its solver, before a process is forked, so that each has them
+        if self.fmi_type == MODEL_EXCHANGE:
+            fmpy("sundials")
+        if kind == _NEW_PROCESS:
+            self._calls.end_process()
+        folder = extracted(self.path, self._fmu.digest)
+        return self._calls({"values": values, "folder": folder, "again": kind == _RESET})
+
+    def _repeats(self, values: dict[str, float], result: Array, kind: str) -> bool:
+        """Whether a run is the same after one of other parameters. Some FMUs keep what they have found, or crash."""
+        whole = {variable.name for variable in self._calls.f.parameters if variable.is_whole}
+        others = {name: value if name in whole else value * (1 + _SHIFT) + _SHIFT for name, value in values.items()}
+        try:
+            self._run(others, kind)
+            return np.array_equal(self._run(values, kind), result, equal_nan=True)
+        except SimulationError:
+            return False
+
+    def identity(self) -> str:
+        """A digest of the file and of how it is run, for `StoredSimulator`."""
+        return digest("FMU", self._fmu.digest, self.fmi_type, self.step, RTOL)
+
+    def __repr__(self) -> str:
+        return f"FMUSimulator({self.path.name})"
+
+
+def _step(fmu: FMU, times: Array, given: float | None) -> float:
+    """The longest communication step [s]. It raises DeclarationError if the FMU cannot stop at the times."""
+    if len(times) == 1:
+        return 1.0
+    own = fmu.step if fmu.fmi_type == CO_SIMULATION else None
+    spans = np.diff(times)
+    if fmu.grid is not None and given is None:
+        step = float(spans.max())  # its solver does not depend on communication steps
+    else:
+        step = given or own or float(times[-1] - times[0]) / _STEPS
+    if fmu.is_uniform:
+        step = float(spans.min()) / steps_between(0.0, spans.min(), step)
+    for length, reason in ((fmu.grid, "its solver has steps"), (step if fmu.is_uniform else None, "its steps are")):
+        if length is not None and (np.abs(spans / length - np.round(spans / length)) > AGREE * spans / length).any():
+            raise DeclarationError(
+                f"{OWNER}: {fmu.path.name} cannot stop at all of the times: {reason} of {length:g} s, and the times "
+                "must be multiples of that after the first."
+            )
+    return step

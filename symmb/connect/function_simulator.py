@@ -1,0 +1,75 @@
+"""A plain Python function as a simulator."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from symmb._errors import DeclarationError
+from symmb._options import require_timeout, shown
+from symmb._types import Array
+from symmb.connect.black_box import BlackBox
+from symmb.connect.identity import digest
+from symmb.connect.limited_calls import LimitedCalls
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FunctionSimulator(BlackBox):
+    """Trajectories from a function of the parameters, taken as a black box.
+
+    Parameters
+    ----------
+    f : called as ``f(**parameters)``, returns (n_t, n_y), or (n_t,) where there is one output. A sample
+        whose call raises, or returns something else, or a value that is masked or not finite, is a failed sample.
+        Picklable (a function of a module) if the executor runs in other processes.
+    parameters : nominal values by name
+    times : (n_t,) increasing times of the rows [s]
+    outputs : n_y names of the columns
+    noise : how far values may be off by name of the output, as ``{"x": 1e-6}``; others have none. None: not known, it
+        is measured if it matters
+    timeout : longest time of a call [s]. Calls are then made in forked processes, which are ended when the time is over
+
+    Raises
+    ------
+    DeclarationError
+        If times do not increase, names repeat or are not allowed, there are no outputs, or a value is no number, or
+        noise is negative or of an output that there is not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.linspace(0.0, 1.0, 3)
+    >>> decay = FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
+    >>> decay.run(np.array([[0.0], [2.0]])).Y[:, :, 0].round(3)
+    array([[1.   , 1.   , 1.   ],
+           [1.   , 0.368, 0.135]])
+    """
+
+    f: Callable[..., Any]
+    timeout: float | None
+    _limited: LimitedCalls | None
+
+    def __init__(
+        self,
+        f: Callable[..., Any],
+        parameters: Mapping[str, float],
+        times: Array,
+        outputs: Sequence[str],
+        noise: Mapping[str, float] | None = None,
+        timeout: float | None = None,
+    ):
+        if not callable(f):
+            raise DeclarationError(f"FunctionSimulator: f must be a function of the parameters, got {shown(f)}.")
+        require_timeout("FunctionSimulator", timeout)
+        vars(self).update(f=f, timeout=timeout, _limited=None if timeout is None else LimitedCalls(f, timeout))
+        self._declare(parameters, times, outputs, noise)
+
+    def response(self, values: dict[str, float]) -> Any:
+        """What f returns."""
+        return self.f(**values) if self._limited is None else self._limited(values)
+
+    def identity(self) -> str:
+        """A digest of the function, for `StoredSimulator`."""
+        return digest("function", self.f)
+
+    def __repr__(self) -> str:
+        return f"FunctionSimulator({getattr(self.f, '__name__', type(self.f).__name__)})"

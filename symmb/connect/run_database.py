@@ -1,0 +1,333 @@
+"""The file of a run store: an SQLite database with each finished run of some studies."""
+
+import json
+import os
+import sqlite3
+import time
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError, text_of
+from symmb._types import Array
+from symmb.connect.simulator import Ensemble
+
+DONE, FAILED, TIMED_OUT, LOST = 0, 1, 2, 3
+STATES = "done", "failed", "timed out", "lost"
+"""Runs are lost if their workers died."""
+_APPLICATION, _VERSION = 0x73796D62, 3
+"""What tells the file from those of other programs: "symb" in ASCII, and the version of its tables."""
+_DAMAGE = sqlite3.Error, ValueError, TypeError, IndexError, OverflowError, RecursionError
+"""What damaged files raise."""
+_HEADER = b"SQLite format 3\0"
+_WAIT, _WAIT_AT_FIRST = 60.0, 10.0
+"""Times to wait for another study that writes into the file [s]: for the sake of runs that were made, and before."""
+_NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
+"""File systems on which several machines do not share the memory that a write-ahead log needs."""
+_AT_A_TIME = 500
+"""Samples that a query asks for: SQLite takes at least 999 variables."""
+_STUDY = "digest, simulator, parameters, outputs, times, begun"
+_RUN = "study, sample, state, t_failed, reason, response, events, seconds"
+"""Columns whose checksum is the last column."""
+_TABLES = f"""
+CREATE TABLE IF NOT EXISTS studies (
+    id INTEGER PRIMARY KEY, digest TEXT UNIQUE NOT NULL, simulator TEXT NOT NULL, parameters TEXT NOT NULL,
+    outputs TEXT NOT NULL, times BLOB NOT NULL, begun TEXT NOT NULL, checksum INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS runs (
+    study INTEGER NOT NULL REFERENCES studies(id), sample BLOB NOT NULL, state INTEGER NOT NULL, t_failed REAL,
+    reason TEXT NOT NULL, response BLOB NOT NULL, events BLOB, seconds REAL NOT NULL, checksum INTEGER NOT NULL,
+    UNIQUE (study, sample));
+PRAGMA application_id = {_APPLICATION};
+PRAGMA user_version = {_VERSION};
+"""
+_TABLES_OF_2 = f"""
+ALTER TABLE studies RENAME TO former_studies;
+ALTER TABLE runs RENAME TO former_runs;
+{_TABLES}
+INSERT INTO studies SELECT id, {_STUDY}, checksum({_STUDY}) FROM former_studies;
+INSERT INTO runs SELECT {_RUN}, checksum({_RUN}) FROM former_runs;
+DROP TABLE former_runs;
+DROP TABLE former_studies;
+"""
+"""From files of version 2, which had no checksums."""
+
+
+@dataclass(frozen=True)
+class StoredStudy:
+    """What the runs of a study have in common, by the digest of their simulator."""
+
+    digest: str
+    simulator: str
+    parameters: tuple[str, ...]
+    outputs: tuple[str, ...]
+    times: Array
+
+
+class RunDatabase:
+    """Runs of studies in a file. Each one is in the file for good when `add` returns."""
+
+    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
+        self._connection, self._path = connection, path
+
+    def begin(self, study: StoredStudy) -> int:
+        """The number of a study, which is entered if it is new."""
+        find = "SELECT id FROM studies WHERE digest = ?"
+        with self._reading():
+            if found := self._connection.execute(find, (study.digest,)).fetchone():  # nothing need be written
+                return found[0]
+        names = json.dumps(study.parameters), json.dumps(study.outputs)
+        begun = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
+        row = study.digest, study.simulator, *names, study.times.tobytes(), begun
+        with self._writing():
+            new = f"INSERT OR IGNORE INTO studies ({_STUDY}, checksum) VALUES (?, ?, ?, ?, ?, ?, ?)"
+            self._connection.execute(new, (*row, _checksum(*row)))
+        with self._reading():
+            return self._connection.execute(find, (study.digest,)).fetchone()[0]
+
+    def known(self, study: int, P: Array, timeout: float | None = None) -> set[bytes]:
+        """Which of the samples P (N, d) have run and need not run again.
+
+        Those that were lost do, and those that timed out and took less than the timeout that there is now [s].
+        """
+        longest = np.inf if timeout is None else timeout
+        keys = sample_keys(P)
+        found: set[bytes] = set()
+        for k in range(0, len(keys), _AT_A_TIME):
+            some = keys[k : k + _AT_A_TIME]
+            marks = ", ".join("?" * len(some))
+            query = (
+                f"SELECT sample FROM runs WHERE study = ? AND sample IN ({marks}) "
+                f"AND state != {LOST} AND (state != {TIMED_OUT} OR seconds >= ?)"
+            )
+            with self._reading():
+                found |= {row[0] for row in self._connection.execute(query, (study, *some, longest))}
+        return found
+
+    def require_writable(self) -> None:
+        """SimulationError if nothing can be written now, so that no run is made in vain."""
+        with self._writing():
+            self._connection.execute("BEGIN IMMEDIATE")
+
+    def add(self, study: int, p: Array, run: Ensemble, seconds: float, is_lost: bool = False) -> None:
+        """Write the run of a sample p (d,) that took some seconds, unless another study has written it."""
+        reason = "".join(run.messages)
+        state = LOST if is_lost else DONE if run.ok[0] else TIMED_OUT if reason.startswith("timed out") else FAILED
+        events = None if run.events is None else run.events[0].astype(np.int64).tobytes()
+        t_failed = None if np.isnan(run.t_failed[0]) else float(run.t_failed[0])
+        key = sample_keys(p[None])[0]
+        row = study, key, state, t_failed, reason, run.Y[0].tobytes(), events, float(seconds)
+        self._connection.execute(f"PRAGMA busy_timeout = {1000 * _WAIT:.0f}")
+        former = f"DELETE FROM runs WHERE study = ? AND sample = ? AND state IN ({TIMED_OUT}, {LOST})"
+        with self._writing():
+            self._connection.execute(former, row[:2])
+            self._connection.execute(
+                "INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", (*row, _checksum(*row))
+            )
+
+    def read(self, study: int, P: Array, shape: tuple[int, int]) -> Ensemble:
+        """The runs of samples P (N, d), all of which have run."""
+        rows = []
+        query = f"SELECT {_RUN}, checksum FROM runs WHERE study = ? AND sample = ?"
+        with self._reading():
+            for key in sample_keys(P):
+                own, sample, *row = _sound(self._connection.execute(query, (study, key)).fetchone())
+                if (own, sample) != (study, key):
+                    raise ValueError("it finds other runs than those asked for")
+                state, t_failed, reason, response, of_events, _ = row
+                rows.append((t_failed, reason, response, of_events, state))
+            Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)
+            ok = np.array([STATES[row[4]] == STATES[DONE] for row in rows], dtype=bool)
+            if not np.isfinite(Y[ok]).all():
+                raise ValueError("a run that has not failed is not finite")
+            t_failed = np.array([np.nan if row[0] is None else row[0] for row in rows], dtype=float)
+            events = None
+            if rows and rows[0][3] is not None:
+                events = np.array([np.frombuffer(row[3], dtype=np.int64) for row in rows]).astype(np.intp)
+        return Ensemble(Y, ok, t_failed, tuple(str(row[1]) for row in rows if row[4] != DONE), events)
+
+    def seconds(self, study: int, p: Array) -> float:
+        """How long the run of a sample p (d,) took, which has run [s]."""
+        query = "SELECT seconds FROM runs WHERE study = ? AND sample = ?"
+        with self._reading():
+            return self._connection.execute(query, (study, *sample_keys(p[None]))).fetchone()[0]
+
+    def studies(self) -> list[tuple[int, StoredStudy, str, tuple[int, ...]]]:
+        """Number, study, time of its begin, and how many runs have each of the STATES."""
+        found = []
+        query = f"SELECT id, {_STUDY}, checksum FROM studies ORDER BY id"
+        by_state = "SELECT state, count(*) FROM runs WHERE study = ? GROUP BY state"
+        with self._reading():
+            for number, *row in self._connection.execute(query).fetchall():
+                key, simulator, parameters, outputs, times, begun = _sound(row)
+                counts = dict(self._connection.execute(by_state, (number,)))
+                names = tuple(map(str, json.loads(parameters))), tuple(map(str, json.loads(outputs)))
+                study = StoredStudy(key, simulator, *names, np.frombuffer(times))
+                found.append((number, study, begun, tuple(counts.get(state, 0) for state in range(len(STATES)))))
+        return found
+
+    def samples(self, study: int, d: int) -> Array:
+        """Samples (N, d) of a study in the order in which they were written."""
+        query = "SELECT sample FROM runs WHERE study = ? ORDER BY rowid"
+        with self._reading():
+            rows = self._connection.execute(query, (study,)).fetchall()
+            return np.array([np.frombuffer(row[0]) for row in rows]).reshape(-1, d)
+
+    def prune(self, states: Sequence[int], study: int | None = None) -> int:
+        """Remove runs with some of the states, of one study or of all; returns how many."""
+        marks = ", ".join("?" * len(states))
+        where, values = ("", ()) if study is None else (" AND study = ?", (study,))
+        with self._writing():
+            count = self._connection.execute(f"DELETE FROM runs WHERE state IN ({marks}){where}", (*states, *values))
+            empty = "DELETE FROM studies WHERE id NOT IN (SELECT study FROM runs)"
+            self._connection.execute(empty)
+        with self._writing():
+            self._connection.execute("VACUUM")
+        return count.rowcount
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        try:
+            yield
+        except _DAMAGE as error:
+            _require_unlocked(self._path, error)
+            raise DeclarationError(f"{self._path} is damaged ({error}). Give another name.") from None
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            with self._connection:
+                yield
+        except (sqlite3.Error, ValueError) as error:
+            _require_unlocked(self._path, error)
+            raise SimulationError(
+                f"{self._path} cannot be written: {text_of(error)}. Earlier entries are kept."
+            ) from None
+
+
+@contextmanager
+def open_run_database(path: Path, create: bool = True) -> Iterator[RunDatabase]:
+    """The run database in a file, which is made if there is none.
+
+    It raises DeclarationError if the file is not a run store, is damaged, or cannot be opened or written.
+    """
+    with ExitStack() as stack:
+        try:
+            connection = stack.enter_context(closing(_connected(path, create)))
+            _prepare(connection, path)
+        except DeclarationError:
+            raise
+        except (*_DAMAGE, OSError) as error:
+            _require_unlocked(path, error)
+            raise DeclarationError(f"{path} cannot be used as a run store: {text_of(error)}.") from None
+        yield RunDatabase(connection, path)
+
+
+def _connected(path: Path, create: bool) -> sqlite3.Connection:
+    """A connection to a file that is an SQLite database, or empty, or new."""
+    size = path.stat().st_size if path.exists() else 0
+    if not size and not create:
+        raise DeclarationError(f"{path} does not exist, or is empty.")
+    is_store = not path.exists() or path.is_file()  # another study may make it in between
+    if size and is_store:
+        with path.open("rb") as file:
+            is_store = file.read(len(_HEADER)) == _HEADER
+    if not is_store:
+        raise DeclarationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
+    if size and not _is_writable(path):
+        log = Path(f"{path}-wal")  # of a study that was killed
+        options = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
+        return sqlite3.connect(f"{path.resolve().as_uri()}?{options}", timeout=_WAIT_AT_FIRST, uri=True)
+    return sqlite3.connect(path, timeout=_WAIT_AT_FIRST)
+
+
+def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+    """Check that a database is a run store, or make it one if it is new."""
+    is_new = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
+    mark = connection.execute("PRAGMA application_id").fetchone()[0]
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if not is_new and mark != _APPLICATION:
+        raise DeclarationError(f"{path} is a database of another program. Give another name.")
+    if not is_new and version not in (2, _VERSION):
+        raise DeclarationError(f"{path} was written by another version of symmb. Give another name.")
+    connection.create_function("checksum", -1, _checksum, deterministic=True)
+    if _is_writable(path):
+        _choose_journal(connection, "DELETE" if _is_on_network(path) else "WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+    if is_new or version == 2:
+        connection.executescript(f"BEGIN IMMEDIATE; {_TABLES if is_new else _TABLES_OF_2} COMMIT;")
+    with closing(sqlite3.connect(":memory:")) as plain:
+        plain.executescript(_TABLES)
+        if _schema(connection) != _schema(plain):  # a view in the place of a table may have no end
+            raise DeclarationError(f"{path} is damaged (it has other tables than a run store). Give another name.")
+
+
+def _is_writable(path: Path) -> bool:
+    """Whether the medium of a file, its folder and itself can be written, as SQLite needs for its log."""
+    return os.access(path.parent, os.W_OK) and (os.access(path, os.W_OK) or not path.exists())
+
+
+def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
+    """Set the journal of a database. SQLite itself does not wait here for others that do the same."""
+    deadline = time.monotonic() + _WAIT_AT_FIRST
+    while True:
+        try:
+            connection.execute(f"PRAGMA journal_mode = {mode}")
+            return
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > deadline:
+                raise
+        time.sleep(0.01)
+
+
+def _require_unlocked(path: Path, error: Exception) -> None:
+    """SimulationError if an error tells that another program has locked a database."""
+    if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_BUSY:
+        raise SimulationError(f"{path} is locked by another program. Try again when it has ended.") from None
+
+
+def _schema(connection: sqlite3.Connection) -> list[Any]:
+    """What the tables are."""
+    return connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master ORDER BY name").fetchall()
+
+
+def _checksum(*values: Any) -> int:
+    """The checksum of a row."""
+    total = 0
+    for value in values:
+        content = value if isinstance(value, bytes) else repr(value).encode()
+        total = zlib.crc32(content, zlib.crc32(str(len(content)).encode(), total))
+    return total
+
+
+def _sound(row: Sequence[Any]) -> Sequence[Any]:
+    """A row without its checksum. It raises ValueError if the row has another one."""
+    *values, checksum = row
+    if checksum != _checksum(*values):
+        raise ValueError("a row has another checksum")
+    return values
+
+
+def sample_keys(P: Array) -> list[bytes]:
+    """Keys of samples P (N, d): the bytes of their numbers."""
+    return [row.tobytes() for row in np.ascontiguousarray(P, dtype=float) + 0.0]  # no -0
+
+
+def _is_on_network(path: Path) -> bool:
+    """Whether a file is on a file system of other machines."""
+    try:
+        mounts = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return False
+    place, best, kind = str(path.resolve().parent) + "/", "", ""
+    for mount in mounts:
+        where, what = mount.split()[1:3]
+        where = where.replace("\\040", " ").rstrip("/") + "/"
+        if place.startswith(where) and len(where) >= len(best):
+            best, kind = where, what
+    return kind in _NETWORK

@@ -1,0 +1,360 @@
+"""The interface between bounding methods and simulations: parameters in, trajectories out, block by block.
+
+A simulator runs samples in blocks whose limits depend on the sample index alone. A reduction turns each
+block into a small state, and the states are merged in block order. So the result is the same to the last
+bit whether the blocks are run one after another, in threads, in processes or on other machines.
+"""
+
+import operator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError
+from symmb._options import numbers_of, require_instance, shown
+from symmb._types import Array, Executor, Indices, Mask
+from symmb.connect.executors import LostTask, finished
+
+S = TypeVar("S")
+Progress = Callable[[int, int], None]
+"""Called with the number of finished samples and the number of all."""
+
+BLOCK = 128
+"""Samples of a block: enough for vectorised loops, few enough that 12 outputs x 1001 times take 12 MB."""
+_SAME = 1e-14
+"""Difference of parameters that is rounding, over their size."""
+
+
+class Samples(Protocol):
+    """Trajectories of N samples at n_t times, computed at their first use. See `Ensemble`."""
+
+    @property
+    def Y(self) -> Array: ...
+    @property
+    def ok(self) -> Mask: ...
+    @property
+    def t_failed(self) -> Array: ...
+    @property
+    def messages(self) -> tuple[str, ...]: ...
+    @property
+    def events(self) -> Indices | None: ...
+    def extremes(self) -> tuple[Array, Array]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Trajectories of N samples at n_t times.
+
+    Attributes
+    ----------
+    Y : (N, n_t, n_y) outputs, nan from the first invalid time on where a sample failed
+    ok : (N,) bool
+    t_failed : (N,) time at which a sample failed [s], nan where ok
+    messages : a message for each failed sample, in order
+    events : (N, n_t) numbers of events up to each time, between which responses are smooth; None where there are none
+    """
+
+    Y: Array
+    ok: Mask
+    t_failed: Array
+    messages: tuple[str, ...]
+    events: Indices | None = None
+
+    @classmethod
+    def of(cls, samples: Samples) -> "Ensemble":
+        """What samples compute at their first use, computed now and here."""
+        return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
+
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
+        Y = self.Y if self.ok.all() else self.Y[self.ok]
+        return Y.min(axis=0, initial=np.inf), Y.max(axis=0, initial=-np.inf)
+
+
+@dataclass(frozen=True)
+class Reduction(Generic[S]):
+    """A reduction of trajectories to a small state. It can be pickled if its functions can.
+
+    Attributes
+    ----------
+    init : () -> state of no samples
+    update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
+    merge : (state, state) -> state of both, the first one with the lower sample numbers
+    trajectories : whether ``update`` uses ``block.Y``; without it, blocks may be larger
+    attained : state -> smallest and largest values (n_t, n_y), if it knows them
+    """
+
+    init: Callable[[], S]
+    update: Callable[[S, Samples, Indices], S]
+    merge: Callable[[S, S], S]
+    trajectories: bool = True
+    attained: Callable[[S], tuple[Array, Array]] | None = None
+
+
+class Simulator(Protocol):
+    """A source of trajectories for parameter samples: a symbolic model, a function, an external program."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Nominal values by name; the order is that of the columns of P."""
+        ...
+
+    @property
+    def times(self) -> Array:
+        """(n_t,) output times [s]."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """n_y names."""
+        ...
+
+    def run(self, P: Array) -> Samples:
+        """Run samples P (N, d) as one block in the calling process."""
+        ...
+
+    def stream(
+        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
+    ) -> S:
+        """Run samples P (N, d) block by block, and reduce each block."""
+        ...
+
+
+@runtime_checkable
+class Jets(Protocol):
+    """Capability: derivatives of the trajectory with respect to parameters."""
+
+    def jets(self, p0: Array, directions: Array, order: int) -> Array:
+        """Taylor coefficients (order + 1, m, n_t, n_y) in eps of y(t; p0 + eps u), u each of m directions.
+
+        The point p0 is (d,), or (m, d) with one for each direction.
+        """
+        ...
+
+
+@runtime_checkable
+class Kinked(Protocol):
+    """Capability: whether a run meets kinks or jumps of its equations, beyond which expansions do not hold."""
+
+    def kink(self, p0: Array) -> tuple[float, str] | None:
+        """Time at which the run at p0 (d,) first meets one [s], and their names."""
+        ...
+
+
+@runtime_checkable
+class Noisy(Protocol):
+    """Capability: how far responses may be off."""
+
+    @property
+    def noise(self) -> Array | None:
+        """(n_y,) errors of the runs in units of the outputs; None if they are not known."""
+        ...
+
+
+@runtime_checkable
+class SecondLook(Protocol):
+    """Capability: runs at the nominal parameters, made in two ways, tell how far responses may be off, and doubts."""
+
+    def second_look(self) -> None:
+        """Make these runs, at the first time."""
+        ...
+
+
+def noise_from_runs(simulator: Simulator) -> Array | None:
+    """How far responses may be off (n_y,), after a second look where there is one; None if it is not known."""
+    if isinstance(simulator, SecondLook):
+        simulator.second_look()
+    return simulator.noise if isinstance(simulator, Noisy) else None
+
+
+@runtime_checkable
+class March(Protocol):
+    """Capability: all samples advance in parallel from one output time to the next."""
+
+    def march(self, P: Array) -> Iterator[tuple[int, Array]]:
+        """Pairs (i, Y_i (N, n_y)) for the times i = 0 ... n_t - 1; rows of failed samples are nan."""
+        ...
+
+
+def blocks(n: int, size: int = BLOCK) -> list[Indices]:
+    """Sample numbers 0 ... n - 1 cut into runs of ``size``, the last one shorter."""
+    return [np.arange(start, min(start + size, n)) for start in range(0, n, size)]
+
+
+def stream(
+    simulator: Simulator,
+    P: Array,
+    reduction: Reduction[S],
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    block: int = BLOCK,
+) -> S:
+    """The body of every ``Simulator.stream``: run blocks of samples P (N, d) and merge their states in block order.
+
+    Parameters
+    ----------
+    simulator : picklable if the executor runs in other processes
+    executor : as for `executors.finished`
+    progress : called after each block with the finished samples and all
+    block : samples of a block; must not depend on the executor
+    """
+    P = checked_samples(simulator, P, progress)
+    tasks = [(P[indices], indices) for indices in blocks(len(P), block)]
+    work = partial(_reduce_block, simulator, reduction)
+    merging, arrived = Merging(reduction, progress, P), dict[int, Any]()
+    for k, result in finished(work, tasks, executor):
+        if isinstance(result, LostTask):
+            raise SimulationError(f"{simulator!r}: {result.reason}")
+        arrived[k] = result
+        while (part := arrived.pop(merging.count, None)) is not None:
+            merging.add(part, tasks[merging.count][1])
+    return merging.state
+
+
+class Merging(Generic[S]):
+    """The state of the blocks so far, which are merged in their order, and how many they are."""
+
+    def __init__(self, reduction: Reduction[S], progress: Progress | None, P: Array) -> None:
+        require_instance("stream: reduction", reduction, Reduction, "a Reduction")
+        self.reduction, self.progress, self.P = reduction, progress, P
+        self.state, self.count, self._done = reduction.init(), 0, 0
+
+    def reduce(self, block: Samples, indices: Indices) -> None:
+        """Reduce and merge the next block, whose samples do not depend on each other."""
+        self.add(self.reduction.update(self.reduction.init(), block, indices), indices, block.Y)
+
+    def add(self, part: S, indices: Indices, Y: Array | None = None) -> None:
+        """Merge the state of the next block, with its outputs (n, n_t, n_y) if samples do not depend on each other."""
+        self.state = self.reduction.merge(self.state, part)
+        self.count += 1
+        self._done += len(indices)
+        if self.reduction.attained is not None:
+            note_attained(*self.reduction.attained(part), self.P[indices], Y)
+        if self.progress is not None:
+            self.progress(self._done, len(self.P))
+
+
+def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -> Array:
+    """Samples (N, d) of a simulator's parameters.
+
+    It raises DeclarationError if they have another shape or are no finite numbers, or progress is not a function.
+    """
+    if progress is not None and (isinstance(progress, type) or not callable(progress)):
+        raise DeclarationError(f"progress: expected a function of the finished runs and all, got {shown(progress)}.")
+    numbers, width = numbers_of(P), len(simulator.parameters)
+    if numbers is None:
+        got = shown(P)[:100]
+    elif not np.isfinite(numbers).all():
+        got = "numbers that are not finite"
+    elif numbers.ndim == 2 and numbers.shape[1] == width:
+        return numbers
+    else:
+        got = f"the shape {numbers.shape}"
+    raise DeclarationError(
+        f"{simulator!r}: samples must be numbers of the shape (N, {width}), "
+        f"one column for each of {', '.join(simulator.parameters)}; got {got}."
+    )
+
+
+def run_blocks(
+    simulator: Simulator, P: Array, executor: Executor | None = None, progress: Progress | None = None
+) -> Ensemble:
+    """All trajectories of samples P (N, d), run block by block."""
+    return joined(list(simulator.stream(P, _GATHER, executor, progress)), len(simulator.times), len(simulator.outputs))
+
+
+def joined(parts: list[Ensemble], n_t: int, n_y: int) -> Ensemble:
+    """Ensembles one after the other. The list is empty then."""
+    if len(parts) == 1:
+        return parts.pop()
+    ok = np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)])
+    t_failed = np.concatenate([np.empty(0), *(part.t_failed for part in parts)])
+    messages = tuple(message for part in parts for message in part.messages)
+    events = [part.events for part in parts if part.events is not None]
+    Y, filled = np.empty((len(ok), n_t, n_y)), 0
+    while parts:  # each part is freed as soon as it is copied
+        values = parts.pop(0).Y
+        Y[filled : filled + len(values)] = values
+        filled += len(values)
+    return Ensemble(Y, ok, t_failed, messages, np.concatenate(events) if events else None)
+
+
+def _reduce_block(simulator: Simulator, reduction: Reduction[S], task: tuple[Array, Indices]) -> S:
+    P, indices = task
+    return reduction.update(reduction.init(), simulator.run(P), indices)
+
+
+def _append(state: tuple[Ensemble, ...], block: Samples, indices: Indices) -> tuple[Ensemble, ...]:
+    return (*state, Ensemble.of(block))
+
+
+_GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append, merge=operator.add)
+
+
+class Attained:
+    """What runs attain so far.
+
+    Attributes
+    ----------
+    lower, upper : (n_t, n_y) smallest and largest values
+    runs : number of runs
+    blocks : samples (n, d) that run together, some of which attain these values
+    lower_at, upper_at : (n_t, n_y) numbers of these blocks
+    nominal : (n_t, n_y) outputs of a run at the nominal parameters, to rounding; None if there was none
+    """
+
+    def __init__(self, n_t: int, n_y: int, nominal_parameters: Array | None = None) -> None:
+        self._nominal_parameters = nominal_parameters
+        self.nominal: Array | None = None
+        self.lower, self.upper, self.runs = np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf), 0
+        self.blocks: list[Array] = []
+        self.lower_at, self.upper_at = np.zeros((2, n_t, n_y), dtype=np.intp)
+
+    def add(self, lower: Array, upper: Array, P: Array, Y: Array | None) -> None:
+        """Add values (n_t, n_y) of samples P (n, d). With outputs Y (n, n_t, n_y) each sample is a block of its own."""
+        if self.nominal is None and self._nominal_parameters is not None and Y is not None:
+            distance = np.abs(P - self._nominal_parameters)
+            is_nominal = (distance <= _SAME * np.abs(self._nominal_parameters)).all(axis=1)
+            is_nominal &= np.isfinite(Y).all(axis=(1, 2))
+            if is_nominal.any():
+                self.nominal = np.array(Y[int(is_nominal.argmax())])
+        for at, better, sign in ((self.lower_at, lower < self.lower, 1), (self.upper_at, upper > self.upper, -1)):
+            if not better.any():
+                continue
+            if Y is None:
+                at[better] = len(self.blocks)
+                self.blocks.append(P)
+                continue
+            some = np.where(np.isnan(Y[:, better]), np.inf, sign * Y[:, better])
+            rows, inverse = np.unique(some.argmin(axis=0), return_inverse=True)
+            at[better] = len(self.blocks) + inverse
+            self.blocks += [P[row : row + 1] for row in rows]
+        np.minimum(self.lower, lower, out=self.lower)
+        np.maximum(self.upper, upper, out=self.upper)
+        self.runs += len(P)
+
+
+_STUDY: ContextVar[Attained | None] = ContextVar("study", default=None)
+
+
+@contextmanager
+def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None) -> Iterator[Attained]:
+    """What the runs of this block attain."""
+    attained = Attained(n_t, n_y, nominal_parameters)
+    token = _STUDY.set(attained)
+    try:
+        yield attained
+    finally:
+        _STUDY.reset(token)
+
+
+def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None) -> None:
+    """Add values of runs to those of the study, if there is one, see `Attained.add`."""
+    study = _STUDY.get()
+    if study is not None:
+        study.add(lower, upper, P, Y)

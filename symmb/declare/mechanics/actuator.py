@@ -1,0 +1,178 @@
+"""Forces along the coordinate by which a joint moves: actuators and stops."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+import casadi as ca
+
+from symmb._options import is_real, number_text
+from symmb._types import Expr
+from symmb.declare.mechanics.axis_joint import AxisJoint, Joint
+from symmb.declare.mechanics.body import AbstractBody, Body
+from symmb.declare.mechanics.contact_law import ContactLaw
+from symmb.declare.mechanics.element import Bind, Element, bound
+from symmb.declare.mechanics.force import Action, ForceElement, Load, is_constant, moment_on, push
+from symmb.declare.mechanics.impact import RESTITUTION, Impact
+from symmb.declare.symbolic import ddt
+
+
+@dataclass(frozen=True, eq=False)
+class JointForce(ForceElement):
+    """A force along the coordinate of a joint: on body b at the joint's point, and the opposite one on body a."""
+
+    name: str
+    joint: Joint
+    coordinate: str | None = field(default=None, kw_only=True)
+
+    def bodies(self) -> tuple[AbstractBody, ...]:
+        return self.joint.bodies()
+
+    def parts(self) -> tuple[Element, ...]:
+        return (self.joint,)
+
+    def faults(self) -> Iterator[str]:
+        joint, coordinate = self.joint, self.coordinate
+        if not isinstance(joint, Joint):
+            yield f"{self.title}: expected a joint, got {type(joint).__name__}. Give what Revolute(...) returns."
+        elif not joint.handles:
+            yield f"{self.title}: {joint.title} has no angle and no displacement. {joint.without}"
+        elif coordinate is None and joint.coordinate is None:
+            yield f"{self.title}: {joint.title} turns and slides. Give coordinate='angle' or 'displacement'."
+        elif coordinate is not None and not (isinstance(coordinate, str) and coordinate in joint.handles):
+            known = " or ".join(map(repr, joint.handles))
+            yield f"{self.title}: {joint.title} has no coordinate {coordinate!r}. Give {known}."
+        else:
+            yield from joint.faults()
+        yield from super().faults()
+
+    @property
+    def handle(self) -> str:
+        """ "angle" or "displacement"."""
+        return cast(str, self.coordinate or self.joint.coordinate)
+
+    @property
+    def turns(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.handle == "angle"
+
+    @property
+    def axis(self) -> ca.SX:
+        """The axis of the joint in world axes, (3,)."""
+        return cast(AxisJoint, self.joint).frames[0][:, 2]
+
+    def loads(self, force: ca.SX) -> tuple[Load, ...]:
+        """Loads of a force [N] along the axis, or of a torque [N m] about it."""
+        a, b = self.joint.bodies()
+        if self.handle == "displacement":
+            return push(self.joint.point_b, a, force * self.axis)
+        return moment_on(b, force * self.axis), moment_on(a, -force * self.axis)
+
+
+@dataclass(frozen=True, eq=False)
+class Actuator(JointForce):
+    """A motor or a cylinder in a joint: a torque about its axis [N m] or a force along it [N].
+
+    It acts on body b in the direction in which the joint's `angle` or `displacement` grows, and with the opposite sign
+    on body a. The torque of a `Screw` acts about its axis.
+
+    Parameters
+    ----------
+    name : str
+    joint : Joint
+        Revolute, Prismatic, Cylindrical or Screw
+    law : Expr
+        torque [N m] or force [N]: any expression of coordinates, velocities, states, parameters, `t`
+    coordinate : str
+        "angle" or "displacement", of joints that have both
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
+    >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
+    >>> hold = Actuator("motor", hinge, -20 * hinge.angle - 2 * hinge.angle_rate)
+    >>> mb.System(rod, hinge, hold).Q
+    SX(@1=0, [@1, @1, ((-20*rod.theta)-(2.*rod.omega))])
+    """
+
+    law: Expr
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        law = bind(self.law, f"{self.title}: law")
+        yield Action(self.loads(law), force=law)
+
+
+@dataclass(frozen=True, eq=False)
+class Stop(JointForce):
+    """Limits of a joint's motion: a law of contact, or impacts with a restitution, at one end or at both.
+
+    Parameters
+    ----------
+    name : str
+    joint : Joint
+        Revolute, Prismatic, Cylindrical or Screw
+    lower, upper : Expr
+        of the joint's `angle` [rad] or `displacement` [m]; None: no limit at this end
+    law : ContactLaw
+        torque [N m] from radians, or force [N] from metres: `KelvinVoigt(...)`, ...
+    restitution : Expr
+        instead of a law: impacts called `name.lower` and `name.upper`, as those of `Impact`
+    coordinate : str
+        "angle" or "displacement", of joints that have both
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> cart = mb.Body("cart", mass=1.0, inertia=1.0)
+    >>> rail = mb.Prismatic("rail", mb.Ground().point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
+    >>> system = mb.System(cart, rail, Stop("buffer", rail, None, 2.0, restitution=0.5))
+    >>> run = mb.simulate(mb.Scene(system, {"cart.vx": 4.0}, [0.0, 1.0]))
+    >>> float(run["cart.x"][-1].round(9)), run.events[0].name
+    (1.0, 'buffer.upper')
+    """
+
+    lower: Expr | None
+    upper: Expr | None
+    law: ContactLaw | None = None
+    restitution: Expr | None = None
+
+    def faults(self) -> Iterator[str]:
+        yield from super().faults()
+        if not self._ends:
+            yield f"{self.title}: it has no limit. Give lower, upper or both."
+        numbers = [end for end in (self.lower, self.upper) if is_real(end)]
+        if len(numbers) == 2 and not numbers[0] < numbers[1]:
+            yield f"{self.title}: lower {numbers[0]!r} is not below upper {numbers[1]!r}."
+        if (self.law is None) == (self.restitution is None):
+            yield f"{self.title}: give either a law of contact or restitution=..., a number from 0 to 1."
+        elif is_real(self.restitution) and not 0 <= self.restitution <= 1:
+            yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
+
+    @property
+    def _ends(self) -> dict[str, tuple[int, Expr]]:
+        """The limits by name, each with the direction in which the joint moves away from it."""
+        ends = {"lower": (1, self.lower), "upper": (-1, self.upper)}
+        return {name: (sign, end) for name, (sign, end) in ends.items() if end is not None}
+
+    def impacts(self, bind: Bind) -> tuple[Impact, ...]:
+        """The impacts at the limits, if it has a restitution."""
+        if self.restitution is None:
+            return ()
+        value = getattr(self.joint, self.handle)
+        gaps = {
+            f"{self.name}.{name}": sign * (value - bind(end, f"{self.title}: {name}"))
+            for name, (sign, end) in self._ends.items()
+        }
+        return tuple(Impact(name, gap, self.restitution) for name, gap in gaps.items())
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        if self.law is None:
+            return
+        law = bound(self.law, bind, self.title)
+        value, rate = (getattr(self.joint, f"{self.handle}{suffix}") for suffix in ("", "_rate"))
+        for name, (sign, limit) in self._ends.items():
+            end = bind(limit, f"{self.title}: {name}")
+            penetration = sign * (end - value)
+            force = law.force(penetration, sign * (ddt(end) - rate))
+            potential = law.potential(penetration) if is_constant(law.stores, end) else None
+            yield Action(self.loads(sign * force), potential, force=force)

@@ -1,0 +1,301 @@
+"""Bodies and points fixed to them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeGuard
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError, NoHandleError
+from symmb._interrupts import kept_interrupts
+from symmb._options import shown
+from symmb._types import Expr
+from symmb.declare.mechanics.declaration import declared
+from symmb.declare.mechanics.geometry import Geometry, shapes_of
+from symmb.declare.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, Spatial
+from symmb.declare.symbolic import ddt, is_zero, vector
+
+
+class AbstractBody:
+    """Base of bodies and the ground: a name, a pose, a frame and points."""
+
+    name: str
+    pose: Pose
+    frame: Frame
+    com: tuple[Expr, ...]
+    shapes: Sequence[Geometry] = ()
+
+    @property
+    def owner(self) -> "AbstractBody":
+        """The body whose coordinates determine the frame."""
+        return self
+
+    @kept_interrupts()
+    def point(self, x: Expr, y: Expr, z: Expr = 0) -> "Point":
+        """Point fixed to the body at (x, y, z) [m] in body axes, from the origin of the points (see `com`)."""
+        return Point(self, vector([x, y, z], f"point of {self.name!r}") - vector(self.com, f"com of {self.name!r}"))
+
+    @property
+    def rotation(self) -> ca.SX:
+        """Rotation matrix, body to world, (3, 3)."""
+        return self.frame.R
+
+    @property
+    def x(self) -> ca.SX:
+        """World x of the centre of mass [m]."""
+        return self.frame.r[0]
+
+    @property
+    def y(self) -> ca.SX:
+        """World y of the centre of mass [m]."""
+        return self.frame.r[1]
+
+    @property
+    def z(self) -> ca.SX:
+        """World z of the centre of mass [m]."""
+        return self.frame.r[2]
+
+    @property
+    def vx(self) -> ca.SX:
+        """World x velocity of the centre of mass [m/s]."""
+        return self.frame.velocity[0]
+
+    @property
+    def vy(self) -> ca.SX:
+        """World y velocity of the centre of mass [m/s]."""
+        return self.frame.velocity[1]
+
+    @property
+    def vz(self) -> ca.SX:
+        """World z velocity of the centre of mass [m/s]."""
+        return self.frame.velocity[2]
+
+    @property
+    def theta(self) -> ca.SX:
+        """Angle about +z of a planar body [rad]."""
+        if not isinstance(self.pose, Planar):
+            raise NoHandleError(
+                f"Body {self.name!r} is {self.pose!r} and has no single angle theta. Use joint.angle or body.rotation."
+            )
+        return self.frame.angle
+
+    @property
+    def omega(self) -> ca.SX:
+        """Angular velocity [rad/s]: about z for a planar body, (3,) in body axes for a spatial one."""
+        return self.frame.omega[2] if isinstance(self.pose, Planar) else self.frame.omega
+
+
+@dataclass(frozen=True, eq=False)
+class Body(AbstractBody):
+    """A rigid body; its coordinates are those of its centre of mass.
+
+    Parameters
+    ----------
+    name : str
+        without dots; coordinates are called `name.x`, ...
+    mass : Expr
+        [kg], not negative; 0 is a massless body. If it changes along the motion, the mass that joins or leaves has the
+        body's velocity
+    inertia : Expr
+        about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values or a symmetric 3x3
+        matrix in body axes for `Spatial()`, none for `Particle()`
+    pose : Pose
+        how the body moves
+    com : tuple
+        centre of mass from the origin of the points, in body axes [m]
+    shapes : sequence
+        in which drawings show the body, `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`; default: what its
+        points and its inertia do. They change nothing else
+
+    Examples
+    --------
+    >>> rod = Body("rod", mass=2.0, inertia=0.5, pose=Planar())
+    >>> rod.point(0.5, 0).x
+    SX((rod.x+(0.5*cos(rod.theta))))
+    """
+
+    name: str
+    mass: Expr
+    inertia: Expr = 0.0
+    pose: Pose = field(default_factory=Planar)
+    com: tuple[Expr, ...] = (0.0, 0.0, 0.0)
+    shapes: Sequence[Geometry] = field(default=(), repr=False)
+    frame: Frame = field(init=False, repr=False)
+
+    @kept_interrupts()
+    def __post_init__(self) -> None:
+        if not isinstance(self.pose, Pose):
+            pose = shown(self.pose)
+            raise DeclarationError(
+                f"Body {shown(self.name)}: pose {pose} is not a pose. Use Planar(), Spatial() or Particle()."
+            )
+        vector(self.com, f"com of {shown(self.name)}")
+        name = self.name if isinstance(self.name, str) else shown(self.name)  # System tells that this is no name
+        object.__setattr__(self, "shapes", shapes_of(f"Body {shown(self.name)}", self.shapes))
+        object.__setattr__(self, "frame", self.pose.frame(name))
+        declared(self)
+
+    @property
+    def center(self) -> AbstractBody:
+        """The frame of the centre of mass, where gravity acts."""
+        return self
+
+    @property
+    def nearly_singular(self) -> bool:
+        """Whether the inverse of its block of M would lose digits."""
+        return False
+
+    @property
+    def laws(self) -> ca.SX:
+        """Expressions of parameters in forces of its own (n,)."""
+        return ca.SX(0, 1)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Faults of the declaration of the body: a sentence with a remedy for each."""
+        return ()
+
+    def inertial(self, mass: ca.SX, J: ca.SX) -> "Inertial":
+        """Contribution of the body to the equations, from its mass and its inertia about the centre of mass (3, 3)."""
+        S, omega = self.frame.S, self.frame.omega
+        gyroscopic = S.T @ ca.vertcat(ca.SX(3, 1), -ca.cross(omega, J @ omega))
+        return Inertial(ca.sparsify(S.T @ ca.diagcat(mass, mass, mass, J) @ S), gyroscopic)
+
+
+class Flywheel(Body):
+    """A body that stands for the inertia of a drive. It is nowhere in the mechanism, and is not drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """The contribution of a body to the equations of motion.
+
+    Attributes
+    ----------
+    M : (n_v, n_v)         its block of the mass matrix
+    Q : (n_v,)             gyroscopic and elastic forces, which conserve energy
+    Q_work : (n_v,)        forces of its own damping
+    potential : scalar     strain energy [J]
+    flows : bool           whether M changes along the motion because mass joins or leaves
+    """
+
+    M: ca.SX
+    Q: ca.SX
+    Q_work: ca.SX | None = None
+    potential: ca.SX | None = None
+    flows: bool = True
+
+
+class Ground(AbstractBody):
+    """The world frame, at rest.
+
+    Parameters
+    ----------
+    shapes : sequence
+        that stand there in drawings, `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`; drawn if an element is
+        attached to this ground
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> mb.Ground().point(1, 2).x
+    SX(1)
+    """
+
+    @kept_interrupts()
+    def __init__(self, shapes: Sequence[Geometry] = ()) -> None:
+        self.shapes = shapes_of("Ground", shapes)
+        self.name = "ground"
+        self.pose = Fixed()
+        self.com = (0.0, 0.0, 0.0)
+        self.frame = self.pose.frame(self.name)
+
+    def __repr__(self) -> str:
+        return "Ground()"
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A point fixed to a body, or to a node of a flexible one, `s` (3,) from its frame in its axes [m]."""
+
+    body: "AbstractBody"
+    s: ca.SX
+
+    @property
+    @kept_interrupts()
+    def r(self) -> ca.SX:
+        """World position [m], (3,)."""
+        return self.body.frame.r + self.body.frame.R @ self.s
+
+    @property
+    @kept_interrupts()
+    def velocity(self) -> ca.SX:
+        """World velocity [m/s], (3,)."""
+        return ddt(self.r)
+
+    @property
+    def x(self) -> ca.SX:
+        """World x [m]."""
+        return self.r[0]
+
+    @property
+    def y(self) -> ca.SX:
+        """World y [m]."""
+        return self.r[1]
+
+    @property
+    def z(self) -> ca.SX:
+        """World z [m]."""
+        return self.r[2]
+
+    @property
+    def vx(self) -> ca.SX:
+        """World x velocity [m/s]."""
+        return self.velocity[0]
+
+    @property
+    def vy(self) -> ca.SX:
+        """World y velocity [m/s]."""
+        return self.velocity[1]
+
+    @property
+    def vz(self) -> ca.SX:
+        """World z velocity [m/s]."""
+        return self.velocity[2]
+
+
+def velocity_at(body: AbstractBody, arm: ca.SX) -> ca.SX:
+    """World velocity (3,) [m/s] of the point of a body at the world vector `arm` (3,) [m] from its frame's origin."""
+    return body.frame.velocity + ca.cross(body.frame.R @ body.frame.omega, arm)
+
+
+def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
+    """Inertia about the centre of mass in body axes, (3, 3), from the form that the pose expects."""
+    if isinstance(body.pose, Planar) and inertia.numel() == 1:
+        return ca.diag(ca.vertcat(0, 0, inertia))
+    if isinstance(body.pose, Spatial) and inertia.numel() == 3:
+        return ca.sparsify(ca.diag(inertia))
+    if isinstance(body.pose, Spatial) and inertia.shape == (3, 3):
+        return ca.sparsify(inertia)
+    if isinstance(body.pose, Particle) and is_zero(inertia):
+        return ca.SX(3, 3)
+    expected = {Planar: "one scalar about z", Spatial: "three principal values or a 3x3 matrix", Particle: "none"}
+    raise DeclarationError(
+        f"Body {body.name!r}: inertia of shape {inertia.shape} does not fit {body.pose!r}; "
+        f"expected {expected.get(type(body.pose), 'none')}."
+    )
+
+
+def _is_sequence(value: object) -> TypeGuard[Sequence[Any]]:
+    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+
+
+def as_matrix(value: Expr, what: str, bind: Callable[..., ca.SX]) -> ca.SX:
+    """A law, or nested sequences of laws as one vector or matrix, bound entry by entry."""
+    if _is_sequence(value):
+        rows = [row if _is_sequence(row) else [row] for row in value]
+        if len({len(row) for row in rows}) > 1:
+            raise DeclarationError(f"{what}: its rows have {' and '.join(str(len(row)) for row in rows)} entries.")
+        return ca.vertcat(*[ca.horzcat(*[bind(entry, what) for entry in row]) for row in rows])
+    return bind(value, what, any_size=True)

@@ -1,0 +1,193 @@
+"""Clutches and brakes that slip with Coulomb's torque and stick."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from symmb._options import is_real
+from symmb._types import Expr
+from symmb.declare.mechanics.angle import turning_direction
+from symmb.declare.mechanics.body import Body
+from symmb.declare.mechanics.constraint import Constraint
+from symmb.declare.mechanics.element import NOT_NEGATIVE, Bind, within
+from symmb.declare.mechanics.force import Action, PairTorque
+from symmb.declare.mechanics.joint_event import JointEvent, event_state
+from symmb.declare.symbolic import Symbol, symbols_in, unit, vector
+
+_STATES, _SLIGHT, _JUMP = 4, 1e-7, 1e-3
+"""Random states at which a capacity is compared at slips of both signs, the slip [rad/s], and the share of the capacity
+that is a jump: one that is steep changes by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clutch(PairTorque, Constraint):
+    """A clutch between two shafts on one axis, or a brake if one of them is the ground: it slips, and it sticks.
+
+    While it slips, the torque of body a on body b is `capacity`, against the slip, as dry friction has it. At the
+    instant at which the slip comes to 0 the shafts stick, without impact: a row of the equations keeps their speeds
+    equal, and its torque is what this needs. If that torque is more than `static_ratio` times the capacity, the clutch
+    slips again, in the direction of the torque. A clutch whose shafts have the same speed at the start sticks from
+    there on, if its capacity is enough. Its torque passes on no impulse of an `Impact` or a `Latch`: shafts that stick
+    slip behind it.
+
+    Parameters
+    ----------
+    name : str
+    body_a, body_b : Body or Ground
+    capacity : Expr
+        torque while it slips [N m]: an expression of `t`, coordinates, velocities, states and parameters. It counts as
+        0 where it is negative
+    static_ratio : Expr
+        torque up to which it sticks over that with which it slips, from 1 on [-]
+    axis : tuple
+        in both bodies' axes
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, wheel = mb.Ground(), mb.Body("wheel", mass=1.0, inertia=2.0)
+    >>> shaft = mb.Revolute("shaft", ground.point(0, 0), wheel.point(0, 0))
+    >>> brake = mb.Clutch("brake", ground, wheel, capacity=4.0)
+    >>> system = mb.System(wheel, shaft, brake, mb.Torque("load", wheel, 1.0))
+    >>> run = mb.simulate(mb.Scene(system, {"wheel.omega": 3.0}, [0.0, 1.0, 3.0]))
+    >>> run["wheel.omega"].round(6), run.events[0].what, round(run.events[0].time, 6)
+    (array([3. , 1.5, 0. ]), 'closes', 2.0)
+    >>> run(system.lam("brake")).round(6)
+    array([0., 0., 1.])
+    """
+
+    capacity: Expr = field(metadata=NOT_NEGATIVE)
+    static_ratio: Expr = field(default=1.0, metadata=within(least=1.0))
+    axis: tuple[Expr, ...] = (0, 0, 1)
+
+    @cached_property
+    def slip(self) -> ca.SX:
+        """Angular velocity of body b relative to body a about the axis [rad/s]."""
+        a, b = self.body_a, self.body_b
+        along = turning_direction(a, unit(vector(self.axis)), b, ca.SX.eye(3))
+        return ca.dot(along, b.frame.R @ b.frame.omega - a.frame.R @ a.frame.omega)
+
+    def faults(self) -> Iterator[str]:
+        """Faults of the declaration: a sentence with a remedy for each."""
+        yield from super().faults()
+        if not self.place_faults() and self._jumps_with_slip():
+            yield (
+                f"{self.title}: capacity jumps where the slip passes 0, so that it would stick and slip without end. A "
+                "Weld with a Latch and a Release is a one-way clutch."
+            )
+
+    def _jumps_with_slip(self) -> bool:
+        """Whether the capacity has another value at a slip just above 0 than just below, at random states."""
+        if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
+            return False
+        symbols = ca.vertcat(*symbols_in(ca.vertcat(self.capacity, self.slip)))
+        slope = ca.jacobian(self.slip, symbols)
+        f = ca.Function("f", [symbols], [self.slip, ca.densify(slope), self.capacity])
+        for state in np.random.default_rng(0).uniform(0.5, 1.5, (_STATES, symbols.numel())):
+            slip, along, _ = (np.array(part).ravel() for part in f(state))
+            step = along / max(along @ along, np.finfo(float).tiny)
+            below, above = (float(f(state - (slip - side) * step)[2]) for side in (-_SLIGHT, _SLIGHT))
+            if not abs(above - below) > _JUMP * max(abs(above), abs(below)):
+                return False
+        return True
+
+    @property
+    def closed(self) -> ca.SX:
+        """1 while the clutch sticks, 0 while it slips."""
+        return self.flag.sx
+
+    @property
+    def direction(self) -> ca.SX:
+        """1 or -1 while the clutch slips, the sign of `slip`; 0 while it sticks."""
+        return self.side.sx
+
+    @cached_property
+    def flag(self) -> Symbol:
+        """The record of `closed`."""
+        return event_state(f"{self.name}.closed", 0.0)
+
+    @cached_property
+    def side(self) -> Symbol:
+        """The record of `direction`."""
+        return event_state(f"{self.name}.direction", 0.0)
+
+    def velocity_rows(self, bind: Bind) -> ca.SX:
+        return self.closed * self.slip
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        yield Action(self._loads(-self.direction * self._held(bind)))
+
+    def _held(self, bind: Bind) -> ca.SX:
+        """The capacity as an expression that is not below 0."""
+        capacity = bind(self.capacity, f"{self.title}: capacity")
+        return capacity if is_real(self.capacity) else ca.fmax(capacity, 0)
+
+    def events(self, bind: Bind) -> tuple[JointEvent, ...]:
+        """The events at which it begins to slip and to stick."""
+        limit = bind(self.static_ratio, f"{self.title}: static_ratio") * self._held(bind)
+        # No condition holds while it does not count: one that held already could not begin to.
+        slips = ca.fabs(self.lam) > limit + (1 - self.closed)
+        struck = self.closed * ca.fabs(self.slip) > 1 - self.closed
+        return Slips(self, slips), Struck(self, struck), Sticks(self, self.direction * self.slip + self.closed < 0)
+
+    @cached_property
+    def lam(self) -> ca.SX:
+        """The symbol of the multiplier of its row in conditions [N m]."""
+        return ca.SX.sym(f"{self.name}.lam")
+
+
+@dataclass(frozen=True, eq=False)
+class ClutchEvent(JointEvent):
+    """An event of a clutch."""
+
+    joint: Clutch  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    @property
+    def title(self) -> str:
+        return self.joint.title
+
+    @property
+    def lam(self) -> ca.SX:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The symbol of the multiplier in the condition, (1,) [N m]."""
+        return self.joint.lam
+
+    @property
+    def flag(self) -> Symbol:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The record of `closed`, which both events of a clutch change."""
+        return self.joint.flag
+
+
+class Slips(ClutchEvent):
+    """The event at which a clutch begins to slip. The torque on body b is -lam, and friction keeps its sign."""
+
+    opens = True
+
+    @property
+    def closed(self) -> ca.SX:
+        """It keeps nothing closed."""
+        return ca.SX(0)
+
+    @property
+    def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
+        return ((self.joint.side, ca.if_else(self.lam < 0, -1, 1)),)
+
+
+class Struck(Slips):
+    """The event at which an impulse, which no finite torque passes on, makes a clutch slip that sticks."""
+
+    @property
+    def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
+        return ((self.joint.side, ca.if_else(self.joint.slip < 0, -1, 1)),)
+
+
+class Sticks(ClutchEvent):
+    """The event at which a clutch ceases to slip."""
+
+    opens = False
+
+    @property
+    def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
+        return ((self.joint.side, ca.SX(0)),)

@@ -1,0 +1,271 @@
+"""Contacts: surfaces that push each other apart while they touch."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+from symmb._types import Expr
+from symmb.declare.mechanics.body import AbstractBody, Body, Point, velocity_at
+from symmb.declare.mechanics.contact_law import ContactLaw
+from symmb.declare.mechanics.element import DIRECTION, Bind, bound
+from symmb.declare.mechanics.force import (
+    MEETING,
+    Action,
+    ForceElement,
+    Load,
+    PairForce,
+    PairTorque,
+    fixed_at,
+    is_constant,
+    push,
+)
+from symmb.declare.mechanics.friction import FrictionLaw
+from symmb.declare.mechanics.pose import Planar
+from symmb.declare.symbolic import Z, ddt, triad, unit, vector
+
+
+def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
+    """The action of a bound law: `loads` turns its force into loads.
+
+    The force stores energy if all points, directions and sizes in `fixed` are at rest in their bodies.
+    """
+    force = law.force(penetration, ddt(penetration))
+    potential = law.potential(penetration) if is_constant(law.stores, *fixed) else None
+    return Action(loads(force), potential, force=force)
+
+
+def touch(
+    element: "SurfaceContact",
+    bind: Bind,
+    a: AbstractBody,
+    point: Point,
+    radius: ca.SX,
+    axis: ca.SX,
+    height: ca.SX,
+    *fixed: ca.SX,
+    rate: ca.SX | None = None,
+    name: str = "",
+) -> Iterator[Action]:
+    """The actions of a round body of a radius [m] about a point on a surface of body a.
+
+    `axis` (3,) is the normal of the surface at the foot of the point, in the axes of body a, and `height` that of the
+    point above the foot [m]. Where the foot follows a state, `rate` gives the rate of the height [m/s]. States of
+    friction have the name of the element, or another one where it touches at several points.
+    """
+    b, law = point.body, bound(element.law, bind, element.title)
+    normal, penetration = a.frame.R @ axis, radius - height
+    rate = ddt(penetration) if rate is None else ddt(radius) - rate
+    force = law.force(penetration, rate)
+    potential = law.potential(penetration) if is_constant(law.stores, radius, *fixed) else None
+    yield Action(push(point, a, force * normal), potential, force=force)
+    if element.friction is None:
+        return
+    if isinstance(a.pose, Planar) or isinstance(b.pose, Planar):
+        tangents = ca.cross(Z, axis)
+    elif is_constant(axis):
+        tangents = triad(axis)[:, :2]
+    else:  # no two directions are tangents everywhere: those in three lose their part along the normal
+        tangents = ca.SX.eye(3) - axis @ axis.T
+    tangents = a.frame.R @ tangents
+    foot = point.r - height * normal
+    slip = tangents.T @ (velocity_at(b, foot - b.frame.r) - velocity_at(a, foot - a.frame.r))
+    drag, states = bound(element.friction, bind, element.title).resistance(name or element.name, slip, force)
+    yield Action(push(fixed_at(b, foot), a, tangents @ drag), states=states)
+
+
+def distance_and_direction(d: ca.SX, least: ca.SX | float = 0.0) -> tuple[ca.SX, ca.SX]:
+    """Length of a vector [m], not below a least one, and its direction (3,), which is 0 where the vector is."""
+    distance = ca.sqrt(ca.fmax(ca.sumsqr(d), ca.fmax(least, MEETING) ** 2))
+    return distance, d / distance
+
+
+class SurfaceContact(ForceElement):
+    """A contact with a law along the normal, and optional friction across it."""
+
+    law: ContactLaw
+    friction: FrictionLaw | None
+
+
+@dataclass(frozen=True, eq=False)
+class Contact(SurfaceContact):
+    """A sphere against a plane that is fixed to another body or to the ground.
+
+    Parameters
+    ----------
+    name : str
+    point : Point
+        centre of the sphere
+    plane_point : Point
+        anywhere on the plane
+    normal : tuple
+        of the plane, out of its body, in that body's axes
+    law : ContactLaw
+        `HuntCrossley(...)`, ...
+    radius : Expr
+        of the sphere [m]; 0 is a point
+    friction : FrictionLaw, optional
+        `Coulomb(...)` or `Bristle(...)`, at the foot of the sphere on the plane
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.HuntCrossley(1e5, restitution=0.9, speed=1.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.   ,  0.909])
+    """
+
+    name: str
+    point: Point
+    plane_point: Point
+    normal: tuple[Expr, ...] = field(metadata=DIRECTION)
+    law: ContactLaw
+    radius: Expr = 0.0
+    friction: FrictionLaw | None = None
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a = self.plane_point.body
+        axis = unit(vector(self.normal))
+        radius = bind(self.radius, f"{self.title}: radius")
+        height = ca.dot(axis, a.frame.R.T @ (self.point.r - self.plane_point.r))
+        yield from touch(self, bind, a, self.point, radius, axis, height, self.point.s, self.plane_point.s, axis)
+
+
+@dataclass(frozen=True, eq=False)
+class BushContact(PairForce):
+    """A pin in a wider cylindrical bush. The pin is free until it reaches the wall.
+
+    Parameters
+    ----------
+    name : str
+    point_a : Point
+        on the axis of the bush
+    point_b : Point
+        on the axis of the pin; it may be anywhere along the bush
+    axis : tuple
+        of the bush, in the axes of point_a's body
+    clearance : Expr
+        radius of the bush less that of the pin [m]
+    law : ContactLaw
+        `HuntCrossley(...)`, ...
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> law = mb.KelvinVoigt(1e5, 200.0)
+    >>> ground, pin = mb.Ground(), mb.Body("pin", 1.0, 0.1, mb.Planar())
+    >>> bush = mb.BushContact("bush", ground.point(0, 0), pin.point(0, 0), (0, 0, 1), 1e-3, law)
+    >>> scene = mb.Scene(mb.System(pin, bush, mb.Gravity(0, -10.0)), times=[0.0, 0.02])
+    >>> mb.simulate(scene, mb.CVODES())["pin.y"].round(5)
+    array([ 0.     , -0.00135])
+    """
+
+    axis: tuple[Expr, ...] = field(metadata=DIRECTION)
+    clearance: Expr
+    law: ContactLaw
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a = self.point_a.body
+        axis = unit(vector(self.axis))
+        clearance = bind(self.clearance, f"{self.title}: clearance")
+        d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
+        across = d - ca.dot(d, axis) * axis
+        # Half way to the wall there is no force: the motion may stay where no direction leads to the wall.
+        distance, outward = distance_and_direction(across, clearance / 2)
+        direction = a.frame.R @ outward
+        law = bound(self.law, bind, self.title)
+        fixed = (self.point_a.s, self.point_b.s, axis, clearance)
+        yield press(law, distance - clearance, lambda force: push(self.point_b, a, -force * direction), *fixed)
+
+
+@dataclass(frozen=True, eq=False)
+class ToothContact(PairForce):
+    """A tooth between two flanks. It is free over the backlash, and each flank pushes it back.
+
+    Parameters
+    ----------
+    name : str
+    point_a : Point
+        halfway between the flanks
+    point_b : Point
+        on the tooth
+    direction : tuple
+        from flank to flank (tangent to the pitch circle), in the axes of point_a's body
+    backlash : Expr
+        play from flank to flank, half of it to each side [m]
+    law : ContactLaw
+        of one flank
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> law = mb.KelvinVoigt(1e4)
+    >>> ground, tooth = mb.Ground(), mb.Body("tooth", 1.0, pose=mb.Particle())
+    >>> flanks = mb.ToothContact("flanks", ground.point(0, 0), tooth.point(0, 0), (1, 0, 0), 0.02, law)
+    >>> scene = mb.Scene(mb.System(tooth, flanks), {"tooth.vx": 1.0}, [0.0, 0.02, 0.05])
+    >>> mb.simulate(scene, mb.CVODES())["tooth.vx"].round(3)
+    array([ 1.  ,  0.54, -1.  ])
+    """
+
+    direction: tuple[Expr, ...] = field(metadata=DIRECTION)
+    backlash: Expr
+    law: ContactLaw
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a = self.point_a.body
+        direction = unit(vector(self.direction))
+        backlash = bind(self.backlash, f"{self.title}: backlash")
+        d = ca.dot(direction, a.frame.R.T @ (self.point_b.r - self.point_a.r))
+
+        def loads(force: ca.SX) -> tuple[Load, ...]:
+            return push(self.point_b, a, -ca.sign(d) * force * (a.frame.R @ direction))
+
+        fixed = (self.point_a.s, self.point_b.s, direction, backlash)
+        yield press(bound(self.law, bind, self.title), ca.fabs(d) - backlash / 2, loads, *fixed)
+
+
+@dataclass(frozen=True, eq=False)
+class TorsionContact(PairTorque):
+    """A coupling with backlash. It turns freely over the backlash, and each stop pushes it back.
+
+    If the axes of the bodies do not stay parallel, the angle is the twist, as in `TorsionSpring`.
+
+    Parameters
+    ----------
+    name : str
+    body_a, body_b : Body or Ground
+    backlash : Expr
+        play from stop to stop, half of it to each side [rad]
+    law : ContactLaw
+        of one stop, in angles: torque [N m] from radians
+    angle : Expr
+        of b relative to a, halfway between the stops [rad]
+    axis : tuple
+        in both bodies' axes
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, shaft = mb.Ground(), mb.Body("shaft", 1.0, 1.0, mb.Planar())
+    >>> bearing = mb.Revolute("bearing", ground.point(0, 0), shaft.point(0, 0))
+    >>> coupling = mb.TorsionContact("coupling", ground, shaft, 0.2, mb.KelvinVoigt(1e3))
+    >>> scene = mb.Scene(mb.System(shaft, bearing, coupling), {"shaft.omega": 1.0}, [0.0, 0.1, 0.3])
+    >>> run = mb.simulate(scene, mb.CVODES())
+    >>> run["shaft.omega"].round(3)
+    array([ 1.,  1., -1.])
+    """
+
+    backlash: Expr
+    law: ContactLaw
+    angle: Expr = 0.0
+    axis: tuple[Expr, ...] = (0, 0, 1)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        backlash = bind(self.backlash, f"{self.title}: backlash")
+        middle = bind(self.angle, f"{self.title}: angle")
+        alpha, law = self.alpha - middle, bound(self.law, bind, self.title)
+        penetration = ca.fabs(alpha) - backlash / 2
+        yield press(law, penetration, lambda torque: self._loads(-ca.sign(alpha) * torque), backlash, middle)

@@ -1,0 +1,260 @@
+"""Laws of normal contact: a force as a function of penetration and its rate. It never pulls.
+
+Roots and powers are evaluated at a positive argument where the surfaces do not touch, and their values are not used
+there. All derivatives are then finite, and 0 without contact.
+"""
+
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import casadi as ca
+
+from symmb._options import require_instance
+from symmb._types import Expr
+from symmb.declare.mechanics.element import NOT_NEGATIVE, POSITIVE, Law, within
+from symmb.declare.mechanics.table import Table
+from symmb.declare.symbolic import is_zero, scalar
+
+_TOUCH = 1e-12
+"""Penetration above which a contact has a force [m, rad]. Below it third derivatives exceed double precision."""
+
+
+class ContactLaw(Law):
+    """The force that pushes two surfaces apart."""
+
+    expected: ClassVar[str] = (
+        "a law of contact, got {}. "
+        "Use HuntCrossley(...), LankaraniNikravesh(...), Flores(...), KelvinVoigt(...) or Tabulated(...)."
+    )
+
+    @abstractmethod
+    def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        """Force [N] from the penetration [m] and its rate [m/s]. It is never negative, and 0 without contact."""
+
+    def potential(self, penetration: ca.SX) -> ca.SX | None:
+        """Energy stored [J]; None of a law with losses."""
+        return None
+
+    @property
+    def stores(self) -> ca.SX:
+        """Expressions in the stored energy beside the penetration. Energy is conserved if they are constant."""
+        return ca.SX(0, 1)
+
+
+def _expressions(law: ContactLaw, penetration: object, rate: object) -> tuple[ca.SX, ca.SX]:
+    owner = type(law).__name__
+    return scalar(penetration, f"{owner}: penetration"), scalar(rate, f"{owner}: rate")
+
+
+def _power(base: ca.SX, exponent: Expr) -> ca.SX:
+    """A power of a positive number. The power 3/2 of Hertz is computed by a root, which is much faster."""
+    if not ca.SX(exponent).is_constant():
+        return base**exponent
+    return base * ca.sqrt(base) if float(exponent) == 1.5 else base ** float(exponent)
+
+
+@dataclass(frozen=True, eq=False)
+class _Hertzian(ContactLaw):
+    """F = k d^n (1 + chi d') with the penetration d. The laws differ in chi."""
+
+    stiffness: Expr = field(metadata=POSITIVE)
+    restitution: Expr = field(metadata=within(above=0.0, most=1.0))
+    speed: Expr = field(metadata=POSITIVE)
+    exponent: Expr = field(default=1.5, metadata=within(least=1.0))
+
+    @property
+    @abstractmethod
+    def chi(self) -> Expr:
+        """Damping over stiffness [s/m]."""
+
+    def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        penetration, rate = _expressions(self, penetration, rate)
+        touching = penetration > _TOUCH
+        loss = ca.if_else(touching, 1 + self.chi * rate, 1)  # its sign causes a kink only during contact
+        d = ca.if_else(touching, penetration, 1)
+        pushing = touching if is_zero(ca.SX(self.chi)) else ca.logic_and(touching, loss > 0)
+        return ca.if_else(pushing, self.stiffness * _power(d, self.exponent) * loss, 0)
+
+    def potential(self, penetration: ca.SX) -> ca.SX | None:
+        if not is_zero(ca.SX(self.chi)):
+            return None
+        d = ca.if_else(penetration > _TOUCH, penetration, 1)
+        energy = self.stiffness * d * _power(d, self.exponent) / (self.exponent + 1)
+        return ca.if_else(penetration > _TOUCH, energy, 0)
+
+    @property
+    def stores(self) -> ca.SX:
+        return ca.vertcat(self.stiffness, self.exponent)
+
+
+@dataclass(frozen=True, eq=False)
+class HuntCrossley(_Hertzian):
+    """F = k d^n (1 + chi d') with chi = 3 (1 - e) / (2 v): for restitutions near 1.
+
+    Parameters
+    ----------
+    stiffness : Expr
+        k [N/m^n]
+    restitution : Expr
+        e, above 0 and up to 1 [-]; 1 is a spring without losses
+    speed : Expr
+        v of approach when the contact begins [m/s]
+    exponent : Expr
+        n, 3/2 of Hertz if left out [-]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.HuntCrossley(1e5, restitution=0.9, speed=1.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.   ,  0.909])
+
+    References
+    ----------
+    Hunt, Crossley (1975), Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech. 42.
+    """
+
+    @property
+    def chi(self) -> Expr:
+        return 1.5 * (1 - self.restitution) / self.speed
+
+
+@dataclass(frozen=True, eq=False)
+class LankaraniNikravesh(_Hertzian):
+    """F = k d^n (1 + chi d') with chi = 3 (1 - e^2) / (4 v): for restitutions near 1.
+
+    Parameters
+    ----------
+    stiffness, restitution, speed, exponent : Expr
+        as of `HuntCrossley`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.LankaraniNikravesh(1e5, restitution=0.9, speed=1.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.   ,  0.913])
+
+    References
+    ----------
+    Lankarani, Nikravesh (1990), A contact force model with hysteresis damping for impact analysis of multibody systems,
+    J. Mech. Des. 112.
+    """
+
+    @property
+    def chi(self) -> Expr:
+        return 0.75 * (1 - self.restitution**2) / self.speed
+
+
+@dataclass(frozen=True, eq=False)
+class Flores(_Hertzian):
+    """F = k d^n (1 + chi d') with chi = 8 (1 - e) / (5 e v): for all restitutions, soft bodies included.
+
+    Parameters
+    ----------
+    stiffness, restitution, speed, exponent : Expr
+        as of `HuntCrossley`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.Flores(1e5, restitution=0.5, speed=1.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.  ,  0.47])
+
+    References
+    ----------
+    Flores, Machado, Silva, Martins (2011), On the continuous contact force models for soft materials in multibody
+    dynamics, Multibody Syst. Dyn. 25.
+    """
+
+    @property
+    def chi(self) -> Expr:
+        return 1.6 * (1 - self.restitution) / (self.restitution * self.speed)
+
+
+@dataclass(frozen=True, eq=False)
+class KelvinVoigt(ContactLaw):
+    """F = k d + c d', a spring and a damper in parallel.
+
+    With damping the force jumps when the contact begins, and it is 0 before the surfaces part.
+
+    Parameters
+    ----------
+    stiffness : Expr
+        k [N/m]
+    damping : Expr
+        c [N s/m]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ground, ball = mb.Ground(), mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> law = mb.KelvinVoigt(1e4, damping=20.0)
+    >>> floor = mb.Contact("floor", ball.point(0, 0), ground.point(0, 0), (0, 1, 0), law, radius=0.1)
+    >>> scene = mb.Scene(mb.System(ball, floor), {"ball.y": 0.2, "ball.vy": -1.0}, [0.0, 0.3])
+    >>> mb.simulate(scene, mb.CVODES())["ball.vy"].round(3)
+    array([-1.   ,  0.744])
+    """
+
+    stiffness: Expr = field(metadata=POSITIVE)
+    damping: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
+
+    def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        penetration, rate = _expressions(self, penetration, rate)
+        return _pushing(penetration, self.stiffness * penetration + self.damping * rate)
+
+    def potential(self, penetration: ca.SX) -> ca.SX | None:
+        if not is_zero(ca.SX(self.damping)):
+            return None
+        return ca.if_else(penetration > 0, 0.5 * self.stiffness * penetration**2, 0)
+
+    @property
+    def stores(self) -> ca.SX:
+        return ca.SX(self.stiffness)
+
+
+@dataclass(frozen=True, eq=False)
+class Tabulated(ContactLaw):
+    """A force from a table of penetrations, with a damper in parallel. It is never negative.
+
+    Parameters
+    ----------
+    table : Table
+        force [N] over penetration [m]
+    damping : Expr
+        c [N s/m]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> law = mb.Tabulated(mb.Table([0, 0.01, 0.02], [0, 100, 400]), damping=5.0)
+    >>> law.force(0.01, 2.0)
+    SX(110)
+    """
+
+    table: Table
+    damping: Expr = field(default=0.0, metadata=NOT_NEGATIVE)
+
+    def __post_init__(self) -> None:
+        require_instance("Tabulated: table", self.table, Table, "a Table of forces over penetrations")
+        super().__post_init__()
+
+    def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        penetration, rate = _expressions(self, penetration, rate)
+        return _pushing(penetration, self.table(penetration) + self.damping * rate)
+
+
+def _pushing(penetration: ca.SX, force: ca.SX) -> ca.SX:
+    force = ca.if_else(penetration > 0, force, 0)  # its sign causes a kink only during contact
+    return ca.if_else(force > 0, force, 0)

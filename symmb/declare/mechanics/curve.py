@@ -1,0 +1,291 @@
+"""Plane curves of cams, grooves and tracks, and the parts of them on which one foot is next to a point."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import ClassVar, cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
+from symmb._options import is_finite_number, numbers_of, require_truth, shown
+from symmb._types import Array, Expr
+from symmb.declare.mechanics.element import Bind, law_value
+from symmb.declare.symbolic import SOFT, Smooth, batch, symbols_in, vector
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve in the xy plane of a body: an expression of its parameter s, or a cubic spline through points.
+
+    Parameters
+    ----------
+    shape : callable or (n, 2) array
+        function of s, SX, that returns x and y [m] as expressions of s and parameters; or points [m], through which a
+        spline goes whose parameter is the length of the polygon up to a point [m]
+    start, end : float
+        range of s, for a function
+    closed : bool
+        the curve ends where it starts
+    corners : sequence
+        values of s, or numbers of points, where the direction of the curve jumps
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import symmb as mb
+    >>> cam = mb.Curve(lambda s: (0.06 * ca.cos(s), 0.04 * ca.sin(s)), 0, 2 * ca.pi, closed=True)
+    >>> square = mb.Curve([(0, 0), (1, 0), (1, 1), (0, 1)], closed=True, corners=range(4))
+    >>> square.end
+    4.0
+    """
+
+    expected: ClassVar[str] = "a curve, got {}. Use Curve(...)."
+
+    shape: Callable[[ca.SX], Sequence[Expr]] | Sequence[Sequence[float]] | Array
+    start: float = 0.0
+    end: float | None = None
+    closed: bool = False
+    corners: Sequence[float] = ()
+    s: ca.SX = field(init=False, repr=False)
+    place: ca.SX = field(init=False, repr=False)  # (2,) [m]
+
+    @kept_interrupts()
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "s", ca.SX.sym("s"))
+        require_truth("Curve", "closed", self.closed)
+        object.__setattr__(self, "closed", bool(self.closed))
+        corners = numbers_of(self.corners if isinstance(self.corners, list | tuple | range | np.ndarray) else "")
+        if corners is None or corners.ndim != 1:
+            raise DeclarationError(f"Curve: corners {shown(self.corners)} are no numbers.")
+        if callable(self.shape):
+            place = vector(law_value(self.shape, "Curve", self.s), "the place of a Curve")[:2]
+            if not (is_finite_number(self.start) and is_finite_number(self.end) and self.start < self.end):  # type: ignore
+                raise DeclarationError(
+                    f"Curve: start {self.start!r} and end {self.end!r} must be numbers that increase."
+                )
+            object.__setattr__(self, "start", float(self.start))
+            object.__setattr__(self, "end", float(cast(float, self.end)))
+        else:
+            place, end, corners = _spline(self.shape, self.closed, corners, self.s)
+            object.__setattr__(self, "start", 0.0)
+            object.__setattr__(self, "end", end)
+        if ((corners < self.start) | (corners > self.ends[1])).any():
+            raise DeclarationError(f"Curve: corners {shown(self.corners)} are not on it.")
+        object.__setattr__(self, "corners", tuple(np.unique(corners).tolist()))
+        object.__setattr__(self, "place", place)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The smallest and the largest s."""
+        return float(self.start), float(cast(float, self.end))
+
+    def at(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Place (2,) and its first two derivatives by s."""
+        first = ca.jacobian(self.place, self.s)
+        return tuple(ca.substitute([self.place, first, ca.jacobian(first, self.s)], [self.s], [s]))  # type: ignore
+
+    def nearest(self, P: ca.SX, low: float, high: float, samples: int, follow: Callable[[ca.SX], ca.SX]) -> ca.SX:
+        """The s next to P (2,): the nearest of some samples, and steps of Newton's from there."""
+        ends = low, high - (high - low) / samples * self.closed
+        best, squared = ca.SX(low), ca.sumsqr(P - ca.substitute(self.place, self.s, ca.SX(low)))
+        for value in np.linspace(*ends, samples).tolist()[1:]:
+            s = ca.SX(value)
+            distance = ca.sumsqr(P - ca.substitute(self.place, self.s, s))
+            is_next = distance - squared < -SOFT
+            best, squared = ca.if_else(is_next, s, best), ca.if_else(is_next, distance, squared)
+        for _ in range(_STEPS):
+            best = follow(best)
+        return best
+
+    def measured(self, bind: Bind) -> "Measured":
+        """The curve in numbers, at the nominal parameters."""
+        p = [symbol for symbol in symbols_in(self.place) if symbol.element_hash() != self.s.element_hash()]
+        values = [float(ca.evalf(bind.nominal(symbol))) for symbol in p]
+        f = ca.Function("curve", [self.s, ca.vertcat(ca.SX(0, 1), *p)], [ca.densify(part) for part in self.at(self.s)])
+        return Measured(self, lambda s: batch(f, s[:, None], np.array(values)))
+
+
+_STEPS = 4
+"""Newton's steps from a sample: the error of a step is about the square of the last one's."""
+_SAMPLES = 400
+"""Samples of a smooth piece that show how it bends. Feet on parts of it follow exactly, wherever they are cut."""
+_TURN = np.pi / 2
+"""Turn of a part: a point has one foot on it, and on the tangents at its ends, unless it is beyond a centre of
+curvature."""
+_OVERLAP = 0.1
+"""Share of a part by which it reaches into the next one: where one ends, a foot on the other is nearer."""
+_INSET = 1e-12
+"""Share of a piece by which derivatives keep off its corners, where they jump."""
+_MOST_PARTS = 64
+
+
+Part = tuple[float, float]
+"""A part of a curve from low to high s, infinite if it has no ends."""
+
+
+class Measured:
+    """A curve in numbers: `numbers` gives its place and first two derivatives (n, 2) at values of s (n,)."""
+
+    def __init__(self, curve: Curve, numbers: Callable[[Array], tuple[Array, ...]]) -> None:
+        self.curve, self._numbers = curve, numbers
+        start, end = curve.ends
+        self.period = end - start
+        s = np.linspace(start, end, 4 * _SAMPLES + 1)
+        x, d, _ = numbers(s)
+        if not np.isfinite([x, d]).all() or not np.hypot(*d.T).min() > 0:
+            raise DeclarationError("its curve has places that are no numbers, or where it has no direction")
+        self.length, self.middle = float(np.hypot(*np.diff(x, axis=0).T).sum()), x[:-1].mean(axis=0)
+        moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]
+        self.area = float((moment[1:] + moment[:-1]) @ np.diff(s)) / 4
+        if curve.closed and np.hypot(*(x[-1] - x[0])) > 1e-9 * self.length:
+            raise DeclarationError("its curve is closed, but it does not end where it starts")
+        beyond = np.array([0.0, 0.01]) * self.period
+        gap = np.hypot(*(numbers(start + beyond)[0] - numbers(end + beyond)[0]).T)
+        self.is_periodic = curve.closed and bool(gap.max() <= 1e-9 * self.length)
+
+    @property
+    def _pieces(self) -> list[tuple[float, float]]:
+        """The smooth pieces between corners and ends."""
+        start, corners = float(self.curve.start), list(self.curve.corners)
+        if self.is_periodic and corners:
+            breaks = [*corners, corners[0] + self.period]
+        else:
+            breaks = sorted({start, *corners, start + self.period})
+        return list(pairwise(breaks))
+
+    def groups(self, side: float) -> list[list[Part]]:
+        """Parts from low to high s, in groups that touch at one place: a corner in which a point lies begins another.
+
+        Points are to the left of the curve for a side of 1, to the right for -1.
+        """
+        groups: list[list[Part]] = []
+        pieces = self._pieces
+        for k, (a, b) in enumerate(pieces):
+            parts = self._parts(a, b, side)
+            if groups and not self._is_concave(pieces[k - 1][1], a, side):
+                groups[-1] += parts
+            else:
+                groups.append(parts)
+        if self.curve.closed and len(groups) > 1 and not self._is_concave(pieces[-1][1], pieces[0][0], side):
+            groups[0] = groups.pop() + groups[0]
+        if sum(map(len, groups)) > _MOST_PARTS:
+            raise DeclarationError(f"its curve bends to and fro too often: it has more than {_MOST_PARTS} parts")
+        return groups
+
+    def _is_concave(self, before: float, behind: float, side: float) -> bool:
+        inset = _INSET * self.period
+        (u, v) = self._numbers(np.array([before - inset, behind + inset]))[1]
+        return side * (u[0] * v[1] - u[1] * v[0]) > 1e-6 * np.hypot(*u) * np.hypot(*v)
+
+    def _parts(self, a: float, b: float, side: float) -> list[Part]:
+        """Cuts of a smooth piece where it begins to bend to the other side, and after each quarter of a turn."""
+        inset = _INSET * (b - a)
+        s = np.linspace(a + inset, b - inset, _SAMPLES + 1)
+        _, d, dd = self._numbers(s)
+        bend = side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / (d**2).sum(axis=1)  # radians for each s
+        turn, sign, cuts = 0.0, 0.0, [a + inset]
+        whole = self.is_periodic and not self.curve.corners
+        if whole and callable(self.curve.shape) and bend.max() <= 0:  # splines have two seams only
+            return [(-np.inf, np.inf)]
+        for k in range(_SAMPLES):
+            now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > 1e-6 else sign
+            turn += abs(bend[k]) * (s[k + 1] - s[k])
+            if (sign and now != sign) or turn > _TURN:
+                cuts.append(float(s[k]))
+                turn = 0.0
+            sign = now
+        cuts.append(b - inset)
+        parts = []
+        for low, high in pairwise(cuts):
+            more = _OVERLAP * (high - low)
+            low -= more * (whole or low > cuts[0])
+            parts.append((low, high + more * (whole or high < cuts[-1])))
+        return parts
+
+    def corners_at(self, part: Part, side: float) -> tuple[float, float]:
+        """Angles [rad] by which the curve bends away at the ends of a part: 0 where it goes on smoothly."""
+        found, (start, end) = [], self.curve.ends
+        for s, sign in zip(part, (-1, 1), strict=True):
+            beyond = s + sign * 3 * _INSET * self.period
+            if not self.curve.closed and not start <= beyond <= end:
+                found.append(np.pi / 2)
+                continue
+            if not self.is_periodic or self.curve.corners:
+                beyond = start + (beyond - start) % self.period
+            u, v = self._numbers(np.array([s, beyond]))[1]
+            found.append(max(0.0, float(-side * sign * np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v))))
+        return found[0], found[1]
+
+    def bend(self, part: Part, side: float) -> float:
+        """The least curvature [1/m] of a part, away from the side: negative where it bends toward it."""
+        low, high = part if np.isfinite(part[0]) else self.curve.ends
+        inset = _OVERLAP * (high - low)
+        _, d, dd = self._numbers(np.linspace(low + inset, high - inset, 100))
+        return float((-side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3).min())
+
+    def require_room(self, group: list[Part], side: float, radius: float, circle: str) -> None:
+        """DeclarationError if a circle that touches a group of parts somewhere is over its edge elsewhere."""
+        ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
+        sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
+        x, d, _ = (np.vstack(part) for part in zip(*sampled, strict=True))
+        normal = side * np.column_stack([-d[:, 1], d[:, 0]]) / np.hypot(*d.T)[:, None]
+        center = x + radius * normal
+        distance = np.hypot(*(center[:, None] - x[None]).transpose(2, 0, 1)).min(axis=1)
+        if (distance < (1 - 1e-6) * radius).any():
+            place = ", ".join(f"{value:.3g}" for value in x[distance.argmin()])
+            raise DeclarationError(
+                f"where {circle} of radius {radius:g} touches the curve at ({place}), it is over it elsewhere: the "
+                "curve bends more tightly than the circle. Use a smaller circle, or one contact for each part"
+            )
+
+
+def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.SX, float, Array]:
+    """Place (2,) on the spline through points (n, 2), the largest s, and s at the corners."""
+    from scipy.interpolate import CubicSpline
+
+    x = _points(points, closed)
+    if not np.isin(corners, np.arange(len(x))).all():
+        raise DeclarationError("Curve: corners are numbers of points, from 0 on.")
+    at = np.unique(corners).astype(int)
+    if closed:
+        first = int(at[0]) if at.size else 0
+        x, at = np.roll(x, -first, axis=0), at - first
+        x = np.vstack([x, x[:1]])
+    steps = np.hypot(*np.diff(x, axis=0).T)
+    if not steps.all():
+        raise DeclarationError("Curve: two points that follow each other are the same. Leave one out.")
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    smooth = closed and not at.size
+    breaks = np.unique([0, *at.tolist(), len(x) - 1])
+    rows = []
+    for i, j in pairwise(breaks):
+        piece = CubicSpline(along[i : j + 1], x[i : j + 1], bc_type="periodic" if smooth else "not-a-knot")
+        rows.append(np.column_stack([along[i:j], *(piece.c[::-1, :, k].T for k in range(2))]))
+    table = np.vstack(rows)
+    if smooth:  # parts reach beyond the seam
+        shift = np.zeros(9)
+        shift[0] = along[-1]
+        table = np.vstack([table - shift, table, table + shift])
+    begins = table[:, 0]
+    for k in range(3 - len(table)):  # pieces have two knots at least: beyond the end the last one goes on
+        begins, table = np.append(begins, (k + 1) * along[-1]), np.vstack([table, table[-1:]])
+    pieces = Smooth(np.zeros(len(table)), begins, table)
+    begin, *c, _ = pieces(ca.SX(0), s)
+    u = s - begin
+    place = [c[k] + u * (c[k + 1] + u * (c[k + 2] + u * c[k + 3])) for k in (0, 4)]
+    return ca.vertcat(*place), float(along[-1]), along[at]
+
+
+def _points(points: object, closed: bool) -> Array:
+    """Points (n, 2); the last of a closed curve is not the first."""
+    x = numbers_of(points)
+    if x is None or x.ndim != 2 or x.shape[1] != 2 or not np.isfinite(x).all():
+        raise DeclarationError("Curve: shape must be a function of s, or points (n, 2) of finite numbers.")
+    if closed and np.allclose(x[0], x[-1], rtol=0, atol=1e-12 * np.ptp(x)):
+        x = x[:-1]
+    if len(x) < 2 + closed:
+        raise DeclarationError(f"Curve: {len(x)} points are too few. Give two or more, three or more if it is closed.")
+    return x

@@ -1,0 +1,308 @@
+"""Feet on curves: where a point, or another curve, is next to a part of one. States follow them."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb.declare.mechanics.curve import Curve, Measured, Part
+from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
+
+_CLOSE = 0.2
+"""Least slope of the foot's condition, as a share of that of a straight line: it is 0 at a centre of curvature."""
+_SINGULAR = 1e-3
+"""Least determinant of the conditions of two feet, as a share of that of two circles as long as the curves."""
+_CATCH_UP = 100.0
+"""A foot that is off comes e times nearer while the point moves by this share, 1 / 100, of the curve's length."""
+_SAMPLES, ALL_SAMPLES = 12, 64
+"""Places on a part, and on a curve, from which the search of a foot chooses."""
+_NO_TANGENT = 1e-60
+"""Square of a mean tangent beside which none counts: the tangents of places on far sides may be the same."""
+_AT_REST = 1e-6
+"""Speed [m/s] of a point at rest by which its foot still approaches."""
+_STRAIGHT = 1e-6
+"""Curvature over 1 / length of the curve up to which a part is straight."""
+_ROUNDS, _STEPS = 2, 6
+"""Searches of two feet by turns, and Newton's steps from there."""
+
+
+class Bounds(NamedTuple):
+    """Ends of a part, and whether its foot is beyond them."""
+
+    low: ca.SX
+    high: ca.SX
+    before: ca.SX
+    behind: ca.SX
+
+    @classmethod
+    def of(cls, s: ca.SX, part: Part) -> "Bounds | None":
+        """Ends at the parameter s, which feet pass without a jump, also in slopes; None for a part without ends."""
+        low, high = part
+        return cls(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT) if np.isfinite(low) else None
+
+    def inside(self, s: ca.SX) -> ca.SX:
+        """The parameter s, or that of the end that it is beyond."""
+        return ca.if_else(self.before, self.low, ca.if_else(self.behind, self.high, s))
+
+
+class Foot(NamedTuple):
+    """The foot of P (2,) at the parameter s of a curve, which goes on straight beyond the ends of a part.
+
+    Attributes
+    ----------
+    offset, along : (2,)     from the place on the part to P [m], and derivative of the curve by s
+    miss, slope              minus half the rate of the squared distance by s, and its slope [m^2]
+    beyond                   whether s is beyond the ends
+    """
+
+    offset: ca.SX
+    along: ca.SX
+    miss: ca.SX
+    slope: ca.SX
+    beyond: ca.SX
+
+    @classmethod
+    def at(cls, curve: Curve, s: ca.SX, P: ca.SX, bounds: Bounds | None = None) -> "Foot":
+        """The foot at s, on the curve, or on the tangents at the ends of a part."""
+        on, beyond = s, ca.SX(0)
+        if bounds is not None:
+            on, beyond = bounds.inside(s), ca.logic_or(bounds.before, bounds.behind)
+        place, along, bend = curve.at(on)
+        offset = P - place
+        straight, curved = ca.sumsqr(along), ca.dot(offset, bend)
+        slope = straight - (curved if bounds is None else ca.if_else(beyond, 0, curved))
+        is_close = slope - _CLOSE * straight < -SOFT
+        slope = ca.if_else(is_close, _CLOSE * straight, slope)
+        return cls(offset, along, ca.dot(along, offset - along * (s - on)), slope, beyond)
+
+    @property
+    def step(self) -> ca.SX:
+        """Newton's step of s."""
+        return self.miss / self.slope
+
+
+class Side(NamedTuple):
+    """A part of a curve that touches on one side: to its left for a side of 1, to its right for -1."""
+
+    measured: Measured
+    part: Part
+    side: float
+
+    @property
+    def bend(self) -> float:
+        """The least curvature [1/m] away from the side, negative where the part bends toward it."""
+        return self.measured.bend(self.part, self.side)
+
+    @property
+    def is_hollow(self) -> bool:
+        """Whether the part bends toward the side."""
+        return self.bend * self.measured.length < -_STRAIGHT
+
+    @property
+    def samples(self) -> tuple[float, float, int]:
+        """The range of s, and how many samples it takes."""
+        return (*self.part, _SAMPLES) if np.isfinite(self.part[0]) else (*self.measured.curve.ends, ALL_SAMPLES)
+
+    def spot(self, s: ca.SX, bounds: Bounds | None) -> "Spot":
+        """The place at s. Beyond an end it stays there, and its tangent turns as round a corner."""
+        fan = -self.side * 2 * np.pi / self.measured.period
+        on = s if bounds is None else bounds.inside(s)
+        place, along, bend = self.measured.curve.at(on)
+        length = ca.norm_2(along)
+        tangent, speed, turn, excess = self.side * along / length, self.side * length, cross(along, bend), ca.SX(0)
+        turn /= length**2
+        if bounds is not None:
+            beyond, angle = ca.logic_or(bounds.before, bounds.behind), fan * (s - on)
+            tangent = ca.cos(angle) * tangent + ca.sin(angle) * left(tangent)
+            before, behind = self.measured.corners_at(self.part, self.side)
+            excess = ca.if_else(bounds.before, self.side * angle - before, -self.side * angle - behind)
+            excess = ca.if_else(ca.logic_and(beyond, -excess < -SOFT), excess, 0)
+            turn, speed = ca.if_else(beyond, fan, turn), ca.if_else(beyond, 0, speed)
+        return Spot(place, tangent, speed, turn, excess)
+
+
+class Spot(NamedTuple):
+    """A place on a curve.
+
+    Attributes
+    ----------
+    place, tangent : (2,)    [m], and the unit tangent whose left normal leads away from the curve
+    speed, turn              rate of the way along the tangent by s [m], and of the tangent's angle [rad]
+    excess                   angle by which the tangent has turned farther than the corner does [rad]
+    """
+
+    place: ca.SX
+    tangent: ca.SX
+    speed: ca.SX
+    turn: ca.SX
+    excess: ca.SX
+
+
+class Feet(NamedTuple):
+    """Places on two curves a and b at s (2,) that are next to each other, in the axes of a.
+
+    Attributes
+    ----------
+    offset, normal : (2,)    from the place on a to that on b [m], and normal of a
+    on_b : (2,)              the place in the axes of b [m]
+    step, rate : (2,)        Newton's step of s, and the rate of s by which the places stay next to each other
+    cost                     squared distance; more where the tangents leave their corners [m^2]
+    """
+
+    offset: ca.SX
+    normal: ca.SX
+    on_b: ca.SX
+    step: ca.SX
+    rate: ca.SX
+    cost: ca.SX
+
+    @classmethod
+    def at(cls, a: Side, b: Side, s: ca.SX, bounds: Sequence[Bounds | None], motion: "Motion") -> "Feet":
+        """Two conditions hold at the feet: the offset is normal to the mean tangent, and the tangents are opposite."""
+        p, q = (side.spot(s[k], bounds[k]) for k, side in enumerate((a, b)))
+        u, v, R = p.tangent, motion.R @ q.tangent, motion.R
+        offset, middle = motion.P + R @ q.place - p.place, (u - v) / 2
+        miss = ca.vertcat(ca.dot(offset, middle), ca.atan2(cross(u, v), -ca.dot(u, v)))
+        by_a = ca.vertcat(-p.speed * ca.dot(u, middle) + p.turn * ca.dot(offset, left(u)) / 2, p.turn)
+        by_b = ca.vertcat(q.speed * ca.dot(v, middle) - q.turn * ca.dot(offset, left(v)) / 2, -q.turn)
+        sign, lengths = -a.side * b.side, (a.measured.length, b.measured.length)
+        least = _SINGULAR * 2 * np.pi * sum(lengths) / (a.measured.period * b.measured.period)
+        touching = _CLOSE * sign * (p.speed * q.turn + q.speed * p.turn)
+        touching = ca.if_else(touching - least < -SOFT, least, touching)
+        det = sign * cross(by_a, by_b)
+        det = sign * ca.if_else(det - touching < -SOFT, touching, det)
+
+        # The foot on the part that bends more keeps the tangents opposite, also where the other one has to turn back.
+        is_first = a.bend > b.bend
+        turn = [-side.side * spot.turn for side, spot in ((a, p), (b, q))][not is_first]
+        least_turn = _SINGULAR * 2 * np.pi / (a if is_first else b).measured.period
+        turn = ca.if_else(turn - least_turn < -SOFT, least_turn, turn)
+
+        def solved(r: ca.SX) -> ca.SX:
+            if is_first:
+                on_b = -cross(by_a, r) / det
+                return ca.vertcat((r[1] + by_b[1] * on_b) * a.side / turn, on_b)
+            on_a = -cross(r, by_b) / det
+            return ca.vertcat(on_a, -(r[1] + by_a[1] * on_a) * b.side / turn)
+
+        by_motion = ca.vertcat(
+            ca.dot(motion.velocity(q.place), middle) - motion.omega * ca.dot(offset, left(v)) / 2, -motion.omega
+        )
+        step = solved(miss)
+        speed = ca.sqrt(ca.sumsqr(motion.rates[0]) + (motion.omega * lengths[1] / 6) ** 2 + _AT_REST**2)
+        catch_up = _CATCH_UP / lengths[0] * speed
+        cost = ca.sumsqr(offset) + (lengths[0] * (p.excess + q.excess)) ** 2
+        normal = left(middle) / ca.sqrt(ca.sumsqr(middle) + _NO_TANGENT)
+        return cls(offset, normal, q.place, step, solved(by_motion) + catch_up * step, cost)
+
+
+class Motion(NamedTuple):
+    """Place P (2,) [m], rotation R (2, 2) and angular velocity of b in the axes of a, and the rates of P and R."""
+
+    P: ca.SX
+    R: ca.SX
+    rates: tuple[ca.SX, ca.SX]
+    omega: ca.SX
+
+    @classmethod
+    def of(cls, P: ca.SX, R: ca.SX) -> "Motion":
+        """That of a place and a rotation that depend on coordinates."""
+        turning = ddt(R)
+        return cls(P, R, (ddt(P), turning), cross(R[:, 0], turning[:, 0]))
+
+    def velocity(self, place: ca.SX) -> ca.SX:
+        """Velocity (2,) [m/s] of a place (2,) that is at rest in b."""
+        return self.rates[0] + self.rates[1] @ place
+
+
+def cross(a: ca.SX, b: ca.SX) -> ca.SX:
+    """The z component of the cross product of two vectors (2,)."""
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def left(a: ca.SX) -> ca.SX:
+    """A vector (2,) turned by a quarter of a turn to the left."""
+    return ca.vertcat(-a[1], a[0])
+
+
+def follow_point(side: Side, P: ca.SX, name: str) -> tuple[Foot, Symbol]:
+    """The foot of P (2,) on a part of a curve, and the record of the state that follows it."""
+    measured, rate = side.measured, ddt(P)
+
+    def moved(s: ca.SX, bounds: Bounds | None) -> ca.SX:
+        return s + _short(Foot.at(measured.curve, s, P, bounds).step, measured)
+
+    s = ca.SX.sym(name)
+    bounds = Bounds.of(s, side.part)
+    foot = Foot.at(measured.curve, s, P, bounds)
+    catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
+    following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
+    start = measured.curve.nearest(P, *side.samples, lambda s: moved(s, Bounds.of(s, side.part)))
+    (state,) = declare([name], Kind.STATE, s, following, start)
+    # The state only chooses the foot: two of Newton's steps leave of its error the fourth power.
+    return Foot.at(measured.curve, moved(moved(s, bounds), bounds), P, bounds), state
+
+
+def follow_curve(a: Side, b: Side, motion: Motion, name: str) -> tuple[Feet, tuple[Symbol, ...]]:
+    """The feet of two parts of curves on each other, and the records of the states that follow them."""
+    names = [f"{name}.a", f"{name}.b"]
+    s = ca.vertcat(*map(ca.SX.sym, names))
+
+    def bounds_at(s: ca.SX) -> list[Bounds | None]:
+        return [Bounds.of(s[k], side.part) for k, side in enumerate((a, b))]
+
+    def feet(s: ca.SX, bounds: Sequence[Bounds | None]) -> Feet:
+        return Feet.at(a, b, s, bounds, motion)
+
+    bounds = bounds_at(s)
+    first = feet(s, bounds)
+    start = _start(a, b, motion)
+
+    def moved(s: ca.SX, bounds: Sequence[Bounds | None]) -> ca.SX:
+        step = feet(s, bounds).step
+        return s + ca.vertcat(*[_short(step[k], side.measured) for k, side in enumerate((a, b))])
+
+    for _ in range(_STEPS):
+        start = moved(start, bounds_at(start))
+    states = declare(names, Kind.STATE, s, first.rate, start)
+    return feet(moved(moved(s, bounds), bounds), bounds), states
+
+
+def _short(step: ca.SX, measured: Measured) -> ca.SX:
+    """A step, or an eighth of a turn where it is longer: the place behind it is one of the curve."""
+    return step / ca.sqrt(1 + (step / (measured.period / 8)) ** 2)
+
+
+def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
+    """Samples (2,) on two parts that are next to each other, found by turns."""
+    P = motion.P + motion.R @ b.measured.middle
+    on_a, on_b = a.measured.curve, b.measured.curve
+    stay: Callable[[ca.SX], ca.SX] = lambda s: s  # noqa: E731
+    for _ in range(_ROUNDS):
+        s = on_a.nearest(P, *a.samples[:2], 2 * _SAMPLES, stay)
+        u = on_b.nearest(motion.R.T @ (on_a.at(s)[0] - motion.P), *b.samples[:2], 2 * _SAMPLES, stay)
+        P = motion.P + motion.R @ on_b.at(u)[0]
+    return ca.vertcat(s, u)
+
+
+def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None, radius: float) -> None:
+    """DeclarationError if what touches a group of parts of a curve at one place may be over it at another.
+
+    It is a circle, or the other curve, which has room where its largest circle of curvature has.
+    """
+    measured, parts, side = group[0].measured, [one.part for one in group], group[0].side
+    if others is not None:
+        bends = [one.bend for some in others for one in some if not one.is_hollow]
+        least = min(bends, default=0.0)
+        is_flat = least * others[0][0].measured.length < _STRAIGHT
+        if is_flat and any(one.bend * measured.length < _STRAIGHT for one in group):
+            raise DeclarationError(
+                "a straight part of one curve may touch the other at several places, or along a line. Bend it slightly "
+                "outward, or give the parts that touch as curves of their own"
+            )
+        if not any(one.is_hollow for one in group):
+            return
+        radius += 1 / least
+    measured.require_room(parts, side, radius, "its circle" if others is None else "the other curve's flattest circle")

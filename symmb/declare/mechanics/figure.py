@@ -1,0 +1,195 @@
+"""Scalar outputs, which are one number per run: a peak, a mean or the range at landing."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._options import is_finite_number, numbers_of, shown
+from symmb._types import Expr
+from symmb.declare.symbolic import EXAMPLE, is_sympy
+
+Window = tuple[float | None, float | None] | None
+"""First and last time [s]. None stands for the begin or the end of the run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A scalar output of a Scene: one number per run. `maximum`, `minimum`, `final`, `mean`, `first_time` and
+    `value_at` declare one.
+
+    Attributes
+    ----------
+    kind : str            the name of the function that declared it
+    expression : SX       of which it is a figure; None for a time
+    condition : SX        a comparison; None without one
+    window : (2,)         first and last time [s], None for those of the run
+    """
+
+    kind: Literal["maximum", "minimum", "final", "mean", "first_time", "value_at"]
+    expression: Expr | None = None
+    condition: Expr | None = None
+    window: Window = None
+
+    def __post_init__(self) -> None:
+        fault = self._fault_of_expressions() or self._fault_of_window()
+        if fault:
+            raise DeclarationError(f"{self.kind}: {fault}")
+
+    def _fault_of_expressions(self) -> str:
+        parts = self.expression, self.condition
+        if any(isinstance(part, Figure) for part in parts):
+            return "it takes an expression over time, and a scalar output is one number."
+        if self.kind in ("first_time", "value_at") and self.condition is None:
+            return f"it needs a condition. {EXAMPLE}"
+        if self.kind != "first_time" and self.expression is None:
+            return "it needs an expression, such as ball.y."
+        for part in parts:
+            if part is not None and not _is_expression(part):
+                return f"expected an expression over time, got {shown(part)}."
+        if isinstance(self.condition, bool | np.bool_):
+            return f"the condition is {self.condition} at all times. {EXAMPLE}"
+        return ""
+
+    def _fault_of_window(self) -> str:
+        window = self.window
+        if window is None:
+            return ""
+        ends = tuple(window) if isinstance(window, tuple | list) else ()
+        if len(ends) != 2 or not all(end is None or is_finite_number(end) for end in ends):
+            return f"window must be two times as (0.5, 2.0) [s], got {shown(window)}."
+        begin, end = ends
+        crosses = begin is not None and end is not None and not begin < end
+        return f"the window {shown(window)} ends before it begins." if crosses else ""
+
+    def _refuse(self, *_: object) -> Any:
+        raise DeclarationError(
+            f"{self.kind}: a scalar output is one number per run, so that expressions cannot contain it."
+        )
+
+    __neg__ = __abs__ = __float__ = _refuse
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
+    __pow__ = __rpow__ = __lt__ = __le__ = __gt__ = __ge__ = _refuse
+
+    def __repr__(self) -> str:
+        parts = [str(part) for part in (self.expression, self.condition) if part is not None]
+        return f"{self.kind}({', '.join([*parts, *([f'window={self.window}'] if self.window else [])])})"
+
+
+def _is_expression(part: object) -> bool:
+    """Whether a part is one number over time, or may be."""
+    if isinstance(part, bool | np.bool_ | ca.SX | ca.DM) or is_sympy(part):
+        return True
+    number = numbers_of(part)
+    return number is not None and number.size == 1 and bool(np.isfinite(number).all())
+
+
+def maximum(expression: Expr, window: Window = None) -> Figure:
+    """The highest value of an expression over a run, between output times as well.
+
+    If the expression jumps, as velocities do at an impact, the values on both sides count.
+
+    Parameters
+    ----------
+    expression : SX
+        of coordinates, velocities, multipliers, parameters and `t`
+    window : (2,)
+        first and last time [s] that count; None for those of the run
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=2.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> system = mb.System(ball, mb.Gravity(0, -9.81), parameters=p)
+    >>> outputs = {"height": mb.maximum(ball.y)}
+    >>> throw = mb.Scene(system, {"ball.vy": p.speed}, [0.0, 1.0], outputs, mb.Box(speed=(1.9, 2.1)))
+    >>> round(mb.simulate(throw)["height"], 6)
+    0.203874
+    """
+    return Figure("maximum", expression, window=window)
+
+
+def minimum(expression: Expr, window: Window = None) -> Figure:
+    """The lowest value of an expression over a run, between output times as well. See `maximum`.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 1.0], outputs={"lowest": mb.minimum((mb.t - 0.3) ** 2 + 2)})
+    >>> round(mb.simulate(empty)["lowest"], 9)
+    2.0
+    """
+    return Figure("minimum", expression, window=window)
+
+
+def final(expression: Expr, window: Window = None) -> Figure:
+    """The value of an expression at the end of a run, or of a window of time.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 3.0], outputs={"end": mb.final(mb.t**2)})
+    >>> mb.simulate(empty)["end"]
+    9.0
+    """
+    return Figure("final", expression, window=window)
+
+
+def mean(expression: Expr, window: Window = None) -> Figure:
+    """The mean of an expression over time: its integral over the length of the run, or of a window of time.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 3.0], outputs={"mean": mb.mean(mb.t**2)})
+    >>> round(mb.simulate(empty)["mean"], 9)
+    3.0
+    """
+    return Figure("mean", expression, window=window)
+
+
+def first_time(condition: Expr, window: Window = None) -> Figure:
+    """The first time [s] at which a condition holds.
+
+    A condition that is only touched, as a gap is by an impact, holds there. One that holds at the begin of the window
+    has this time. A `<` that is an equality at the begin holds there only if it goes on to hold.
+
+    Parameters
+    ----------
+    condition : SX
+        a comparison of expressions, or several by `casadi.logic_and` and `logic_or`. If it never holds, the scalar
+        output of a run is nan, with a warning, and the run of a study fails
+    window : (2,)
+        first and last time [s] that count; None for those of the run
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> outputs = {"landing": mb.first_time(ball.y <= 0)}
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), {"ball.y": 1.0}, [0.0, 1.0], outputs)
+    >>> round(mb.simulate(fall)["landing"], 6)
+    0.451524
+    """
+    return Figure("first_time", condition=condition, window=window)
+
+
+def value_at(expression: Expr, condition: Expr, window: Window = None) -> Figure:
+    """The value of an expression at the `first_time` at which a condition holds: a range at landing.
+
+    If the expression jumps at this time, it is the value before the jump.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> outputs = {"range": mb.value_at(ball.x, ball.y <= 0)}
+    >>> start = {"ball.y": 1.0, "ball.vx": 2.0}
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), start, [0.0, 1.0], outputs)
+    >>> round(mb.simulate(fall)["range"], 6)
+    0.903047
+    """
+    return Figure("value_at", expression, condition, window)

@@ -1,0 +1,218 @@
+"""Shapes of bodies for drawings. They have no part in the equations."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._options import is_real, require_instance, shown
+from symmb._types import Array, Expr
+from symmb.declare.mechanics.mesh_file import read_mesh
+from symmb.declare.mechanics.rotation import Rotation
+from symmb.declare.symbolic import components, has_irregular_constant, is_zero, scalar, triad, vector
+
+
+class Geometry:
+    """A shape that is drawn where a body is. Its numbers may be expressions of parameters.
+
+    Attributes
+    ----------
+    at : (3,)              its middle, or the origin of a mesh, in body axes, from the origin of the body's points [m]
+    axes : (3, 3)          columns from its middle to its surface along its own axes, in body axes [m]; of a mesh the
+                           columns that stand for x, y, z of the file
+    """
+
+    form: ClassVar[str]
+    at: tuple[Expr, ...]
+
+    @property
+    def axes(self) -> ca.SX:
+        raise NotImplementedError
+
+    def _check(self, **sizes: Any) -> None:
+        """Raise for what is no place and for lengths that are no numbers above 0."""
+        kind = type(self).__name__
+        for name, value in sizes.items():
+            for part in value if isinstance(value, list | tuple | np.ndarray) else [value]:
+                if is_real(part) and not 0 < part < np.inf:
+                    raise DeclarationError(f"{kind}: {name} is {shown(value)}; it must be above 0 and finite.")
+                scalar(part, f"{kind}: {name}")
+            if is_real(value):
+                object.__setattr__(self, name, float(value))
+        if has_irregular_constant(vector(self.at, f"{kind}: at")):
+            raise DeclarationError(f"{kind}: at {shown(self.at)} contains NaN or infinity.")
+        object.__setattr__(self, "at", tuple(components(self.at) or ()))
+        if (turn := getattr(self, "rotation", None)) is not None:
+            require_instance(f"{kind}: rotation", turn, Rotation, "a rotation, mb.rotation(axis=..., angle=...)")
+
+
+def _turned(rotation: Rotation | None, columns: ca.SX) -> ca.SX:
+    return columns if rotation is None else rotation.matrix @ columns
+
+
+@dataclass(frozen=True, eq=False)
+class Box3(Geometry):
+    """A box in which a body is drawn.
+
+    Parameters
+    ----------
+    size : tuple
+        of its sides along x, y, z [m]
+    at : tuple
+        its middle in body axes, from the origin of the body's points [m]
+    rotation : Rotation
+        of its sides, box to body; default: along the body's axes
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", 2.0, 0.5, shapes=[mb.Box3((1.0, 0.1, 0.05))])
+    """
+
+    form = "box"
+    size: Sequence[Expr]
+    at: tuple[Expr, ...] = (0.0, 0.0, 0.0)
+    rotation: Rotation | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.size, list | tuple | np.ndarray) or len(self.size) != 3:
+            raise DeclarationError(f"Box3: size {shown(self.size)} has not three sides. Give (x, y, z).")
+        self._check(size=self.size)
+
+    @property
+    def axes(self) -> ca.SX:
+        return _turned(self.rotation, ca.diag(vector(self.size)) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder(Geometry):
+    """A cylinder in which a body is drawn.
+
+    Parameters
+    ----------
+    radius, length : Expr
+        [m]
+    axis : tuple
+        along it, in body axes
+    at : tuple
+        its middle in body axes, from the origin of the body's points [m]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> wheel = mb.Body("wheel", 2.0, 0.04, shapes=[mb.Cylinder(radius=0.2, length=0.05)])
+    """
+
+    form = "cylinder"
+    radius: Expr
+    length: Expr
+    axis: tuple[Expr, ...] = (0.0, 0.0, 1.0)
+    at: tuple[Expr, ...] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        self._check(radius=self.radius, length=self.length)
+        axis = vector(self.axis, "Cylinder: axis")
+        if is_zero(axis) or has_irregular_constant(axis):
+            raise DeclarationError(f"Cylinder: axis {shown(self.axis)} has no direction.")
+
+    @property
+    def axes(self) -> ca.SX:
+        radius, length = (scalar(value, "Cylinder") for value in (self.radius, self.length))
+        u, v, axis = ca.horzsplit(triad(vector(self.axis)))
+        return ca.horzcat(radius * v, -radius * u, length / 2 * axis)  # those of the body, if it stands along its z
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere(Geometry):
+    """A sphere in which a body is drawn.
+
+    Parameters
+    ----------
+    radius : Expr
+        [m]
+    at : tuple
+        its middle in body axes, from the origin of the body's points [m]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle(), shapes=[mb.Sphere(0.05)])
+    """
+
+    form = "sphere"
+    radius: Expr
+    at: tuple[Expr, ...] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        self._check(radius=self.radius)
+
+    @property
+    def axes(self) -> ca.SX:
+        return scalar(self.radius, "Sphere") * ca.SX.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh(Geometry):
+    """The surface in an STL file, in which a body is drawn.
+
+    Parameters
+    ----------
+    path : str or Path
+        of a binary or ASCII STL file; of other files, such as .obj, if the package trimesh is installed
+    scale : Expr or (x, y, z)
+        metres for each unit of the file: 0.001 for a file in millimetres
+    at : tuple
+        the file's origin in body axes, from the origin of the body's points [m]
+    rotation : Rotation
+        of the file's axes, file to body; default: along the body's axes
+
+    Raises
+    ------
+    DeclarationError
+        if the file is missing, is no STL, is cut off, or has numbers that are not finite
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import symmb as mb
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "part.stl"
+    >>> corners = "vertex 0 0 0 vertex 1 0 0 vertex 0 1 0"
+    >>> _ = file.write_text(f"solid part facet normal 0 0 1 outer loop {corners} endloop endfacet endsolid part")
+    >>> plate = mb.Body("plate", 2.0, 0.5, shapes=[mb.Mesh(file, scale=0.001)])
+    """
+
+    form = "mesh"
+    path: str | Path
+    scale: Expr | Sequence[Expr] = 1.0
+    at: tuple[Expr, ...] = (0.0, 0.0, 0.0)
+    rotation: Rotation | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.path, str | Path):
+            raise DeclarationError(f"Mesh: expected the path of a file, got {shown(self.path)}.")
+        object.__setattr__(self, "path", Path(self.path).absolute())
+        if isinstance(self.scale, list | tuple | np.ndarray) and len(self.scale) != 3:
+            raise DeclarationError(f"Mesh: scale {shown(self.scale)} is neither one number nor three.")
+        self._check(scale=self.scale)
+        _ = self.triangles
+
+    @property
+    def axes(self) -> ca.SX:
+        each = self.scale if isinstance(self.scale, list | tuple | np.ndarray) else [self.scale] * 3
+        return _turned(self.rotation, ca.diag(vector(each)))
+
+    @property
+    def triangles(self) -> Array:
+        """Corners of the triangles of the file, (m, 3, 3)."""
+        return read_mesh(Path(self.path))
+
+
+def shapes_of(owner: str, shapes: Any) -> tuple[Geometry, ...]:
+    """The shapes that a body is given."""
+    if not isinstance(shapes, list | tuple) or not all(isinstance(shape, Geometry) for shape in shapes):
+        raise DeclarationError(f"{owner}: shapes {shown(shapes)} are no list of Box3, Cylinder, Sphere or Mesh.")
+    return tuple(shapes)

@@ -1,0 +1,76 @@
+"""Impacts: Newton's law of restitution at the instant when a gap closes."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from symmb._options import is_real, number_text
+from symmb._types import Expr
+from symmb.declare.mechanics.element import Element
+from symmb.declare.symbolic import Kind, Symbol, declare
+
+
+@dataclass(frozen=True, eq=False)
+class Impact(Element):
+    """Unilateral contact without friction: an instantaneous impact wherever the gap closes.
+
+    At the instant the gap g is 0 and closing, g' < 0, velocities jump by an impulse P along the gap's gradient,
+
+        M (v+ - v-) + G' L = W' P,      G (v+ - v-) = 0,      g'+ = -e g'-,      W = dg'/dv,
+
+    so that all constraints hold after it. Simultaneous impacts are resolved in rounds, until no gap that is 0 closes.
+    Gaps that close at the beginning of a round come one after the other, in the order of their declaration. A warning
+    says where other orders end otherwise. If a rebound is not higher than the rounding of positions, the contact stays
+    closed: a constraint with a pushing force, until this force would pull.
+
+    Parameters
+    ----------
+    name : str
+    gap : expression
+        of coordinates, parameters and `t`, above 0 where open: `ball.y - radius` [m, rad]
+    restitution : expression
+        coefficient e of parameters, from 0 (nothing rebounds) to 1 (nothing is lost)
+
+    References
+    ----------
+    Glocker (2001), Set-Valued Force Laws, chapter 8. Pfeiffer, Glocker (1996), Multibody Dynamics with Unilateral
+    Contacts, chapter 6.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> system = mb.System(ball, mb.Gravity(0, -9.81), Impact("floor", ball.y, restitution=0.5))
+    >>> fall = mb.Scene(system, start={"ball.y": 4.905, "ball.vx": 1.0}, times=[0.0, 1.5])
+    >>> traj = mb.simulate(fall)
+    >>> first = traj.events[0]
+    >>> round(first.time, 9), round(first.before, 9), round(first.after, 9)
+    (1.0, -9.81, 4.905)
+    >>> float(traj["ball.y"][-1].round(6))
+    1.22625
+    """
+
+    name: str
+    gap: Expr
+    restitution: Expr
+
+    def faults(self) -> Iterator[str]:
+        yield from super().faults()
+        if is_real(self.restitution) and not 0 <= self.restitution <= 1:
+            yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
+
+    @property
+    def closed(self) -> ca.SX:
+        """1 while the contact stays closed, 0 while it is open."""
+        return self.state.sx
+
+    @cached_property
+    def state(self) -> Symbol:
+        """The record of `closed`, a state that changes at events only."""
+        name = f"{self.name}.closed"
+        return declare([name], Kind.STATE, ca.SX.sym(name), ca.SX(1, 1), ca.SX(1, 1))[0]
+
+
+RESTITUTION = "restitution {} is not between 0 and 1"

@@ -1,0 +1,219 @@
+"""Joints that open and close at an event of the run."""
+
+from collections.abc import Callable, Iterable, Iterator
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import casadi as ca
+
+from symmb._options import shown
+from symmb._types import Expr
+from symmb.declare.mechanics.axis_joint import AxisJoint, Joint
+from symmb.declare.mechanics.body import Point
+from symmb.declare.mechanics.element import Bind, Element
+from symmb.declare.mechanics.joint import Distance, PointOnLine, Screw, Spherical
+from symmb.declare.symbolic import Kind, Symbol, declare
+
+
+def event_state(name: str, value: float) -> Symbol:
+    """A state that changes at events only."""
+    return declare([name], Kind.STATE, ca.SX.sym(name), ca.SX(1, 1), ca.SX(value))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class JointEvent(Element):
+    """An event at which a joint opens or closes: the instant at which its condition becomes true."""
+
+    opens: ClassVar[bool]
+
+    joint: Joint
+    condition: Expr | Callable[[Any], Expr]
+
+    @property
+    def name(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The name of the joint and what happens to it, without dots."""
+        return f"{getattr(self.joint, 'name', '')}_{type(self).__name__.lower()}"
+
+    @property
+    def title(self) -> str:
+        return f"{type(self).__name__} {getattr(self.joint, 'name', '')!r}"
+
+    def parts(self) -> tuple[Element, ...]:
+        return (self.joint,)
+
+    def faults(self) -> Iterator[str]:
+        if not isinstance(self.joint, Joint):
+            got = self.joint.title if isinstance(self.joint, Element) else shown(self.joint)
+            yield f"{type(self).__name__}: expected a joint, got {got}."
+
+    @property
+    def closed(self) -> ca.SX:
+        """1 while this element keeps the joint closed, 0 while it does not."""
+        return self.flag.sx
+
+    @cached_property
+    def lam(self) -> ca.SX:
+        """Symbols for multipliers of the joint in the condition, more than any joint has, (6,) [N, N m]."""
+        return ca.SX.sym(f"{self.name}.lam", 6)
+
+    @cached_property
+    def flag(self) -> Symbol:
+        """The record of `closed`."""
+        return event_state(f"{self.name}.closed", float(self.opens))
+
+    @cached_property
+    def holding(self) -> Symbol:
+        """The record of whether the condition holds."""
+        return event_state(f"{self.name}.holds", 0.0)
+
+    @property
+    def states(self) -> tuple[Symbol, ...]:
+        """All states that change at the events of this element only."""
+        return self.flag, self.holding, *(symbol for symbol, _ in self.place)
+
+    @property
+    def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
+        """States that the event sets, with what they are then."""
+        return ()
+
+
+class Release(JointEvent):
+    """A joint that opens when a condition becomes true: a sling, a trigger, a pin that is pulled.
+
+    The rows of the joint leave the equations, and its reaction is 0 from then on. Velocities do not jump. The joint is
+    closed at the start, where the condition must not hold.
+
+    Parameters
+    ----------
+    joint : Joint
+    condition : expression
+        comparison of coordinates, velocities, parameters and `t`, such as `arm.theta > 0.8`; comparisons may be joined
+        by `casadi.logic_and` and `logic_or`. An expression that is no comparison holds where it is above 0. A function
+        gets the reaction of the joint, as `System.reaction` gives it: a pin that breaks is
+        `lambda pull: pull.fx**2 + pull.fy**2 > strength**2`. A peak of the reaction that is shorter than an eighth of a
+        step may be missed
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", mass=1.0, pose=mb.Particle())
+    >>> sling = mb.Distance("sling", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
+    >>> system = mb.System(bob, sling, Release(sling, bob.x < 0))
+    >>> run = mb.simulate(mb.Scene(system, {"bob.x": 1.0, "bob.y": 0.0, "bob.vy": 1.0}, [0.0, 3.0]))
+    >>> (event,) = run.events
+    >>> event.name, event.what, round(event.time, 6)
+    ('sling', 'opens', 1.570796)
+    >>> run["bob.x"].round(6), run["bob.y"].round(6)
+    (array([ 1.      , -1.429204]), array([0., 1.]))
+    """
+
+    opens = True
+
+
+class Latch(JointEvent):
+    """A joint that closes when a condition becomes true: a door's latch, a hook, a clutch with teeth.
+
+    The rows of the joint enter the equations, where the bodies are at this instant: as if the point of body a, and the
+    joint's frame on it, were where those of body b are. A Distance gets the length that it has then. The impact is
+    plastic: velocities jump with the smallest kinetic energy so that all rows have the rate 0,
+
+        M (v+ - v-) + G' L = 0,    G v+ + Phi_t = 0,
+
+    with an impulse L of each row. A contact whose gap would then close has an impact after it. The joint is open at the
+    start, unless it has a `Release` as well: it is closed then, opens, and may close and open again. A condition counts
+    at the instant at which it becomes true, so that one that holds when the joint opens must first cease to.
+
+    Parameters
+    ----------
+    joint : Joint
+        Revolute, Prismatic, Cylindrical, Weld, PlanarJoint, Spherical, PointOnLine or Distance
+    condition : expression
+        as of `Release`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> a, b = (mb.Body(name, mass=1.0, pose=mb.Particle()) for name in "ab")
+    >>> hook = mb.Spherical("hook", a.point(0, 0), b.point(0, 0))
+    >>> system = mb.System(a, b, hook, Latch(hook, b.x - a.x < 0.1))
+    >>> run = mb.simulate(mb.Scene(system, {"a.x": 0.0, "a.vx": 2.0, "b.x": 1.1}, [0.0, 1.0]))
+    >>> (event,) = run.events
+    >>> round(event.time, 6), round(event.work, 6), round(event.impulse[0], 6)
+    (0.5, -1.0, -1.0)
+    >>> run["a.vx"].round(6), run["b.x"].round(6)
+    (array([2., 1.]), array([1.1, 1.6]))
+    """
+
+    opens = False
+
+    def faults(self) -> Iterator[str]:
+        yield from super().faults()
+        joint = self.joint
+        aligns = isinstance(joint, AxisJoint) and joint.aligns and not isinstance(joint, Screw)
+        if isinstance(joint, Joint) and not aligns and not isinstance(joint, Spherical | PointOnLine | Distance):
+            yield f"{self.title}: no {type(joint).__name__} can close in a run. Use a Weld, Revolute or Prismatic."
+
+    @cached_property
+    def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
+        """States that keep where the joint closes, with what they are at this instant."""
+        return self._grip[1]
+
+    @property
+    def grip(self) -> Joint:
+        """The joint where it has closed."""
+        return self._grip[0]
+
+    def rows(self, bind: Bind) -> ca.SX:
+        """The rows of the joint where it has closed."""
+        place, joint = self.place, self.grip
+        if isinstance(joint, Distance):
+            return ca.norm_2(joint.d) - place[0][0].sx
+        return joint.position_rows(bind)
+
+    @cached_property
+    def _grip(self) -> tuple[Joint, tuple[tuple[Symbol, ca.SX], ...]]:
+        """The joint with the point and the frame of body a where those of body b were, and its states."""
+        joint = self.joint
+        if isinstance(joint, Distance):
+            return joint, ((event_state(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)
+        R_a, R_b = (body.frame.R for body in joint.bodies())
+        shift, place = self._kept("shift", R_a.T @ joint.d, ca.SX(3, 1))
+        grip = copy(joint)
+        for name in joint.__dict__.keys() - joint.__dataclass_fields__.keys():
+            del vars(grip)[name]  # what was derived from the point and the frame
+        vars(grip)["point_a"] = Point(joint.point_a.body, joint.point_a.s + shift)
+        if isinstance(joint, AxisJoint) and joint.aligns:
+            turn, more = self._kept("turn", R_a.T @ R_b @ joint.alignment, ca.SX.eye(3))
+            F_a, F_b = joint.own_frames
+            vars(grip)["own_frames"] = (turn @ F_a, F_b)
+            place = (*place, *more)
+        return grip, place
+
+    def _kept(self, name: str, value: ca.SX, start: ca.SX) -> tuple[ca.SX, tuple[tuple[Symbol, ca.SX], ...]]:
+        """States in place of the entries of a matrix that change in a run, and these."""
+        value, kept = ca.densify(value), []
+        matrix = ca.SX(value)
+        for i, entry in enumerate(ca.vertsplit(ca.vec(value))):
+            if not entry.is_constant():
+                state = event_state(f"{self.name}.{name}[{i}]", float(ca.densify(start).nz[i]))
+                kept.append((state, entry))
+                matrix[i] = state.sx
+        return matrix, tuple(kept)
+
+
+def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
+    """Joints that open or close, with an expression that is 1 while they are closed and 0 while they are open."""
+    gates: dict[str, ca.SX] = {}
+    for event in events:
+        gates[event.joint.name] = gates.get(event.joint.name, ca.SX(0)) + event.closed
+    return gates
+
+
+def closed_at_start(events: Iterable[JointEvent]) -> dict[str, bool]:
+    """Joints that open or close, and whether they are closed at the start: clutches and joints with a Latch alone are
+    not."""
+    events = list(events)
+    released = {event.joint.name for event in events if float(event.flag.value)}
+    return {event.joint.name: event.joint.name in released for event in events}

@@ -1,0 +1,152 @@
+"""Parameters: named symbols with nominal values."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from weakref import WeakValueDictionary
+
+import casadi as ca
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError, NoParameterError
+from symmb._interrupts import kept_interrupts
+from symmb._names import did_you_mean, name_fault, normal, normal_keys
+from symmb._options import is_finite_number, shown
+from symmb._types import Array
+from symmb._units import label, quantity, scaled, unit_of, units_of_parameters
+from symmb.declare.symbolic import Kind, Symbol, declare
+
+_DECLARED: "WeakValueDictionary[int, Parameters]" = WeakValueDictionary()
+
+
+def declared_with(symbol: ca.SX) -> "Parameters | None":
+    """The parameters that a symbol was declared with, as long as they are in use."""
+    return _DECLARED.get(symbol.element_hash())
+
+
+class Parameters(Mapping[str, float]):
+    """Named parameters with nominal values; a mapping from name to nominal value.
+
+    Parameters
+    ----------
+    **nominal : float, (float, str) or str
+        nominal value of each parameter, in SI units unless expressions convert it. With a unit, as (235, "mm") or
+        "235 mm", `p.l1` is the quantity in SI units, and everywhere else the value is a number in this unit: here, in
+        boxes, tables, pictures, reports, files and FMUs
+
+    Raises
+    ------
+    DeclarationError
+        If a value is not a finite number, a unit is not known, or a name is no identifier or taken by the class itself
+
+    Examples
+    --------
+    >>> p = Parameters(l1=1.0, m1=2.5)
+    >>> p.l1, p["m1"]
+    (SX(l1), 2.5)
+    >>> p = Parameters(arm=(235, "mm"), rate="2.5 N/mm")
+    >>> p.arm, p["arm"]
+    (SX((arm/1000)), 235.0)
+    """
+
+    @kept_interrupts()
+    def __init__(self, **nominal: "float | tuple[float, str] | str") -> None:
+        nominal = normal_keys("Parameters", nominal)
+        taken = [n for n in nominal if n == "t" or hasattr(type(self), n)]
+        faults = [f"parameter {n!r}: the name is taken; choose another." for n in taken]
+        faults += [
+            f"parameter {n!r}: a name has letters, digits and underscores, a letter first."
+            for n in nominal
+            if not n.isidentifier() or name_fault(n)
+        ]
+        given = dict[str, tuple[float, str]]()
+        for name, value in nominal.items():
+            try:
+                given[name] = quantity(f"parameter {name!r}: nominal value", value)
+                unit_of(f"parameter {name!r}", given[name][1])
+            except DeclarationError as error:
+                faults.append(str(error))
+        if faults:
+            raise DeclarationError("\n".join(faults))
+        self._nominal = {name: value for name, (value, _) in given.items()}
+        self._units = {name: unit for name, (_, unit) in given.items() if unit}
+        self._symbols = ca.vertcat(*[ca.SX.sym(name) for name in nominal]) if nominal else ca.SX(0, 1)
+        self._records = declare(nominal, Kind.PARAMETER, self._symbols)
+        for record in self._records:
+            _DECLARED[record.sx.element_hash()] = self
+        self._quantities = _quantities(self._symbols, self._nominal, self._units)
+
+    def with_more(self, **nominal: float) -> "Parameters":
+        """These parameters, with the same symbols, and more behind them."""
+        more = Parameters(**nominal)
+        return self._with(self._nominal | more._nominal, more._records)
+
+    def with_inputs(self, inputs: Sequence[Symbol]) -> "Parameters":
+        """These parameters, and the symbols of inputs behind them, whose nominal values are 0."""
+        return self._with(self._nominal | dict.fromkeys((symbol.name for symbol in inputs), 0.0), inputs)
+
+    def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
+        """These parameters, with the same symbols, and with other nominal values."""
+        nominal = normal_keys("with_nominal", nominal)
+        if not isinstance(nominal, Mapping) or not all(is_finite_number(nominal.get(name)) for name in self._nominal):
+            names = ", ".join(self._nominal)
+            raise DeclarationError(f"with_nominal: expected finite numbers by the names {names}, got {shown(nominal)}.")
+        return self._with({name: float(nominal[name]) for name in self._nominal})
+
+    def _with(self, nominal: dict[str, float], more: Sequence[Symbol] = ()) -> "Parameters":
+        """These parameters with other nominal values, and more symbols behind them."""
+        other = object.__new__(Parameters)
+        other._nominal, other._units, other._records = nominal, self._units, (*self._records, *more)
+        symbols = [symbol.sx for symbol in more]
+        other._symbols = ca.vertcat(self._symbols, *symbols) if symbols else self._symbols
+        other._quantities = ca.vertcat(self._quantities, *symbols) if symbols else self._quantities
+        return other
+
+    def __getattr__(self, name: str) -> ca.SX:
+        names, name = list(self.__dict__.get("_nominal", ())), normal(name)
+        if name not in names:
+            raise AttributeError(f"no parameter {name!r}; declared are: {', '.join(names) or 'none'}.")
+        return self._quantities[names.index(name)]
+
+    @property
+    def symbols(self) -> ca.SX:
+        """All symbols as one vector, (n_p,), in the order of declaration. They stand for numbers in units."""
+        return self._symbols
+
+    @property
+    def nominal(self) -> Array:
+        """All nominal values, (n_p,)."""
+        return np.array(list(self._nominal.values()))
+
+    def __getitem__(self, name: str) -> float:
+        name = normal(name)
+        if not isinstance(name, str) or name not in self._nominal:
+            raise NoParameterError(f"no parameter {shown(name)}.{did_you_mean(name, self._nominal)}")
+        return self._nominal[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._nominal)
+
+    def __len__(self) -> int:
+        return len(self._nominal)
+
+    def __repr__(self) -> str:
+        texts = (f"({v:g}, {self._units[n]!r})" if n in self._units else f"{v:g}" for n, v in self._nominal.items())
+        return f"Parameters({', '.join(f'{n}={text}' for n, text in zip(self, texts, strict=True))})"
+
+    def _repr_html_(self) -> str:
+        rows = [[label(name, self._units.get(name, "")), f"{value:.12g}"] for name, value in self._nominal.items()]
+        return html.page(html.table([["parameter", "nominal"], *rows]))
+
+
+def _quantities(symbols: ca.SX, names: Iterable[str], units: Mapping[str, str]) -> ca.SX:
+    """The quantities in SI units (n_p,) of symbols, which stand for numbers in units."""
+    ratios = (unit_of(name, units.get(name, "")) for name in names)
+    return ca.vertcat(ca.SX(0, 1), *(scaled(symbols[i], ratio) for i, ratio in enumerate(ratios))) if units else symbols
+
+
+def with_si_symbols(parameters: Parameters, expression: ca.SX) -> ca.SX:
+    """An expression whose symbols of parameters stand for quantities in SI units, as it is written in textbooks."""
+    units, symbols = units_of_parameters(parameters), parameters.symbols
+    ratios = [unit_of(name, units.get(name, "")) for name in parameters]
+    numbers = [scaled(symbols[i], ratio, inverse=True) for i, ratio in enumerate(ratios)]
+    return ca.substitute(expression, symbols, ca.vertcat(*numbers)) if units else expression

@@ -1,0 +1,93 @@
+"""Moments of inertia that no body has: the nearest possible ones, and what they change."""
+
+from dataclasses import replace
+from itertools import product
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.declare.mechanics.robots.algebra import matrix
+from symmb.declare.mechanics.robots.description import ENTRIES, SLIDING, TURNING, XYZ, full_matrix, inertia_fault, named
+from symmb.declare.mechanics.robots.inertia import united
+from symmb.declare.mechanics.robots.robot import ORIGIN, Building
+
+_MOST, _RIDGE = 0.5, 1e-12
+"""Change of the energy of a motion, over this energy, up to which an inertia is repaired: the nearest possible one is
+closer to the true one than that of the file, but beyond this it makes the motion. What stands for the energy of a link
+without mass, over its squared rate."""
+
+
+def repaired(building: Building) -> tuple[Building, list[str]]:
+    """A machine whose bodies all have possible inertias, and a sentence on what is repaired.
+
+    A link on the base, or on a body that is possible as a whole, keeps its inertia. DeclarationError if a repair would
+    change the motion much.
+    """
+    description, values = building.description, building.values
+    numbers = {name: description.numbers[name] if isinstance(x, ca.SX) else x for name, x in values.items()}
+    before, better = replace(building, values=numbers), {}
+    for link, top in description.tops.items():
+        moments = tuple(x for x in building.vector(f"{link}.inertia", ENTRIES) if not isinstance(x, ca.SX))
+        is_base = building.fixed_base and top == description.root
+        if not is_base and len(moments) == len(ENTRIES) and inertia_fault(moments):
+            parts = [before.mass(part, before.places[part]) for part, own in description.tops.items() if own == top]
+            if inertia_fault(tuple(np.array(united(parts).inertia)[np.triu_indices(3)])):
+                better |= named(f"{link}.inertia", ENTRIES, nearest_possible(moments))
+    if not better:
+        return building, []
+    M, after = _mass_matrix(before), _mass_matrix(replace(before, values=numbers | better))
+    size = np.sqrt(np.maximum(np.diag(after), np.finfo(float).tiny))
+    root = np.linalg.inv(np.linalg.cholesky(after / size / size[:, None] + _RIDGE * np.eye(len(M)))) / size
+    share = float(np.abs(np.linalg.eigvalsh(root @ (after - M) @ root.T)).max(initial=0.0))
+    names = ", ".join(repr(name.removesuffix(".inertia.xx")) for name in better if name.endswith(".inertia.xx"))
+    if not share <= _MOST:
+        raise DeclarationError(
+            f"{description.path}: no body has the inertia of {names}. The nearest possible one would change the energy "
+            f"of a motion by {min(share, 10):.0%}. Correct the file."
+        )
+    said = f"symmb takes the nearest possible inertia for {names}; it changes the energy of no motion by more than "
+    description = replace(description, numbers=description.numbers | better)
+    return replace(building, description=description, values={**values, **better}), [f"{said}{share:.1g} of itself."]
+
+
+def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
+    """Entries xx, xy, xz, yy, yz, zz of the nearest inertia matrix that a body may have, in the Frobenius norm.
+
+    Each principal moment is the sum of two of three second moments of mass, and none of these is negative.
+    """
+    principal, axes = np.linalg.eigh(full_matrix(moments))
+    found = [np.zeros(3)]
+    for used in product((False, True), repeat=3):
+        pairs = (1 - np.eye(3))[:, used]
+        second = np.linalg.lstsq(pairs, principal)[0]
+        found += [pairs @ second] * bool((second >= 0).all())
+    best = min(found, key=lambda candidate: float(np.linalg.norm(candidate - principal)))
+    return tuple((axes * best @ axes.T)[np.triu_indices(3)].tolist())
+
+
+def _mass_matrix(building: Building) -> Array:
+    """Mass matrix (n, n) of a tree where the file draws it, by rates of its joints; planar ones count as free."""
+    root, values = building.description.root, building.values
+    places, screws = {root: ORIGIN}, {root: np.eye(6)[:, : 0 if building.fixed_base else 6]}
+    count = screws[root].shape[1]
+    for joint in building.description.joints.values():
+        at, e = places[joint.child] = building.carried(joint, places[joint.parent])
+        R, own = np.array(matrix(e)), np.eye(6)[:, : 0 if joint.kind == "fixed" else 6]
+        if joint.kind in (*TURNING, "ball"):
+            at = at + R @ [values.get(f"{joint.name}.pos.{x}", 0.0) for x in XYZ]
+            own = np.vstack([R, np.cross(at, R.T).T])
+        elif joint.kind in SLIDING:
+            own = np.vstack([np.zeros((3, 3)), R])
+        if joint.moves:
+            own = own @ np.array(building.vector(f"{joint.name}.axis"))[:, None]
+        known = screws[joint.parent]
+        screws[joint.child] = np.hstack([known, np.zeros((6, count - known.shape[1])), own])
+        count += own.shape[1]
+    M = np.zeros((count, count))
+    for link, screw in screws.items():
+        mass, n = building.mass(link, places[link]), screw.shape[1]
+        speeds = screw[3:] - np.cross(np.array(mass.com), screw[:3], axisb=0).T
+        M[:n, :n] += float(mass.mass) * speeds.T @ speeds + screw[:3].T @ np.array(mass.inertia) @ screw[:3]
+    return M

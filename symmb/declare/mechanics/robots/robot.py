@@ -1,0 +1,392 @@
+"""Bodies, joints and forces of a machine that stands in a file."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeAlias
+from urllib.parse import unquote, urlsplit
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._options import is_finite_number, is_real, shown
+from symmb._types import Expr
+from symmb.declare.mechanics.actuator import Actuator, Stop
+from symmb.declare.mechanics.axis_joint import AxisJoint, Joint
+from symmb.declare.mechanics.body import AbstractBody, Body, Flywheel, Ground, Point
+from symmb.declare.mechanics.constraint import Motion, VelocityConstraint
+from symmb.declare.mechanics.contact_law import ContactLaw
+from symmb.declare.mechanics.element import Element
+from symmb.declare.mechanics.force import Bushing
+from symmb.declare.mechanics.friction import Coulomb
+from symmb.declare.mechanics.geometry import Box3, Cylinder, Geometry, Mesh, Sphere
+from symmb.declare.mechanics.joint import PlanarJoint, Prismatic, Revolute, Spherical
+from symmb.declare.mechanics.pose import Spatial
+from symmb.declare.mechanics.robots.algebra import (
+    NO_TURN,
+    Scalar,
+    Vector,
+    about,
+    add,
+    by_angles,
+    is_nought,
+    matrix,
+    one_after,
+    plain,
+    product,
+    rotation,
+    transposed,
+    turned,
+    unit,
+)
+from symmb.declare.mechanics.robots.description import (
+    ENTRIES,
+    RPY,
+    SLIDING,
+    TURNING,
+    XYZ,
+    Description,
+    JointData,
+    inertia_fault,
+)
+from symmb.declare.mechanics.robots.inertia import Mass, united
+from symmb.declare.symbolic import is_sympy, scalar, vector
+
+_TRANSITION = 0.01
+"""Rate at which dry friction is fully there [rad/s, m/s], a hundredth of usual rates of joints. A smaller one is closer
+to Coulomb's law, and stiffer."""
+Place: TypeAlias = "tuple[Vector, Vector]"
+"""Origin (3,) [m] and quaternion (4,) of a frame."""
+ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
+_JOINTS: dict[str, type[AxisJoint]] = dict.fromkeys(TURNING, Revolute)
+_JOINTS |= dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
+
+
+class _LinkMesh(Mesh):
+    """The mesh of a link, whose file need not be there: it is read when it is drawn."""
+
+    def __post_init__(self) -> None:
+        pass
+
+
+@dataclass(frozen=True, eq=False)
+class LinkFrame:
+    """A link that fixed joints hold on another one. Together they are one `body`, named after the one that carries.
+
+    Attributes
+    ----------
+    name : str
+    body : Body or Ground
+    origin : (3,)          the origin of the link, from that of the body's points in axes of the body [m]
+    quaternion : (4,)      of the rotation link to body, scalar first
+    """
+
+    name: str
+    body: AbstractBody
+    origin: Vector
+    quaternion: Vector
+
+    def point(self, x: Expr, y: Expr, z: Expr = 0) -> Point:
+        """Point of the body at (x, y, z) [m] in axes of the link, from its origin."""
+        return self.body.point(*add(self.origin, self.direction(x, y, z)))
+
+    def direction(self, x: Expr, y: Expr, z: Expr = 0) -> Vector:
+        """A vector (3,) of the link in axes of the body, as the axis of a joint on `point`."""
+        own = ca.vertsplit(vector([x, y, z], f"direction of {self.name!r}"))
+        return turned(matrix(self.quaternion), tuple(map(plain, own)))
+
+
+class _ByName(dict[str, Any]):
+    """Parts by name. A name that is not there is an error with near misses."""
+
+    def __init__(self, robot: str, what: str) -> None:
+        super().__init__()
+        self._robot, self._what = robot, what
+
+    def __missing__(self, name: str) -> Any:
+        raise DeclarationError(f"Robot {self._robot!r} has no {self._what} {name!r}.{did_you_mean(name, self)}")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robot:
+    """A machine from a file, as `load_urdf` and `load_mjcf` return it.
+
+    Attributes
+    ----------
+    name : str
+    numbers : dict         every number of the file by name, in SI units
+    bodies : dict          link -> `Body`, `Ground`, or `LinkFrame` of a link that fixed joints hold; `.point(x, y, z)`
+                           counts from the link's origin in its axes
+    joints : dict          joint -> `Revolute`, `Prismatic`, `PlanarJoint` or `Spherical`. Its angle or displacement is
+                           the one of the file
+    elements : tuple       all that goes into a `System`: bodies, joints, forces and whatever else the file says
+    start : dict           the pose in which the file draws the machine, for `Scene(start=...)` or `guess=`
+    """
+
+    name: str
+    numbers: dict[str, float]
+    bodies: Mapping[str, Any]
+    joints: Mapping[str, Any]
+    elements: tuple[Body | Element, ...]
+    start: dict[str, Any]
+
+    def __repr__(self) -> str:
+        kinds: dict[str, int] = {}
+        for element in self.elements:
+            kinds[type(element).__name__] = kinds.get(type(element).__name__, 0) + 1
+        limits = sum(name.endswith(".limit.lower") for name in self.numbers)
+        stops = kinds.get("Stop", 0)
+        text = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+        of_joints = "the limits of one joint" if limits == 1 else f"the limits of {limits} joints"
+        idle = f"; {of_joints} do not act, give stop=..." if limits and not stops else ""
+        return f"Robot({self.name!r}: {text}{idle})"
+
+
+def require_stop(owner: str, stop: object) -> None:
+    """DeclarationError unless it is None, a contact law or one number."""
+    if stop is not None and not isinstance(stop, ContactLaw) and not is_sympy(stop):
+        scalar(stop, f"{owner}: stop, a contact law or a coefficient of restitution")
+
+
+def replaced(
+    description: Description, replace: Mapping[str, Expr] | None, stop: object, fixed: str | None
+) -> dict[str, Scalar]:
+    """All numbers of a file, some of which are replaced. `fixed` is what moves a base that stands still."""
+    replace = {} if replace is None else replace
+    if not isinstance(replace, Mapping):
+        raise DeclarationError(
+            f'replace: expected {{"forearm.mass": p.m}}, expressions by names, got {shown(replace)}.'
+        )
+    faults: list[str] = []
+    values: dict[str, Scalar] = dict(description.numbers)
+    for name, value in replace.items():
+        fault = _idle_fault(description, name, stop, fixed) or _value_fault(name, value)
+        if fault:
+            faults.append(f"replace: {fault}")
+        else:
+            values[name] = float(value) if is_real(value) else scalar(value, f"replace: {name!r}")
+    for link in {name.partition(".inertia.")[0] for name in replace if ".inertia." in str(name)} & {*description.links}:
+        entries = [values[f"{link}.inertia.{entry}"] for entry in ENTRIES]
+        numbers = tuple(entry for entry in entries if not isinstance(entry, ca.SX))
+        fault = inertia_fault(numbers) if len(numbers) == len(entries) else ""
+        if fault:
+            faults.append(f"replace: inertia of {link!r}: {fault}")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return values
+
+
+def _idle_fault(description: Description, name: str, stop: object, fixed: str | None) -> str:
+    """Why nothing would depend on a number, or empty."""
+    if name not in description.numbers:
+        return f"{description.name!r} has no number {name!r}.{did_you_mean(name, description.numbers)}"
+    owner, what = name.split(".")[:2]
+    if name.endswith((".effort", ".velocity")):
+        return f"nothing depends on {name!r}."
+    if what == "limit" and stop is None:
+        return f"nothing depends on {name!r}. Give stop=..., by which limits act."
+    if fixed is not None and description.tops.get(owner) == description.root and what in ("mass", "com", "inertia"):
+        return f"nothing depends on {name!r}, as the base is fixed. {fixed}"
+    return ""
+
+
+def _value_fault(name: str, value: Any) -> str:
+    """Why a number cannot be the one of a name, or empty."""
+    if not is_real(value):
+        return ""
+    if not is_finite_number(value):
+        return f"{name!r} is {value!r}, not a finite number."
+    is_negative = value < 0 and name.split(".")[1] in ("mass", "damping", "friction", "armature")
+    return f"{name!r} is {value:g}; it must not be negative." if is_negative else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Building:
+    """A description on its way to a robot. `values` has its numbers, some of which are replaced by expressions."""
+
+    description: Description
+    values: Mapping[str, Scalar]
+    fixed_base: bool
+    stop: ContactLaw | Expr | None
+
+    def vector(self, name: str, parts: tuple[str, ...] = XYZ) -> Vector:
+        """Numbers or expressions of one name."""
+        return tuple(self.values[f"{name}.{part}"] for part in parts)
+
+    def quaternion(self, name: str) -> Vector:
+        """The rotation by roll, pitch and yaw of one name."""
+        return by_angles(self.vector(name, RPY))
+
+    def carried(self, joint: JointData, place: Place) -> Place:
+        """The place of the child of a joint at zero, from that of its parent."""
+        at, e = place
+        origin = add(at, turned(matrix(e), self.vector(f"{joint.name}.origin")))
+        return origin, one_after(e, self.quaternion(f"{joint.name}.origin"))
+
+    @cached_property
+    def places(self) -> dict[str, Place]:
+        """All links on their bodies."""
+        places: dict[str, Place] = {}
+        joints = {joint.child: joint for joint in self.description.joints.values()}
+        for link, top in self.description.tops.items():
+            places[link] = ORIGIN if link == top else self.carried(joints[link], places[joints[link].parent])
+        return places
+
+    @cached_property
+    def frames(self) -> dict[str, LinkFrame]:
+        """All links, with the bodies to which they belong."""
+        tops = self.description.tops
+        held: dict[str, list[Mass]] = {top: [] for top in tops.values()}
+        for link, top in tops.items():
+            held[top].append(self.mass(link, self.places[link]))
+        bodies = {top: self._body(top, masses) for top, masses in held.items()}
+        return {link: LinkFrame(link, bodies[top], *self.places[link]) for link, top in tops.items()}
+
+    def mass(self, link: str, place: Place) -> Mass:
+        """That of a link at a place."""
+        origin, e = place
+        xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ENTRIES)
+        R = matrix(one_after(e, self.quaternion(f"{link}.com")))
+        J = product(product(R, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), transposed(R))
+        return Mass(self.values[f"{link}.mass"], add(origin, turned(matrix(e), self.vector(f"{link}.com"))), J)
+
+    def _body(self, top: str, masses: list[Mass]) -> AbstractBody:
+        if self.fixed_base and top == self.description.root:
+            return Ground(tuple(self._shapes(top)))
+        whole = united(masses)
+        if top == self.description.root and is_nought(whole.mass):
+            raise DeclarationError(
+                f"load_urdf: the free base {top!r} has no mass, so that nothing determines its acceleration. Give the "
+                "link an <inertial> with mass and inertia, or fixed_base=True."
+            )
+        name = f"{top}_link" if top in self.description.joints else top
+        J = whole.inertia
+        if not any(isinstance(x, ca.SX) for row in J for x in row):  # the moment of a turned rod is below 0 by rounding
+            J = tuple(tuple(max(x, 0.0) if i == k else x for k, x in enumerate(row)) for i, row in enumerate(J))
+        return Body(name, whole.mass, J, Spatial(), whole.com, tuple(self._shapes(top)))
+
+    def robot(self) -> Robot:
+        """The machine."""
+        description, frames = self.description, self.frames
+        bodies, joints = _ByName(description.name, "link"), _ByName(description.name, "joint")
+        for link, top in description.tops.items():
+            bodies[link] = frames[link].body if link == top else frames[link]
+        joints.update({j.name: self._joint(j) for j in description.joints.values() if j.kind in (*_JOINTS, "ball")})
+        elements: list[Body | Element] = [b for b in bodies.values() if isinstance(b, Body)]
+        elements += joints.values()
+        for joint in description.joints.values():
+            elements += self._joint_forces(joint, joints) if joint.moves else self._damping(joint, joints)
+        followers = {joint.name for joint in description.joints.values() if joint.mimic}
+        moving = [j for j in joints.values() if j.coordinate and j.name not in followers]
+        start = {f"{j.name}.{j.coordinate}": self.values.get(f"{j.name}.ref", 0.0) for j in moving}
+        return Robot(description.name, description.numbers, bodies, joints, tuple(elements), start | self._free_start())
+
+    def _joint(self, joint: JointData) -> Joint:
+        name, (at, e) = joint.name, self.carried(joint, self.places[joint.parent])
+        anchor = self.vector(f"{name}.pos") if f"{name}.pos.x" in self.values else (0.0, 0.0, 0.0)
+        base, at = self.frames[joint.parent].body, add(at, turned(matrix(e), anchor))
+        point_b = self.frames[joint.child].point(*anchor)
+        if joint.kind == "ball":
+            return Spherical(name, base.point(*at), point_b)
+        own = self.vector(f"{name}.axis")
+        axis, ref = turned(matrix(e), own), self.values.get(f"{name}.ref", 0.0)
+        if not is_nought(ref):  # the value that the joint has where the file draws it
+            if joint.kind in SLIDING:
+                at = add(at, tuple(-ref * x for x in unit(axis)))
+            else:
+                e = one_after(e, about(own, -ref))
+        return _JOINTS[joint.kind](name, base.point(*at), point_b, axis, zero=rotation(e))
+
+    def _damping(self, data: JointData, joints: Mapping[str, Any]) -> Iterator[Element]:
+        """Of a body that turns freely about a point, or moves freely."""
+        damping = self.values.get(f"{data.name}.damping", 0.0)
+        if not is_nought(damping):
+            if data.kind == "ball":
+                points = joints[data.name].point_a, joints[data.name].point_b
+            else:
+                points = self.frames[data.parent].point(0, 0, 0), self.frames[data.child].point(0, 0, 0)
+            yield Bushing(f"{data.name}:damping", *points, 0.0, damping, 0.0, damping)
+
+    def _joint_forces(self, data: JointData, joints: Mapping[str, AxisJoint]) -> Iterator[Body | Element]:
+        """Damping, friction, spring, the inertia of the drive, the row of a mimic joint, and a stop."""
+        name, joint = data.name, joints[data.name]
+        damping, friction = self.values[f"{name}.damping"], self.values[f"{name}.friction"]
+        rate = getattr(joint, f"{joint.coordinate}_rate")
+        if not is_nought(damping):
+            yield Actuator(f"{name}:damping", joint, -damping * rate)
+        if not is_nought(friction):
+            force, _ = Coulomb(1.0, _TRANSITION).resistance(name, rate, ca.SX(friction))
+            yield Actuator(f"{name}:friction", joint, force)
+        stiffness, armature = (self.values.get(f"{name}.{what}", 0.0) for what in ("stiffness", "armature"))
+        if not is_nought(stiffness):
+            value = getattr(joint, str(joint.coordinate))
+            yield Actuator(f"{name}:spring", joint, -stiffness * (value - self.values[f"{name}.springref"]))
+        if not is_nought(armature):
+            # A disc on the ground that turns at the rate of the joint, so that its inertia acts on that alone.
+            rotor = Flywheel(f"{name}:rotor", armature, (armature,) * 3, Spatial())
+            yield rotor
+            yield Revolute(f"{name}:bearing", Ground().point(0, 0, 0), rotor.point(0, 0, 0))
+            yield VelocityConstraint(f"{name}:armature", (rotor.omega[2] - rate,))
+        if data.mimic is not None:
+            value, led = (getattr(j, str(j.coordinate)) for j in (joint, joints[data.mimic]))
+            factor, offset = (self.values[f"{name}.mimic.{part}"] for part in ("multiplier", "offset"))
+            yield Motion(f"{name}:mimic", value - factor * led, offset)
+        ends = [self.values.get(f"{name}.limit.{end}") for end in ("lower", "upper")]
+        if self.stop is None or data.kind == "continuous" or None in ends:
+            return
+        if ends[0] is ends[1] or (isinstance(ends[0], float) and ends[0] == ends[1]):
+            return
+        law = self.stop if isinstance(self.stop, ContactLaw) else None
+        yield Stop(f"{name}:stop", joint, *ends, law=law, restitution=None if law else self.stop)
+
+    def _shapes(self, top: str) -> Iterator[Geometry]:
+        """Those of the links of one body."""
+        for link, data in self.description.links.items():
+            origin, e = self.places[link]
+            for shape in data.shapes if self.description.tops[link] == top else ():
+                at, turn = add(origin, turned(matrix(e), shape.xyz)), one_after(e, by_angles(shape.rpy))
+                if shape.form == "box":
+                    yield Box3(shape.size, at, rotation(turn))
+                elif shape.form == "cylinder":
+                    yield Cylinder(shape.size[0], shape.size[1], turned(matrix(turn), (0.0, 0.0, 1.0)), at)
+                elif shape.form == "sphere":
+                    yield Sphere(shape.size[0], at)
+                else:
+                    yield _LinkMesh(_mesh_path(shape.mesh, self.description.path), shape.size, at, rotation(turn))
+
+    def _free_start(self) -> dict[str, Any]:
+        """The pose of bodies that no joint carries, and the orientation of those on ball joints."""
+        kinds = {joint.child: joint.kind for joint in self.description.joints.values()}
+        places: dict[str, Place] = {self.description.root: ORIGIN}
+        start: dict[str, Any] = {}
+        for joint in self.description.joints.values():
+            places[joint.child] = self.carried(joint, places[joint.parent])
+        for link, (at, e) in places.items():
+            body, kind = self.frames[link].body, kinds.get(link, "floating")
+            if kind not in ("floating", "ball") or not isinstance(body, Body):
+                continue
+            start[f"{body.name}.rotation"] = rotation(e)
+            if kind == "floating":
+                center = add(at, turned(matrix(e), body.com))
+                start |= {f"{body.name}.{x}": value for x, value in zip("xyz", center, strict=True)}
+        return start
+
+
+def _mesh_path(name: str, urdf: Path) -> Path:
+    """The file that a URDF names, relative to the folder of the URDF.
+
+    "package://arm/meshes/a.stl" is searched in the folders above the URDF: as `arm/meshes/a.stl` below one of them, or
+    as `meshes/a.stl` in one that is called `arm`.
+    """
+    folder = urdf.resolve().parent
+    try:
+        address = urlsplit(name)
+    except ValueError:  # no address: a file of this name
+        return folder / name
+    if address.scheme not in ("package", "model"):
+        return folder / (unquote(address.path) if address.scheme == "file" else name)
+    inside = Path(address.netloc, unquote(address.path).lstrip("/"))
+    found = (above / inside for above in (folder, *folder.parents))
+    return next((path for path in found if path.is_file()), folder / inside)

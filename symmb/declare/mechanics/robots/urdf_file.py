@@ -1,0 +1,361 @@
+"""Machines from URDF files: what such a file says."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from symmb._errors import DeclarationError, warn_of
+from symmb._names import did_you_mean
+from symmb._options import require_truth, shown
+from symmb._types import Expr
+from symmb.declare.mechanics.contact_law import ContactLaw
+from symmb.declare.mechanics.declaration import Block, declared
+from symmb.declare.mechanics.robots.description import (
+    RPY,
+    SLIDING,
+    TURNING,
+    XYZ,
+    Description,
+    JointData,
+    LinkData,
+    ShapeData,
+    inertia_fault,
+    named,
+)
+from symmb.declare.mechanics.robots.document import Tag, read_document, told
+from symmb.declare.mechanics.robots.repair import repaired
+from symmb.declare.mechanics.robots.robot import Building, Robot, replaced, require_stop
+
+_TYPES = (*TURNING, *SLIDING, "fixed", "floating", "planar")
+_LIMITED = ("revolute", "prismatic")
+"""Types of joints that must have limits."""
+_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("filename", "scale")}
+"""Attributes of the shapes that can be drawn."""
+_IN_ROBOT = ("link", "joint", "material", "transmission", "gazebo", "sensor")
+_IN_LINK = ("inertial", "visual", "collision", "contact", "sensor", "gazebo")
+_IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller")
+
+
+@dataclass(frozen=True, eq=False)
+class _Link(LinkData):
+    """A link, and where it stands in the file."""
+
+    tag: Tag
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint(JointData):
+    """A joint, and where it stands in the file."""
+
+    tag: Tag
+
+
+def load_urdf(
+    path: str | Path,
+    *,
+    replace: Mapping[str, Expr] | None = None,
+    fixed_base: bool = True,
+    stop: ContactLaw | float | None = None,
+    strict: bool = False,
+) -> Robot:
+    """A machine from a URDF file.
+
+    Links become bodies in space, and those that fixed joints hold together become one. Revolute, continuous, prismatic
+    and planar joints become `Revolute`, `Prismatic` and `PlanarJoint`; a floating joint leaves its link free. Damping
+    is linear. Dry friction is Coulomb's law, smooth below a rate of 0.01 rad/s or m/s. A mimic joint is a row between
+    two joint values. Gravity is not in the file: put a `Gravity` beside the elements.
+
+    Parameters
+    ----------
+    path : str or Path
+    replace : mapping
+        name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are "forearm.mass",
+        "forearm.com.x" (.y .z .roll .pitch .yaw), "forearm.inertia.xx" (.xy ...), "elbow.origin.x" (.y .z .roll .pitch
+        .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper), "elbow.damping", "elbow.friction", "elbow.mimic.multiplier"
+        (.offset)
+    fixed_base : bool
+        whether the link that carries the others stands still; else it moves freely
+    stop : ContactLaw
+        or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each; None: limits do not
+        act. Equal lower and upper limits do not act either
+    strict : bool
+        whether all faults are errors. By default one SymmbWarning names harmless faults: attributes of other programs,
+        <mimic> of joints that cannot follow, dots in names, and inertias that no body has. The nearest possible one
+        stands for such an inertia, unless it changes the motion much
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    DeclarationError
+        for each fault of the file a sentence that names line and element; unknown names in `replace`
+
+    Examples
+    --------
+    >>> import symmb as mb, tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "pendulum.urdf"
+    >>> _ = file.write_text('''<robot name="pendulum"> <link name="wall"/>
+    ...     <link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+    ...     <inertia ixx="0" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+    ...     <joint name="hinge" type="continuous"><parent link="wall"/><child link="rod"/><axis xyz="0 1 0"/></joint>
+    ...     </robot>''')
+    >>> p = mb.Parameters(m=3.0)
+    >>> robot = mb.load_urdf(file, replace={"rod.mass": p.m})
+    >>> system = mb.System(*robot.elements, mb.Gravity(0, 0, -9.81), parameters=p)
+    >>> scene = mb.Scene(system, robot.start, [0.0, 0.1], {"angle": robot.joints["hinge"].angle})
+    >>> float(mb.simulate(scene)["angle"][-1].round(4))
+    0.0865
+    """
+    if not isinstance(path, str | Path):
+        raise DeclarationError(f"load_urdf: expected the path of a file, got {shown(path)}.")
+    require_stop("load_urdf", stop)
+    require_truth("load_urdf", "fixed_base", fixed_base)
+    require_truth("load_urdf", "strict", strict)
+    passed = None if strict else {}
+    description = _read_description(Path(path), passed)
+    values = replaced(description, replace, stop, "Give fixed_base=False." if fixed_base else None)
+    with Block():
+        building, repairs = repaired(Building(description, values, fixed_base, stop))
+        robot = building.robot()
+    declared(*robot.elements)
+    warn_of([*told(passed or {}), *repairs], f"load_urdf {path}")
+    return robot
+
+
+def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Description:
+    """What a URDF file says. All faults of links and joints are told at once, each with line and element."""
+    top = read_document(path, passed)
+    if top.name != "robot":
+        raise top.fault("the outermost element of a URDF file must be <robot>.")
+    top.check(_IN_ROBOT, ("name", "version"))
+    faults: list[str] = []
+    numbers: dict[str, float] = {}
+    links: dict[str, _Link] = {}
+    joints: dict[str, _Joint] = {}
+    for tag in top.inside:
+        try:
+            if tag.name == "link":
+                _add(links, _link(tag, numbers))
+            elif tag.name == "joint":
+                _add(joints, _joint(tag, numbers))
+            elif tag.name in {*_IN_LINK, *_IN_JOINT} - {*_IN_ROBOT}:
+                raise tag.fault("this element stands right in <robot>; move it into its link or joint.")
+        except DeclarationError as error:
+            faults.append(str(error))
+    if not faults:
+        faults += _reference_faults(links, joints)
+    for joint in [*joints.values()] * (not faults):
+        try:
+            _free_mimic(joint, joints)
+        except DeclarationError as error:
+            faults.append(str(error))
+    if faults:
+        raise DeclarationError("\n".join(dict.fromkeys(faults)))
+    if not links:
+        raise top.fault("it has no <link>; add one.")
+    root, order = _tree(top, links, joints)
+    return Description(top.text("name") if "name" in top.attributes else path.stem, path, links, order, root, numbers)
+
+
+def _add(known: dict, new: _Link | _Joint) -> None:
+    if new.name in known:
+        raise new.tag.fault(f"the name is used twice, first in line {known[new.name].tag.line}; rename one of them.")
+    known[new.name] = new
+
+
+def _origin(tag: Tag) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Position [m] and angles [rad] of the <origin> of an element; zeros if it has none."""
+    origin = tag.one("origin")
+    if origin is None:
+        return (0.0,) * 3, (0.0,) * 3
+    origin.check_exactly(("xyz", "rpy"), others_matter=True)
+    return origin.numbers("xyz", (0.0,) * 3), origin.numbers("rpy", (0.0,) * 3)
+
+
+def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
+    name = tag.own_name()
+    tag.check(_IN_LINK, ("name", "type"))
+    inertial = tag.one("inertial")
+    mass, xyz, rpy, moments = 0.0, (0.0,) * 3, (0.0,) * 3, (0.0,) * 6
+    if inertial is not None:
+        inertial.check(("mass", "origin", "inertia"), ())
+        xyz, rpy = _origin(inertial)
+        of_mass = inertial.needed("mass")
+        of_mass.check_exactly(("value",))
+        mass = of_mass.number("value")
+        if mass < 0:
+            raise of_mass.fault(f"the mass {mass:g} is negative; give 0 or more.")
+        of_inertia = inertial.needed("inertia")
+        of_inertia.check_exactly(_INERTIA)
+        moments = tuple(of_inertia.number(entry) for entry in _INERTIA)
+        fault = inertia_fault(moments)
+        if fault:
+            of_inertia.pass_over("inertias that no body has", of_inertia.fault(fault))
+    numbers |= {f"{name}.mass": mass} | named(f"{name}.com", (*XYZ, *RPY), (*xyz, *rpy))
+    numbers |= named(f"{name}.inertia", tuple(entry[1:] for entry in _INERTIA), moments)
+    visual, collision = ([shape for t in tag.all(kind) if (shape := _shape(t))] for kind in ("visual", "collision"))
+    return _Link(name, tuple(visual or collision), tag)
+
+
+def _shape(tag: Tag) -> ShapeData | None:
+    """The shape of a <visual> or <collision>; None of one that other programs have invented."""
+    tag.check(("origin", "geometry", "material"), ("name",))
+    xyz, rpy = _origin(tag)
+    geometry = tag.needed("geometry")
+    geometry.check((*_SIZES,), ())
+    if not geometry.inside:
+        raise geometry.fault(f"it is empty; add one of {', '.join(_SIZES)}.")
+    shape = geometry.inside[0]
+    if shape.name not in _SIZES:
+        return None
+    shape.check_exactly(_SIZES[shape.name])
+    if shape.name == "mesh":
+        return ShapeData("mesh", xyz, rpy, shape.numbers("scale", (1.0,) * 3), shape.text("filename"))
+    if shape.name == "box":
+        shape.text("size")
+        size = shape.numbers("size", (0.0,) * 3)
+    else:
+        size = tuple(shape.number(attribute) for attribute in _SIZES[shape.name])
+    if min(size) <= 0:
+        raise shape.fault(f"the size {min(size):g} is not positive; give one above 0.")
+    return ShapeData(shape.name, xyz, rpy, size)  # pyright: ignore[reportArgumentType]
+
+
+def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
+    name = tag.own_name()
+    tag.check(_IN_JOINT, ("name", "type"))
+    kind = tag.text("type")
+    if kind not in _TYPES:
+        raise tag.fault(f"its type {kind!r} is not known; it must be one of {', '.join(_TYPES)}.")
+    ends = []
+    for end in ("parent", "child"):
+        of_end = tag.needed(end)
+        of_end.check_exactly(("link",))
+        ends.append(of_end.reference("link"))
+    numbers |= named(f"{name}.origin", (*XYZ, *RPY), sum(_origin(tag), ()))
+    if kind not in ("fixed", "floating"):
+        numbers |= named(f"{name}.axis", XYZ, _axis(tag))
+    mimic = tag.one("mimic")
+    if kind in (*TURNING, *SLIDING):
+        numbers |= _limits(tag, name, kind) | _dynamics(tag, name)
+        if mimic is not None:
+            mimic.check_exactly(("joint", "multiplier", "offset"))
+            numbers[f"{name}.mimic.multiplier"] = mimic.number("multiplier", 1.0)
+            numbers[f"{name}.mimic.offset"] = mimic.number("offset", 0.0)
+    elif kind != "fixed" and any(_dynamics(tag, name).values()):
+        raise tag.needed("dynamics").fault(f"a {kind} joint has no single rate to damp; declare its forces in Python.")
+    return _Joint(name, kind, *ends, mimic=None if mimic is None else mimic.reference("joint"), tag=tag)
+
+
+def _axis(tag: Tag) -> tuple[float, ...]:
+    axis = tag.one("axis")
+    if axis is None:
+        return 1.0, 0.0, 0.0
+    axis.check_exactly(("xyz",))
+    axis.text("xyz")
+    values = axis.numbers("xyz", (1.0, 0.0, 0.0))
+    if not any(values):
+        raise axis.fault("the axis 0 0 0 has no direction; give a vector that is not zero.")
+    return values
+
+
+def _limits(tag: Tag, name: str, kind: str) -> dict[str, float]:
+    limit = tag.one("limit")
+    if limit is None:
+        if kind in _LIMITED:
+            instead = ", or make the joint continuous" if kind == "revolute" else ""
+            raise tag.fault(f"a {kind} joint must have limits; add <limit lower='...' upper='...'/>{instead}.")
+        return {}
+    limit.check((), ("lower", "upper", "effort", "velocity"))
+    values = {end: limit.number(end, 0.0) for end in ("lower", "upper", "effort", "velocity")}
+    if values["lower"] > values["upper"]:
+        raise limit.fault(f"lower {values['lower']:g} is above upper {values['upper']:g}; exchange them.")
+    for what in ("effort", "velocity"):
+        if values[what] < 0:
+            raise limit.fault(f"{what} {values[what]:g} is negative; give 0 or more.")
+    return {f"{name}.limit.{end}": value for end, value in values.items()}
+
+
+def _dynamics(tag: Tag, name: str) -> dict[str, float]:
+    dynamics, values = tag.one("dynamics"), {}
+    if dynamics is not None:
+        dynamics.check_exactly(("damping", "friction"))
+    for what in ("damping", "friction"):
+        value = 0.0 if dynamics is None else dynamics.number(what, 0.0)
+        if dynamics is not None and value < 0:
+            raise dynamics.fault(f"{what} {value:g} is negative; give 0 or more.")
+        values[f"{name}.{what}"] = value
+    return values
+
+
+def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> Iterator[str]:
+    """Faults of the names by which joints refer to links and to each other."""
+    carried: dict[str, _Joint] = {}
+    for joint in joints.values():
+        for end, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in links:
+                close = did_you_mean(link, links).strip().rstrip(".")
+                yield str(joint.tag.needed(end).fault(f"there is no link {link!r}; {close[0].lower()}{close[1:]}."))
+        if joint.parent == joint.child:
+            yield str(joint.tag.fault(f"its parent and its child are both {joint.child!r}; name two links."))
+        elif joint.child in carried:
+            other = carried[joint.child]
+            yield str(
+                joint.tag.needed("child").fault(
+                    f"joint {other.name!r} in line {other.tag.line} carries the link {joint.child!r} already; "
+                    "close loops by joints in Python."
+                )
+            )
+        carried.setdefault(joint.child, joint)
+
+
+def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
+    """Pass over the <mimic> of a joint without a value, or that follows no value: then it moves freely."""
+    row, leader = [joint.name], joint.mimic
+    while leader in joints and leader not in row:
+        row.append(leader)
+        leader = joints[leader].mimic
+    if joint.mimic is None:
+        return
+    if not joint.moves:
+        what, why = f"{joint.kind} joints", f"a {joint.kind} joint has no value that could follow another one"
+    elif joint.mimic not in joints:
+        close = did_you_mean(joint.mimic, joints).strip().rstrip(".")
+        what, why = "joints that are not there", f"there is no joint {joint.mimic!r}; {close[0].lower()}{close[1:]}"
+    elif leader == joint.name:
+        what, why = "joints that follow themselves", f"joint {joint.name!r} follows itself; name another joint"
+    elif not joints[joint.mimic].moves:
+        kind = joints[joint.mimic].kind
+        what, why = f"a {kind} joint", f"the {kind} joint {joint.mimic!r} has no value; name another joint"
+    else:
+        return
+    mimic, free = joint.tag.needed("mimic"), ", so that the followers move freely" * joint.moves
+    mimic.pass_over(f"<mimic> of {what}{free}", mimic.fault(f"{why}."))
+    joints[joint.name] = replace(joint, mimic=None)
+
+
+def _tree(top: Tag, links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> tuple[str, dict[str, _Joint]]:
+    """The link that carries all others, and the joints in an order in which each one follows that of its parent."""
+    carrier = {joint.child: joint for joint in joints.values()}
+    roots = [name for name in links if name not in carrier]
+    if not roots:
+        raise top.fault("its joints carry each other in a circle, so that no link is the base; close loops in Python.")
+    if len(roots) > 1:
+        raise links[roots[1]].tag.fault(
+            f"no joint connects this link with {roots[0]!r}, which no joint carries either; add one."
+        )
+    by_parent: dict[str, list[_Joint]] = {}
+    for joint in joints.values():
+        by_parent.setdefault(joint.parent, []).append(joint)
+    order, reached = {}, [roots[0]]
+    for link in reached:  # which grows
+        for joint in by_parent.get(link, ()):
+            order[joint.name] = joint
+            reached.append(joint.child)
+    if len(order) < len(joints):
+        lost = next(joint for joint in joints.values() if joint.name not in order)
+        raise lost.tag.fault("the joints that carry it form a circle; close loops by joints in Python.")
+    return roots[0], order

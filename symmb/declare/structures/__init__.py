@@ -1,0 +1,8 @@
+"""Finite elements of flexible bodies and their reduction to modes.
+
+A structure becomes `Modes`, which `mechanics.FlexibleBody` takes.
+"""
+
+from symmb.declare.structures.flexibility import Responses
+from symmb.declare.structures.inertia_invariants import Invariants
+from symmb.declare.structures.modes import Modes

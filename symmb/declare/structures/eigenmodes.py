@@ -1,0 +1,176 @@
+"""The lowest natural modes of a structure by inverse iteration, which stiff parts do not disturb."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Indices
+from symmb.declare.structures.mass_samples import Sparse
+
+DENSE = 400
+"""Degrees of freedom up to which the computation of all modes takes less time than inverse iteration."""
+SPARE = 6
+"""Modes computed beyond those that are asked for: they show that no lower one was missed."""
+MASSLESS = 1e-14
+"""Share of the largest flexibility below which a mode has no mass but for rounding."""
+SINGULAR = 1e-14
+"""Scaled pivot below which a matrix is singular but for rounding."""
+
+MECHANISM = (
+    "has motions without strain energy besides the rigid ones. Fix loose parts, or choose interfaces (a clamped node) "
+    "that hold the body: one node with rotations, or three nodes off a line."
+)
+INDEFINITE = "the mass matrix is not positive. Check its signs and the order of its rows."
+
+
+def factorized(K: Sparse) -> Callable[[Array], Array]:
+    """x = K⁻¹ f for a sparse K and f (d,) or (d, m); DeclarationError unless K is positive definite."""
+    scale = stiffness_scale(K)
+    lu, pivots = _pivots(K, scale)
+    if lu is None or pivots.min(initial=1.0) <= SINGULAR:
+        raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}")
+
+    def solve(f: Array) -> Array:
+        column = scale if f.ndim == 1 else scale[:, None]
+        return column * lu.solve(np.ascontiguousarray(column * f))
+
+    return solve
+
+
+def definite(M: Sparse, K: Sparse) -> bool:
+    """Whether M is positive on the least stiff displacements of K, up to rounding."""
+    scale = stiffness_scale(K)
+    stiff = (K.multiply(scale[:, None])).multiply(scale)
+    massive = (M.multiply(scale[:, None])).multiply(scale)
+    _, pivots = _pivots(massive + 1e-9 * abs(massive).max() * stiff, np.ones(len(scale)))
+    return bool(M.diagonal().min() >= 0 and pivots.min() > -SINGULAR * np.abs(pivots).max())
+
+
+def stiffness_scale(K: Sparse) -> Array:
+    """Units in which the degrees of freedom are about equally stiff, 1 for those without stiffness."""
+    stiffness = K.diagonal()
+    return 1 / np.sqrt(np.maximum(stiffness, 1e-12 * stiffness.max(initial=1e-300)))
+
+
+def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
+    """The factorization of the scaled A, and its pivots. Pivots stay on the diagonal: their signs show definiteness."""
+    from scipy.sparse import csc_array, diags_array
+    from scipy.sparse.linalg import splu
+
+    scaled = csc_array(diags_array(scale) @ A @ diags_array(scale))
+    try:
+        lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # exactly singular
+        return None, np.zeros(1)
+    return lu, lu.U.diagonal() * (1.0 if (lu.perm_r == lu.perm_c).all() else np.nan)
+
+
+def lowest(
+    K: Sparse, M: Sparse, axes: Sparse, rigid: Array, count: int | None = None, below: float = np.inf
+) -> tuple[Array, Array]:
+    """The lowest elastic modes of K x = λ M x: λ (n,) ascending and X (d, n) with Xᵀ M X = 1.
+
+    Parameters
+    ----------
+    K, M : (d, d)    sparse or dense; K positive semidefinite, singular for rigid motions only
+    axes : (d, d)    symmetric, distinguishes the axes: modes of equal frequency are combined into its eigenvectors,
+                     which are modes along single axes where such exist
+    rigid : (d, r)   the rigid motions, left out of the modes
+    count : int      number of modes; all below `below` if left out
+    """
+    d = K.shape[0]
+    few = isinstance(K, np.ndarray) or d <= DENSE or (count is not None and count + SPARE > d // 4)
+    values, X = _all(K, M, rigid) if few else _some(K, M, rigid, count, below)
+    X = _aligned(values, X, axes)
+    keep = int((values < below).sum()) if count is None else min(count, len(values))
+    return values[:keep], X[:, :keep]
+
+
+def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
+    """All elastic modes of small matrices."""
+    from scipy.linalg import LinAlgError, eigh
+
+    scale = stiffness_scale(K)
+    K, M = (A if isinstance(A, np.ndarray) else A.toarray() for A in (K, M))
+    K, M = scale[:, None] * K * scale, scale[:, None] * M * scale
+    elastic = np.eye(len(K))
+    if rigid.size:
+        span, _ = np.linalg.qr(M @ (rigid / scale[:, None]), mode="complete")
+        elastic = span[:, rigid.shape[1] :]
+    try:
+        mu, Y = eigh(elastic.T @ M @ elastic, elastic.T @ K @ elastic)
+    except LinAlgError:
+        raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}") from None
+    massive = mu > MASSLESS * mu.max(initial=0)
+    if (mu < -1e-9 * mu.max(initial=0)).any():
+        raise DeclarationError(f"FiniteElements: {INDEFINITE}")
+    X = _mass_orthonormal((elastic @ Y[:, massive] / np.sqrt(mu[massive]))[:, ::-1], M)
+    return 1 / mu[massive][::-1], scale[:, None] * X
+
+
+def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -> tuple[Array, Array]:
+    """Modes of large matrices in batches, each orthogonal to those before it, until one is above the requested ones.
+
+    Lanczos' method finds one mode of a multiple frequency at a time. The next batch finds the others.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    d, r = rigid.shape
+    locked = determinate(rigid)
+    free = np.setdiff1d(np.arange(d), locked)
+    solve = factorized(K[free][:, free])
+    shapes, values = _mass_orthonormal(rigid, M), np.zeros(0)
+
+    def flexibility(f: Array) -> Array:
+        # Loads in equilibrium need no support: any statically determinate one gives the elastic displacements.
+        f = f - M @ (shapes @ (shapes.T @ f))
+        x = np.zeros(d)
+        x[free] = solve(f[free])
+        return x - shapes @ (shapes.T @ (M @ x))
+
+    start = np.random.default_rng(0).standard_normal(d)
+    operator = LinearOperator((d, d), matvec=flexibility, dtype=float)  # type: ignore[call-arg]
+    batch = 2 * SPARE if count is None else count + SPARE
+    while shapes.shape[1] + batch < d // 2:
+        more, X = eigsh(K, batch, M, sigma=0.0, OPinv=operator, v0=flexibility(M @ start))
+        values, shapes = np.concatenate([values, more]), np.hstack([shapes, X])
+        if more.min() > (below if count is None else np.sort(values)[count - 1] * (1 + 1e-8)):
+            order = np.argsort(values)
+            return values[order], _mass_orthonormal(shapes[:, r:][:, order], M)
+        batch = SPARE if count is not None else 2 * batch
+    return _all(K, M, rigid)
+
+
+def _mass_orthonormal(X: Array, M: Sparse) -> Array:
+    """Gram-Schmidt's method in the metric of M, from the first column on."""
+    from scipy.linalg import LinAlgError, cholesky, solve_triangular
+
+    for _ in range(2 if X.shape[1] else 0):
+        try:
+            upper = cholesky(X.T @ (M @ X))
+        except LinAlgError:
+            raise DeclarationError(f"FiniteElements: {INDEFINITE}") from None
+        X = solve_triangular(upper.T, X.T, lower=True).T
+    return X
+
+
+def determinate(rigid: Array) -> Indices:
+    """Degrees of freedom whose support prevents the rigid motions and nothing else."""
+    from scipy.linalg import qr
+
+    if not rigid.size:
+        return np.zeros(0, dtype=int)
+    _, order = qr(rigid.T, mode="r", pivoting=True)  # type: ignore[misc]
+    return np.asarray(order, dtype=np.intp)[: rigid.shape[1]]
+
+
+def _aligned(values: Array, X: Array, axes: Sparse) -> Array:
+    """Modes of equal frequency combined into modes along single axes, where that is possible."""
+    X = X.copy()
+    starts = np.flatnonzero(np.diff(values, prepend=-np.inf) > 1e-7 * values)
+    for group in np.split(np.arange(len(values)), starts[1:]):
+        if len(group) > 1:
+            X[:, group] = X[:, group] @ np.linalg.eigh(X[:, group].T @ (axes @ X[:, group]))[1]
+    return X

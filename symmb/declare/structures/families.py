@@ -1,0 +1,59 @@
+"""Modes of structures with parameters: common shapes, and inertia, stiffness and damping as expressions."""
+
+from dataclasses import dataclass
+from os import PathLike
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Expr
+from symmb.declare.structures.inertia_invariants import OF_MODES, Shapes, cleaned
+from symmb.declare.structures.modes import SHAPES, Family, Modes
+from symmb.declare.structures.terms import Terms
+from symmb.declare.structures.validation import is_law
+
+
+@dataclass(frozen=True, eq=False)
+class ParametricModes(Modes):
+    """Modes of a structure with parameters: their inertia, stiffness and damping are expressions.
+
+    The shapes are the same for all values. The fields of `Modes` are numbers, for the middles of the intervals.
+    """
+
+    family: Family  # type: ignore[misc]
+
+    def save(self, path: str | PathLike[str]) -> None:
+        raise DeclarationError(
+            f"Modes.save: a file such as {str(path)!r} holds numbers, and these modes contain expressions of "
+            "parameters. Keep the script that makes them, or save the modes of a structure in numbers."
+        )
+
+
+def with_parameters(
+    modes: Modes, terms: Terms, shapes: Shapes, zeta: Expr | Array, box: dict[str, tuple[float, float]], error: float
+) -> Modes:
+    """Modes whose inertia, stiffness and damping follow the terms of their structure.
+
+    The damping ratio of each shape is that of a mode with its stiffness and inertia. This is exact where no parameter
+    changes the shapes of modes.
+    """
+    n, stiffness = len(modes.stiffness), modes.stiffness
+    masses = tuple((ca.SX(law), shapes.invariants(M, samples)) for law, M, samples in terms.mass)
+    energies = [(law, shapes.X.T @ (K @ shapes.X)) for law, K in terms.stiffness]
+    if len(energies) == 1:  # without rounding
+        energies = [(law / terms.middle(law), np.diag(stiffness)) for law, _ in energies]
+    size = OF_MODES * np.sqrt(np.outer(stiffness, stiffness))
+    K = _sum([(law, cleaned((A + A.T) / 2, size)) for law, A in energies])
+    inertia = _sum([(law, np.diag(part.modal)) for law, part in masses])
+    ratio = zeta if is_law(zeta) else ca.DM(np.broadcast_to(zeta, n).tolist())
+    damping = 2 * ratio * ca.sqrt(ca.diag(K) * inertia) if n else ca.SX(0, 1)
+    family = Family(masses, K, ca.sparsify(damping), box, error)
+    return ParametricModes(**{name: getattr(modes, name) for name in SHAPES}, family=family)
+
+
+def _sum(parts: list[tuple[Expr, Array]]) -> ca.SX:
+    first, *more = [law * ca.SX(ca.sparsify(ca.DM(array))) for law, array in parts]
+    for part in more:
+        first = first + part
+    return first

@@ -1,0 +1,83 @@
+"""Static deformations of a structure that its modes leave out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.declare.structures.eigenmodes import determinate, factorized
+from symmb.declare.structures.mass_samples import Sparse
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """What slow forces and moments at m nodes do to a structure and to its modes.
+
+    Attributes
+    ----------
+    modal : (n, 6 m)       modal coordinates
+    left : (6 m, 6 m)      displacements and rotations of the nodes in the body's frame that the modes leave out
+    energy : (6 m, 6 m)    twice the strain energy that they leave out, as a quadratic form
+    """
+
+    modal: Array
+    left: Array
+    energy: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Flexibility:
+    """A structure with its modes, of which loads at nodes deform the one more than the others.
+
+    Parameters
+    ----------
+    K, M : (d, d)        stiffness and mass matrix, sparse
+    free : (f,)          degrees of freedom that can move, those of a clamped node among them
+    rigid : (d, r)       rigid motions
+    clamped : (c,)       degrees of freedom of the clamped node; c = 0 for a body in a floating frame
+    X, stiffness : (d, n), (n,)
+    per_node : int       degrees of freedom a node
+    of_interfaces : int  shapes of interfaces, of which a smaller count of modes leaves some out
+    """
+
+    K: Sparse
+    M: Sparse
+    free: Indices
+    rigid: Array
+    clamped: Indices
+    X: Array
+    stiffness: Array
+    per_node: int
+    of_interfaces: int
+
+    @property
+    def clamped_node(self) -> int | None:
+        """The node on which the body's frame is fixed; None if this floats."""
+        return int(self.clamped[0]) // self.per_node if self.clamped.size else None
+
+    def joins(self, a: int, b: int) -> bool:
+        """Whether an element joins two nodes."""
+        rows, columns = (slice(self.per_node * k, self.per_node * (k + 1)) for k in (a, b))
+        return bool(self.K[rows][:, columns].nnz)
+
+    def responses(self, nodes: Sequence[int]) -> Responses:
+        """Those to loads at m nodes: the body accelerates as a rigid one, and deforms by them and by its inertia."""
+        dofs = (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
+        moves = np.isin(dofs, self.free)
+        unit = np.zeros((self.K.shape[0], len(dofs)))
+        unit[dofs[moves], np.flatnonzero(moves)] = 1.0
+        R, momenta = self.rigid, self.M @ self.rigid
+        loads = unit - momenta @ np.linalg.solve(R.T @ momenta, R.T @ unit)
+        # Loads in equilibrium need no support: any statically determinate one gives the elastic displacements.
+        supported = np.setdiff1d(self.free, self.free[determinate(R[self.free])])
+        u = np.zeros_like(unit)
+        u[supported] = factorized(self.K[supported][:, supported])(loads[supported])
+        at_frame = [A[self.clamped] if self.clamped.size else momenta.T @ A for A in (R, u)]
+        u -= R @ np.linalg.solve(*at_frame)
+        eta = self.X.T @ loads / self.stiffness[:, None]
+        energy = loads.T @ u - eta.T @ (self.stiffness[:, None] * eta)
+        left = np.where(moves[:, None], (u - self.X @ eta)[dofs], 0.0)
+        places = (6 * np.arange(len(nodes))[:, None] + np.arange(self.per_node)).ravel()
+        spread = np.eye(6 * len(nodes))[:, places]
+        return Responses(eta @ spread.T, spread @ left @ spread.T, spread @ (energy + energy.T) @ spread.T / 2)

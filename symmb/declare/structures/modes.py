@@ -1,0 +1,303 @@
+"""The modes of a flexible body: all data of its equations of motion, and their file."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from typing import Any, ClassVar
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.declare.structures.flexibility import Flexibility
+from symmb.declare.structures.inertia_invariants import Invariants
+from symmb.declare.structures.mass_samples import rigid_motions
+from symmb.declare.structures.validation import numbers, positive
+from symmb.results import files
+
+LAYOUT = "symmb modes 1"
+SHAPES: dict[str, tuple[int | str, ...]] = {
+    "mass": (),
+    "center": (3,),
+    "J0": (3, 3),
+    "J1": ("n", 3, 3),
+    "J2": ("n", "n", 3, 3),
+    "S": (3, "n"),
+    "S2": (3, "n", "n"),
+    "G0": (3, "n"),
+    "G1": ("n", 3, "n"),
+    "stiffness": ("n",),
+    "damping": ("n",),
+    "origin": (3,),
+    "positions": ("k", 3),
+    "shapes": ("k", 3, "n"),
+    "rotations": ("k", 3, "n"),
+    "shapes2": ("k", 3, "n", "n"),
+}
+
+_END_OVER_CHORD = 1.5
+"""Rotation of the end of a cantilever over that of its chord, under a load at its end."""
+_STILL = 1e-18
+"""Squared motion along a direction over that along the liveliest one, below which no mode moves along it."""
+
+
+def nearest(positions: Array, point: tuple[float, float, float]) -> int:
+    """Row of the position nearest to a point, the first of equals."""
+    return int(np.argmin(np.linalg.norm(positions - numbers(point, "nearest", "point", (3,)), axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """What depends on parameters in modes whose shapes do not.
+
+    Attributes
+    ----------
+    masses : pairs (expression, Invariants)     the body's inertia is the sum of their products
+    stiffness : (n, n) SX
+    damping : (n,) SX
+    box : intervals of the parameters that change the shapes of modes, in which these shapes hold
+    error : float
+    """
+
+    masses: tuple[tuple[ca.SX, Invariants], ...]
+    stiffness: ca.SX
+    damping: ca.SX
+    box: dict[str, tuple[float, float]]
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
+
+    In the floating frame a material point is x = s + u(s), with the elastic displacement u = Σ φ_j η_j + Σ η_i η_j D_ij
+    where D is the foreshortening of beams in bending, if it is requested. With the frame's velocity v and angular
+    velocity ω in its own axes, the energies are
+
+        T = ½ m v² + v·(ω × f(η)) + v·df(η)/dt + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
+        V = ½ Σ stiffness_j η_j²
+
+        f(η) = m c + S η + Σ η_i η_j S2_ij        J(η) = J0 + Σ η_j J1_j + Σ η_i η_j J2_ij
+
+    SI units, axes of the frame; η in m √kg. Modes are of unit modal mass.
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    center : (3,)
+        centre of mass of the undeformed body, from the frame's origin [m]
+    J0 : (3, 3)
+        inertia of the undeformed body about the frame's origin [kg m^2]
+    J1 : (n, 3, 3)
+        its first derivative by η [kg^½ m]
+    J2 : (n, n, 3, 3)
+        its second-order part [1], J2[i, j] = J2[j, i]
+    S, S2 : (3, n), (3, n, n)
+        first moment's parts by η [kg^½], [1/m]; S is 0 in the floating frame
+    G0, G1 : (3, n), (n, 3, n)
+        angular momentum about the origin of η̇ [kg^½ m], [1]
+    stiffness : (n,)
+        ω_j² [1/s^2]
+    damping : (n,)
+        2 ζ_j ω_j [1/s]
+    origin : (3,)
+        of the frame, in the axes of the mesh [m]
+    positions : (k, 3)
+        nodes of the undeformed body, from the frame's origin [m]
+    shapes : (k, 3, n)
+        translations of the nodes [kg^-½]
+    rotations : (k, 3, n)
+        small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
+    shapes2 : (k, 3, n, n)
+        D of the nodes [1/(kg m)]
+
+    Raises
+    ------
+    DeclarationError
+        If an array is misshaped or not finite, J0 or J2 is not symmetric, or mass, stiffness or damping has the wrong
+        sign.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> steel = mb.Material(E=2.1e11, nu=0.3, density=7850.0)
+    >>> beam = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), steel, elements=8)
+    >>> modes = mb.FiniteElements.beams(beam).modes(count=2)
+    >>> (modes.stiffness**0.5).round(0)
+    array([1152., 1152.])
+
+    References
+    ----------
+    A. A. Shabana, Dynamics of Multibody Systems, 4th ed., Cambridge 2013, ch. 5.
+    """
+
+    mass: float
+    center: Array
+    J0: Array
+    J1: Array
+    J2: Array
+    S: Array
+    S2: Array
+    G0: Array
+    G1: Array
+    stiffness: Array
+    damping: Array
+    origin: Array
+    positions: Array
+    shapes: Array
+    rotations: Array
+    shapes2: Array
+
+    family: ClassVar[Family | None] = None
+    """For structures with parameters, see `ParametricModes`."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))
+        for name, shape in _shapes(self.stiffness, self.positions).items():
+            if shape:
+                object.__setattr__(self, name, numbers(getattr(self, name), "Modes", name, shape))
+        for name, other in (("J0", self.J0.T), ("J2", self.J2.swapaxes(0, 1)), ("J2", self.J2.swapaxes(2, 3))):
+            array = getattr(self, name)
+            if not np.allclose(array, other, rtol=0, atol=1e-9 * np.abs(array).max(initial=0)):
+                raise DeclarationError(f"Modes: {name} must be symmetric. Give the mean of it and its transpose.")
+        if (self.stiffness <= 0).any():
+            raise DeclarationError(
+                f"Modes: stiffness must be above 0, got {self.stiffness.min():g}. "
+                "Leave out rigid modes: the frame's own motion replaces them."
+            )
+        if (self.damping < 0).any():
+            raise DeclarationError(f"Modes: damping must not be negative, got {self.damping.min():g}.")
+
+    @property
+    def frequencies(self) -> Array:
+        """(n,) natural frequencies in the frame [Hz]."""
+        return np.sqrt(self.stiffness) / (2 * np.pi)
+
+    def _repr_html_(self) -> str:
+        omega, nodes = np.sqrt(self.stiffness), len(self.positions)
+        pairs = zip(self.frequencies.tolist(), (self.damping / (2 * omega)).tolist(), strict=True)
+        rows = [[str(k), f"{f:.6g}", f"{zeta:.4g}"] for k, (f, zeta) in enumerate(pairs, 1)]
+        head = html.text(f"Modes of a body of {self.mass:g} kg at {nodes} node{'s' * (nodes != 1)}")
+        return html.page(head, html.table([["mode", "frequency [Hz]", "damping [-]"], *rows]))
+
+    @property
+    def error(self) -> float:
+        """Relative error of squared frequencies, and of deflections under loads at interfaces, by parameters.
+
+        It is twice the largest one at points of the box, against modes computed there. A frequency may be lower than
+        that of these modes where it is nearer to that of the whole structure. 0 where no parameter changes the shapes.
+        """
+        return 0.0 if self.family is None else self.family.error
+
+    @property
+    def masses(self) -> tuple[tuple[ca.SX, Invariants], ...]:
+        """Pairs (expression, Invariants), of whose products the inertia is the sum."""
+        if self.family is not None:
+            return self.family.masses
+        same = {name: getattr(self, name) for name in ("mass", "J0", "J1", "J2", "S", "S2", "G0", "G1")}
+        return ((ca.SX(1), Invariants(**same, moment=self.mass * self.center, modal=np.eye(len(self.stiffness)))),)
+
+    @property
+    def flexibility(self) -> Flexibility | None:
+        """The structure, of which runs ask what its modes leave out; None where it is not known, as of a file."""
+        return _STRUCTURES.get(self)
+
+    def of_structure(self, structure: Flexibility) -> "Modes":
+        """These modes, which know their structure from now on. Their file does not."""
+        _STRUCTURES[self] = structure
+        return self
+
+    @property
+    def is_stiffening(self) -> bool:
+        """Whether the modes foreshorten, so that loads along the body stiffen it."""
+        return bool(self.S2.any() or self.shapes2.any())
+
+    def turns(self, eta: Array) -> Array:
+        """Largest rotation of a node against the frame (m,) [rad] for modal coordinates (m, n).
+
+        If nodes have no rotations, it follows from the chords of the body.
+        """
+        if self.rotations.any() or len(self.positions) < 2:
+            turned = np.einsum("kan,mn->mka", self.rotations, eta)
+        else:
+            turned = np.einsum("kan,mn->mka", self._turning_lines, eta)
+        return np.linalg.norm(turned, axis=2).max(axis=1, initial=0.0)
+
+    def carried(self, nodes: list[int], eta: Array) -> Array:
+        """Displacements and rotations (N, m, 6, 6) of m nodes by unit motions of the frame, for N (N, n) of modes."""
+        positions = self.positions[nodes] + np.einsum("kan,Nn->Nka", self.shapes[nodes], eta)
+        return rigid_motions(positions.reshape(-1, 3), 6).reshape(*positions.shape[:2], 6, 6)
+
+    @cached_property
+    def _turning_lines(self) -> Array:
+        """Rotations (k, 3, n) of the ends of a body whose chords, from nodes to one of two far ends, turn."""
+        s, first = self.positions, int(np.argmax(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1)))
+        ends = np.array([first, int(np.argmax(np.linalg.norm(s - s[first], axis=1)))])
+        other = ends[np.linalg.norm(s[:, None] - s[ends], axis=2).argmax(axis=1)]
+        line, moved = s[other] - s, self.shapes[other] - self.shapes
+        squared = np.maximum((line**2).sum(axis=1), 1e-300)
+        return _END_OVER_CHORD * np.cross(line[:, :, None], moved, axis=1) / squared[:, None, None]
+
+    @cached_property
+    def lively(self) -> Array:
+        """Projection (6, 6) of forces and moments at a node on the directions in which some mode moves some node."""
+        projection = np.zeros((6, 6))
+        for shapes, at in ((self.shapes, slice(0, 3)), (self.rotations, slice(3, 6))):
+            sizes, axes = np.linalg.eigh(np.einsum("kan,kbn->ab", shapes, shapes))
+            moving = axes[:, sizes > _STILL * sizes.max(initial=1e-300)]
+            projection[at, at] = moving @ moving.T
+        return projection
+
+    def nearest(self, x: float, y: float, z: float = 0.0) -> int:
+        """Number of the node nearest to (x, y, z) [m] in the frame, undeformed; the first of equals."""
+        return nearest(self.positions, (x, y, z))
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write an .npz or .json file: one array a field, by its name, and `layout`, a text.
+
+        Raises
+        ------
+        DeclarationError
+            If the name has another suffix.
+        """
+        record = {"layout": LAYOUT, **{name: getattr(self, name) for name in SHAPES}}
+        files.save(path, {"record": lambda: record, "entries": lambda: files.in_json(record)})
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> "Modes":
+        """Read a file that `save` wrote, or another program in the same layout.
+
+        Raises
+        ------
+        DeclarationError
+            If the file is damaged, an array is missing or unknown, or the arrays do not fit together.
+        """
+        return files.load(path, "saved Modes", cls._of_record)
+
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Modes":
+        record.text("layout", LAYOUT)
+        arrays = {name: value for name, value in record.plain.items() if name != "layout"}
+        if arrays.keys() != SHAPES.keys():
+            missing, unknown = sorted(SHAPES.keys() - arrays.keys()), sorted(arrays.keys() - SHAPES.keys())
+            raise DeclarationError(
+                f"it lacks {missing} and has {unknown} too many. One array is needed for each of {', '.join(SHAPES)}."
+            )
+        shapes = _shapes(arrays["stiffness"], arrays["positions"])
+        values: dict[str, Any] = {name: record.array(name, *shapes[name]) for name in list(SHAPES)[1:]}
+        return cls(mass=float(record.array("mass")), **values)
+
+
+def _shapes(stiffness: Any, positions: Any) -> dict[str, tuple[int, ...]]:
+    sizes = {"n": np.size(stiffness), "k": len(np.atleast_1d(positions))}
+    return {
+        name: tuple(sizes[size] if isinstance(size, str) else size for size in shape) for name, shape in SHAPES.items()
+    }
+
+
+_STRUCTURES: WeakKeyDictionary[Modes, Flexibility] = WeakKeyDictionary()
+"""Structures of modes, which are no part of their data."""

@@ -1,0 +1,174 @@
+"""Nodes and matrices from files of Nastran: the cards GRID and DMIG, in small, large and free fields."""
+
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from os import PathLike, stat
+from pathlib import Path
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.declare.structures.mass_samples import Sparse
+from symmb.results.files import told
+
+SUFFIXES = ".bdf", ".dat", ".nas", ".pch"
+"""Of files of Nastran in text."""
+_BARE_EXPONENT = re.compile(r"(?<=[\d.])(?=[+-])")
+"""Where Nastran leaves out the letter of an exponent: 1.5-3 is 1.5e-3."""
+_SQUARE, _SYMMETRIC, _REAL = 1, 6, (1, 2)
+"""Values of DMIG's IFO and TIN that are read."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Card:
+    """A card: its file, the line where it begins, its name, and its fields without it, as texts."""
+
+    path: Path
+    line: int
+    name: str
+    fields: list[str]
+
+    def fault(self, text: str) -> DeclarationError:
+        return DeclarationError(f"{self.path}, line {self.line}, {self.name}: {text}")
+
+    def text(self, k: int) -> str:
+        return self.fields[k] if k < len(self.fields) else ""
+
+    def whole(self, k: int, what: str) -> int:
+        text = self.text(k)
+        if not re.fullmatch(r"[+-]?\d{1,9}", text):
+            raise self.fault(f"{what} is {text!r}, which is no whole number.")
+        return int(text)
+
+    def real(self, k: int, what: str) -> float:
+        text = self.text(k) or "0.0"
+        try:
+            number = float(_BARE_EXPONENT.sub("e", text.lower().replace("d", "e")) if "_" not in text else "")
+        except ValueError:
+            raise self.fault(f"{what} is {text!r}, which is no number.") from None
+        if not math.isfinite(number):
+            raise self.fault(f"{what} is {text!r}, which is not finite.")
+        return number
+
+
+@dataclass(frozen=True, eq=False)
+class Matrix:
+    """A matrix DMIG: entries by row and column, which are pairs (node, component from 1 to 6)."""
+
+    entries: dict[tuple[tuple[int, int], tuple[int, int]], float]
+
+    @property
+    def degrees(self) -> set[tuple[int, int]]:
+        """The degrees of freedom that it has, (node, component)."""
+        return {degree for pair in self.entries for degree in pair}
+
+    def sparse(self, nodes: list[int], per_node: int) -> Sparse:
+        """The matrix of these nodes, with so many degrees of freedom each."""
+        from scipy.sparse import csc_array
+
+        row_of = {node: per_node * k - 1 for k, node in enumerate(nodes)}
+        at = np.array([[row_of[node] + part for node, part in pair] for pair in self.entries], dtype=int).reshape(-1, 2)
+        size = per_node * len(nodes)
+        return csc_array((list(self.entries.values()), (at[:, 0], at[:, 1])), shape=(size, size))
+
+
+def is_nastran(source: object) -> bool:
+    """Whether it is the path of a file of Nastran, by its ending."""
+    return isinstance(source, str | PathLike) and Path(source).suffix.lower() in SUFFIXES
+
+
+def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
+    """Positions (3,) of the nodes of a file, by number."""
+    grids: dict[int, Array] = {}
+    for card in _cards(path):
+        if card.name == "GRDSET" and any(card.text(k) not in ("", "0") for k in (1, 5)):
+            raise card.fault("it puts all nodes into another coordinate system; give the basic one.")
+        if card.name != "GRID":
+            continue
+        node = card.whole(0, "the number of the node")
+        if node in grids:
+            raise card.fault(f"node {node} is given twice; remove one.")
+        for k, what in ((1, "position"), (5, "displacement")):
+            if card.text(k) not in ("", "0"):
+                raise card.fault(
+                    f"the {what} of node {node} is in coordinate system {card.text(k)}; give the basic one."
+                )
+        grids[node] = np.array([card.real(k, f"{x} of node {node}") for k, x in zip((2, 3, 4), "xyz", strict=True)])
+    if not grids:
+        raise DeclarationError(f"{path}: it has no card GRID, so that there are no nodes.")
+    return grids
+
+
+def read_dmig(path: str | PathLike[str], letter: str) -> Matrix:
+    """The matrix DMIG of a file, or that whose name begins with a letter if there are several."""
+    cards: dict[str, list[_Card]] = {}
+    for card in _cards(path):
+        if card.name == "DMIG":
+            cards.setdefault(card.text(0), []).append(card)
+    chosen = [*cards] if len(cards) == 1 else [name for name in cards if name.startswith(letter)]
+    if len(chosen) != 1:
+        names = f"the matrices {', '.join(cards)}" if cards else "no matrix DMIG"
+        raise DeclarationError(f"{path}: it has {names}; one must begin with {letter}, or be the only one.")
+    header, *columns = cards[chosen[0]]
+    if header.text(1) != "0" or (form := header.whole(2, "the form")) not in (_SQUARE, _SYMMETRIC):
+        raise header.fault(f"{chosen[0]} must begin with a header of form 1 or 6, square or symmetric.")
+    if header.whole(3, "the type") not in _REAL:
+        raise header.fault(f"{chosen[0]} is complex; give a real matrix.")
+    entries: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
+    for card in columns:
+        column = _degree(card, 1)
+        for k in range(4, len(card.fields), 4):
+            if not any(card.fields[k : k + 4]):
+                continue
+            row = _degree(card, k)
+            if (row, column) in entries:
+                raise card.fault(f"the entry of node {row[0]}, component {row[1]} is given twice in this column.")
+            entries[row, column] = card.real(k + 2, "an entry")
+    if not entries:
+        raise header.fault(f"{chosen[0]} has no entry.")
+    mirrored = {(column, row): value for (row, column), value in entries.items()} if form == _SYMMETRIC else {}
+    return Matrix(mirrored | entries)
+
+
+def _degree(card: _Card, k: int) -> tuple[int, int]:
+    node, part = card.whole(k, "a node"), card.whole(k + 1, "a component")
+    if not 1 <= part <= 6:
+        raise card.fault(f"node {node} has the component {part}; nodes have 1 to 6, and scalar points are not read.")
+    return node, part
+
+
+def _cards(path: str | PathLike[str]) -> tuple[_Card, ...]:
+    """All cards of a file. It is kept as it was last, as K and M often stand in one file."""
+    with told(path, "read"):
+        found = stat(path)
+        return _read(Path(path), found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=2)
+def _read(path: Path, changed: int, size: int) -> tuple[_Card, ...]:
+    cards: list[_Card] = []
+    for number, text in enumerate(path.read_text(encoding="latin-1").splitlines(), 1):
+        line = text.split("$", 1)[0].expandtabs(8).rstrip()
+        if not line:
+            continue
+        name, fields = _fields(line)
+        if name.upper() == "ENDDATA":
+            break
+        if name and name[0] not in "+*":
+            cards.append(_Card(path, number, name.rstrip("*").upper(), fields))
+        elif cards:  # a continuation
+            cards[-1].fields.extend(fields)
+    return tuple(cards)
+
+
+def _fields(line: str) -> tuple[str, list[str]]:
+    """The name of a card, or the mark of its continuation, and the fields of one line."""
+    first = line.split(",", 1)[0] if "," in line[:9] else line[:8]
+    count, width = (4, 16) if "*" in first else (8, 8)
+    if "," in line:
+        name, *fields = (field.strip() for field in line.split(","))
+        return name, (fields + [""] * count)[:count]
+    return line[:8].strip(), [line[8 + width * k : 8 + width * (k + 1)].strip() for k in range(count)]

@@ -1,0 +1,46 @@
+"""Expressions and Functions in which those that are equal are one."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from symmb.declare.symbolic.instructions import interpret
+from symmb.declare.symbolic.pieces import Entry, applied, called
+from symmb.declare.symbolic.symbols import symbols_in
+
+
+def common(name: str, *parts: Any) -> ca.Function:
+    """A Function as `casadi.Function` makes it, in which expressions that are equal are one.
+
+    CasADi compares Functions that are called by their text, which takes seconds where they hold tables.
+    """
+    f = ca.Function(name, *parts)
+    if not (f.is_a("SXFunction") and called(f)):
+        arguments: Any = (name, *parts, {"cse": True})
+        return ca.Function(*arguments)
+    known: dict[tuple[Any, ...], ca.SX] = {}
+
+    def operation(code: int | Entry, of: tuple[ca.SX, ...]) -> ca.SX:
+        key = (code, *(a.element_hash() for a in of))
+        if key not in known:
+            known[key] = applied(code, *of)
+        return known[key]
+
+    def constant(value: float) -> ca.SX:
+        return known.setdefault((repr(value),), ca.SX(value))
+
+    inputs = f.sx_in()
+    nonzeros = interpret(f, [ca.vertsplit(x.nz[:]) if x.nnz() else [] for x in inputs], operation, constant)
+    outputs = [
+        ca.SX(f.sparsity_out(i), ca.vertcat(*values)) if values else ca.SX(f.sparsity_out(i))
+        for i, values in enumerate(nonzeros)
+    ]
+    return ca.Function(name, inputs, outputs, f.name_in(), f.name_out())
+
+
+def shared(expressions: Sequence[ca.SX]) -> list[ca.SX]:
+    """The same expressions, in all of which together those that are equal are one."""
+    symbols = [ca.vertcat(ca.SX(0, 1), *symbols_in(ca.veccat(*expressions)))]  # CasADi warns of many inputs
+    f = ca.Function("all", symbols, expressions)
+    return common("all", symbols, expressions).call(symbols) if called(f) else ca.cse(expressions)

@@ -1,0 +1,98 @@
+"""The instruction list of a CasADi SX Function, walked with any number type.
+
+CasADi evaluates an SX Function as a flat list of scalar instructions on a work vector. Walking that list with
+SymPy expressions gives a SymPy export, with intervals an interval evaluation, with variable names C code.
+What each operation means is the caller's affair; here is only the walk.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb.declare.symbolic.pieces import Entry, called
+
+T = TypeVar("T")
+
+_NAMES = {getattr(ca, name): name.removeprefix("OP_").lower() for name in dir(ca) if name.startswith("OP_")}
+
+
+def operation_name(code: int | Entry) -> str:
+    """Name of an operation code for messages.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> operation_name(ca.OP_ATAN2)
+    'atan2'
+    """
+    return "table" if isinstance(code, Entry) else _NAMES.get(code, f"operation {code}")
+
+
+def interpret(
+    f: ca.Function,
+    inputs: Sequence[Sequence[T]],
+    operation: Callable[[Any, tuple[T, ...]], T],
+    constant: Callable[[float], T],
+    known: Mapping[int, T] | None = None,
+) -> list[list[T]]:
+    """Evaluate an SX Function with numbers of type T, one instruction after the other.
+
+    Parameters
+    ----------
+    f : casadi.Function      built from SX expressions
+    inputs                   for each input of ``f`` its structural nonzeros, in column-major order
+    operation                ``operation(code, arguments)`` with ``code`` one of CasADi's ``OP_`` numbers and
+                             one or two arguments (none for a free symbol, ``OP_PARAMETER``), or an `Entry`
+    constant                 turns a float into a T
+    known                    values of scalar outputs by their numbers, which hold in the outputs that follow as well
+
+    Returns
+    -------
+    list of lists            for each output of ``f`` its structural nonzeros, in column-major order
+
+    Raises
+    ------
+    DeclarationError         if ``f`` is not an SX Function or calls another one, or ``inputs`` do not fit
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> x = ca.SX.sym("x", 2)
+    >>> f = ca.Function("f", [x], [x[0] * x[1] + 3])
+    >>> interpret(f, [["x0", "x1"]], lambda code, a: f"{operation_name(code)}({', '.join(a)})", str)
+    [['add(mul(x0, x1), 3.0)']]
+    """
+    if not f.is_a("SXFunction"):
+        raise DeclarationError(f"Function '{f.name()}' is not built from SX: expand it first, f.expand().")
+    sizes, expected = [len(values) for values in inputs], [f.nnz_in(i) for i in range(f.n_in())]
+    if sizes != expected:
+        raise DeclarationError(
+            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, but values for {sizes} are given."
+        )
+    # Every work slot is written before it is read, so the filling value of `work` is never seen.
+    work = [constant(0.0)] * f.sz_w()
+    outputs = [[constant(0.0)] * f.nnz_out(i) for i in range(f.n_out())]
+    known, calls = {} if known is None else known, called(f)
+    for k in range(f.n_instructions()):
+        code, arguments, results = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        if code == ca.OP_INPUT:
+            work[results[0]] = inputs[arguments[0]][arguments[1]]
+        elif code == ca.OP_OUTPUT:
+            work[arguments[0]] = known.get(results[0], work[arguments[0]])
+            outputs[results[0]][results[1]] = work[arguments[0]]
+        elif code == ca.OP_CONST:
+            work[results[0]] = constant(f.instruction_constant(k))
+        elif k in calls:
+            of = tuple(work[i] for i in arguments[:2])
+            for entry, place in zip(calls[k], results, strict=True):
+                if place >= 0:  # others are not used
+                    work[place] = constant(0.0) if entry is None else operation(entry, of)
+        elif code == ca.OP_CALL:
+            raise DeclarationError(
+                f"Function '{f.name()}' calls another Function inside: build that one without never_inline."
+            )
+        else:
+            work[results[0]] = operation(code, tuple(work[i] for i in arguments))
+    return outputs

@@ -1,0 +1,61 @@
+"""Univariate Taylor coefficients of SX expressions along a curve."""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import casadi as ca
+
+from symmb._errors import PropagationError
+from symmb.declare.symbolic.common import common
+
+HIGHEST_ORDER = 100
+"""Highest order of jets: each has more operations than the last one, mostly three times as many."""
+_MOST_OPERATIONS = 4e6
+"""Operations of a coefficient: a double pendulum's of order 8 have as many, and compile in a minute."""
+_SETTLED = 3
+"""Order from which on operations grow by a nearly constant factor."""
+
+
+def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
+    """Taylor coefficients in eps of f(x(eps)) from those of its arguments.
+
+    With x(eps) = x_0 + x_1 eps + x_2 eps^2 + ... the coefficients obey j f_j = D f_{j-1}, where D is the derivative in
+    the direction in which every x_i moves by (i + 1) x_{i+1}.
+
+    Parameters
+    ----------
+    expression : SX f, written in the symbols x_0
+    curve : for each argument its coefficients x_0, ..., x_k, all SX symbols of one shape
+
+    Returns
+    -------
+    list of k + 1 SX of the shape of f
+
+    Raises
+    ------
+    PropagationError         if they have too many operations; each order has about three times as many as the last
+    """
+    order = len(curve[0]) - 1
+    coefficients, sizes = [expression], [0.0]
+    for j in range(1, order + 1):
+        at = ca.vertcat(*[x for c in curve for x in c[:j]])
+        towards = ca.vertcat(*[(i + 1) * c[i + 1] for c in curve for i in range(j)])
+        coefficients.append(ca.jtimes(coefficients[-1], at, towards) / j)
+        sizes.append(float(ca.n_nodes(coefficients[-1])))
+        growth = sizes[-1] / sizes[-2] if j >= _SETTLED and sizes[-2] else 1.0
+        expected = math.log10(max(sizes[-1], 1.0)) + (order - j) * math.log10(max(growth, 1.0))
+        if expected > math.log10(_MOST_OPERATIONS):
+            raise PropagationError(
+                f"Derivatives of order {order} take about 1e{expected:.0f} operations, more than the "
+                f"{_MOST_OPERATIONS:.0e} that compile within minutes. Use a lower order."
+            )
+    return coefficients
+
+
+@lru_cache(maxsize=64)
+def jet_function(f: ca.Function, terms: int) -> ca.Function:
+    """The Taylor coefficients of f, one output each, from so many coefficients of each of its inputs in turn."""
+    curves = [[ca.SX.sym(f"a{i}_{j}", f.numel_in(i)) for j in range(terms)] for i in range(f.n_in())]
+    coefficients = jets(f(*[curve[0] for curve in curves]), curves)
+    return common("jets", [a for curve in curves for a in curve], coefficients)

@@ -1,0 +1,366 @@
+"""Symbolic solution of M a + G' lam = f, G a = g in range space; constraints lend inertia to bodies without mass."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.declare.symbolic.batch import pattern
+from symmb.declare.symbolic.geometry import is_zero
+
+_SMALL = 6
+"""Velocities of a rigid body: larger blocks, of flexible ones, are factorised, those of smaller ones inverted."""
+
+
+class MassBlocks:
+    """Inverse of a regular block-diagonal matrix, block by block.
+
+    The block of a flexible body is an arrow: its modal part is diagonal and the order that keeps factors sparse
+    eliminates it first.
+    """
+
+    def __init__(self, M: ca.SX, sizes: Sequence[int]) -> None:
+        self._blocks: list[tuple[slice, ca.SX | Callable[[ca.SX], ca.SX]]] = []
+        at = 0
+        for n in sizes:
+            block = ca.sparsify(M[at : at + n, at : at + n])
+            if block.sparsity().is_diag():
+                inverse = ca.sparsify(ca.diag(1 / ca.diag(block)))
+            else:
+                inverse = ca.sparsify(ca.inv_minor(block)) if n <= _SMALL else symmetric_solver(block)
+            self._blocks.append((slice(at, at + n), inverse))
+            at += n
+
+    def __call__(self, f: ca.SX) -> ca.SX:
+        """M^-1 f (n_v,)."""
+        parts = [inverse(f[at, :]) if callable(inverse) else inverse @ f[at, :] for at, inverse in self._blocks]
+        return ca.vertcat(*parts)
+
+    def right(self, G: ca.SX) -> ca.SX:
+        """G M^-1 (n_c, n_v)."""
+        parts = []
+        for at, inverse in self._blocks:
+            rows = G[:, at]
+            if isinstance(inverse, ca.SX):
+                parts.append(rows @ inverse)
+                continue
+            parts.append(ca.SX(*rows.shape))
+            for i in range(rows.shape[0]):
+                if not is_zero(rows[i, :]):
+                    parts[-1][i, :] = inverse(rows[i, :].T).T
+        return ca.sparsify(ca.horzcat(*parts))
+
+
+def is_singular(M: ca.SX, sizes: Sequence[int]) -> bool:
+    """Whether a block of a block-diagonal matrix is singular by structure."""
+    starts = [sum(sizes[:k]) for k in range(len(sizes))]
+    blocks = [ca.sparsify(M[at : at + n, at : at + n]) for at, n in zip(starts, sizes, strict=True)]
+    return any(ca.sprank(block) < block.shape[0] for block in blocks)
+
+
+def symmetric_solver(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """Solver of S z = r for a positive definite S (n, n), sparse, by LDL' with a fill-reducing order."""
+    # One triangle stands for both: an entry that cancels to 0 in one may be a rounding error in the other.
+    D, L, order = ca.ldl(ca.triu2symm(ca.triu(ca.sparsify(S))), True)
+    return lambda r: ca.densify(ca.ldl_solve(ca.densify(r), D, L, order))
+
+
+_LIFT = 1e-10
+"""Share of the diagonal added to a singular matrix: far above the rounding of its factors, far below its other
+eigenvalues. The solution is refined once, so errors are of its square. tests/symbolic/test_linear.py"""
+
+_VANISHED = 1e-3
+"""Least square of a row over that of its usual size, so that it is measured by this where it vanishes in passing. Rows
+that depend on each other do so up to the drift of a run, which a division by less would magnify: Bennett's linkage
+needs 1e-4, at 1e-6 its drift grows by a thousand. tests/start/test_overconstrained.py"""
+
+_TINY = 1e-300
+"""A square that keeps velocities without rows from a division by 0."""
+
+
+def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Callable[[ca.SX], ca.SX]:
+    """Solver of S z = r for a semidefinite S (n, n) of rank n - nullity, or close to such a one, at that rank.
+
+    The combinations that vanish come from inverse iteration, and are taken out of right sides and solutions. Rows are
+    measured by the diagonal, so that units have no effect. Some of them may vanish at some states: `usual` (n,) are
+    sizes of the rows to each other, by default equal ones.
+    """
+    size = _row_sizes(ca.diag(S), usual)
+    scaled = ca.sparsify(ca.diag(1 / size) @ S @ ca.diag(1 / size))
+    lifted = symmetric_solver(scaled + _LIFT * ca.SX.eye(S.shape[0]))
+    N = _vanishing(lifted, S.shape[0], nullity)
+
+    def regular_part(r: ca.SX) -> ca.SX:
+        return r - N @ (N.T @ r)
+
+    def solve(r: ca.SX) -> ca.SX:
+        right = regular_part(r / size)
+        z = regular_part(lifted(right))
+        return ca.densify((z + regular_part(lifted(regular_part(right - scaled @ z)))) / size)
+
+    return solve
+
+
+def vanishing_rows(G: ca.SX, nullity: int, usual: ca.SX | None = None) -> ca.SX:
+    """Combinations (n_r, nullity) of the rows of G that vanish where its rank is n_r - nullity.
+
+    `usual` (n_r,) are sizes of the rows to each other, by default equal ones. Some rows may vanish at some states.
+    """
+    size = _row_sizes(ca.sum2(G * G), usual)
+    rows = ca.sparsify(ca.diag(1 / size) @ G)
+    lifted = symmetric_solver(ca.sparsify(rows @ rows.T) + _LIFT * ca.SX.eye(G.shape[0]))
+    return ca.diag(1 / size) @ _vanishing(lifted, G.shape[0], nullity)
+
+
+def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
+    """Multipliers lam (n_r,) of least norm with G' lam = force (n_v,), whatever the rank of G, if there are any.
+
+    The norm is that of the multipliers in some units (n_r,).
+    """
+    G = ca.sparsify(ca.diag(units) @ G)
+    size = ca.sqrt(ca.sum1(G * G).T + _TINY)
+    columns = ca.sparsify(G @ ca.diag(1 / size))
+    S, right = ca.sparsify(columns.T @ columns), force / size
+    lifted = symmetric_solver(S + _LIFT * ca.SX.eye(S.shape[0]))
+    z = lifted(right)
+    return ca.densify(units * (columns @ (z + lifted(right - S @ z))))
+
+
+def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """Solver of S z = r for a semidefinite S (n, n) whose rows and columns are 0 where gates (n,) are.
+
+    z is 0 there. Rows with a gate may depend on others while they are there: they are lifted, and z is refined once.
+    """
+    gated = ca.DM([float(not gates[k].is_constant()) for k in range(gates.numel())])
+    lifted = symmetric_solver(S + ca.diag(1 - gates + _LIFT * gated * ca.diag(S)))
+
+    def solve(r: ca.SX) -> ca.SX:
+        z = lifted(r)
+        return z + lifted(r - S @ z - (1 - gates) * z)
+
+    return solve
+
+
+def _row_sizes(squares: ca.SX, usual: ca.SX | None) -> ca.SX:
+    """Sizes (n,) of rows by their squares, which may vanish, and by their usual sizes to each other."""
+    shares = ca.SX.ones(squares.numel()) if usual is None else usual**2
+    return ca.sqrt(squares + _VANISHED * ca.sum1(squares) * shares / ca.sum1(shares))
+
+
+def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:
+    """Rows (n,), of which combinations (n, k) vanish, with the same combinations of their multipliers added.
+
+    The rows are zero where they were, and no other multipliers than those without these combinations make them so.
+    """
+    N = ca.horzcat(*_orthonormal(ca.horzsplit(vanishing)))
+    return rows + N @ (N.T @ multipliers)
+
+
+def _vanishing(lifted: Callable[[ca.SX], ca.SX], n: int, nullity: int) -> ca.SX:
+    """Orthonormal combinations (n, nullity) that vanish but for the lift, by two steps of inverse iteration."""
+    # Vectors that no symmetry makes orthogonal to what vanishes.
+    columns = [ca.SX(ca.DM(np.cos((j + 1) * np.arange(1, n + 1) ** 1.5))) for j in range(nullity)]
+    for _ in range(2):
+        columns = _orthonormal([_LIFT * lifted(column) for column in columns])
+    return ca.horzcat(*columns)
+
+
+def _orthonormal(columns: Sequence[ca.SX]) -> list[ca.SX]:
+    """Orthonormal columns with the same span, by the modified method of Gram and Schmidt, for nearly parallel ones."""
+    basis: list[ca.SX] = []
+    for column in columns:
+        for _ in range(2 if basis else 1):
+            column = column / ca.norm_2(column)
+            for other in basis:
+                column = column - other * ca.dot(other, column)
+        basis.append(column / ca.norm_2(column))
+    return basis
+
+
+def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """Solver of A z = r for a regular A (n, n), sparse; orthogonal factors need no pivots, which would differ from
+    sample to sample."""
+    factors = ca.qr_sparse(A)
+    return lambda r: ca.densify(ca.qr_solve(ca.densify(r), *factors))
+
+
+_EXPLICIT = 3
+"""Rows of a matrix up to which its inverse is written by its determinant."""
+
+
+class ExplicitSolver:
+    """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
+
+    Blocks of equations that can be solved one after the other are. Larger ones are halved, and `at` (n, n), values of A
+    somewhere, orders their rows so that the parts are regular there; a positive definite A needs no order.
+
+    Attributes
+    ----------
+    determinants : (k,) SX
+        A is regular, and solutions are exact, where none of them is 0. A right side of zeros hides that in solutions
+    """
+
+    def __init__(self, A: ca.SX, at: Array | None = None) -> None:
+        self._A, n = ca.sparsify(A), A.shape[0]
+        self._blocks: list[tuple[list[int], list[int], ca.SX]] = []
+        determinants = []
+        if n and ca.sprank(self._A) < n:
+            self.determinants = ca.SX(0)
+            return
+        _, rows, columns, starts, *_ = self._A.sparsity().btf() if n else (0, [], [], [0])
+        for i, j in pairwise(starts):
+            own, of = rows[i:j], columns[i:j]
+            if at is not None:
+                own = [own[k] for k in _order(at[np.ix_(own, of)])]
+            inverse, parts = _halved(ca.densify(self._A[own, of]))
+            self._blocks.append((own, of, inverse))
+            determinants += parts
+        self.determinants = ca.vertcat(ca.SX(0, 1), *determinants)
+
+    def __call__(self, r: ca.SX) -> ca.SX:
+        """z (n, m); not a number where A is singular by structure."""
+        z = ca.SX.zeros(*r.shape) if self._blocks else ca.SX.nan(*r.shape)
+        for own, of, inverse in self._blocks:
+            z[of, :] = inverse @ (r[own, :] - self._A[own, :] @ z)
+        return z
+
+
+def _order(A: Array) -> list[int]:
+    """Rows of a matrix in the order in which elimination with pivots takes them."""
+    from scipy.linalg import lu_factor
+
+    order = list(range(len(A)))
+    for i, j in enumerate(lu_factor(A)[1]):
+        order[i], order[j] = order[j], order[i]
+    return order
+
+
+def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+    """The inverse of A (n, n), from those of a part and of its Schur complement if it is large, and determinants."""
+    n = A.shape[0]
+    if n <= _EXPLICIT:
+        return ca.inv_minor(A), [ca.det(A)]
+    k = n // 2
+    a, b, c, d = A[:k, :k], A[:k, k:], A[k:, :k], A[k:, k:]
+    first, determinants = _halved(a)
+    right, below = first @ b, c @ first
+    last, others = _halved(d - below @ b)
+    inverse = ca.blockcat([[first + right @ last @ below, -right @ last], [-last @ below, last]])
+    return inverse, [*determinants, *others]
+
+
+def least_factorization(G: ca.Function) -> int:
+    """Operations that `saddle_solver` takes at least: those of its factors, by the pattern of G (n_c, n_v)."""
+    pattern = ca.DM(G.sparsity_out(0), 1)
+    factor = (pattern @ pattern.T).sparsity().ldl()[0]
+    return int((np.diff(factor.colind()) ** 2).sum())
+
+
+def saddle_solver(
+    M: ca.SX,
+    G: ca.SX,
+    sizes: Sequence[int],
+    coupled: bool = False,
+    nullity: int = 0,
+    gates: ca.SX | None = None,
+    usual: ca.SX | None = None,
+) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
+    """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
+
+    Range space: S = G M^-1 G' is formed sparse and factorised by LDL' with a fill-reducing order. With a structurally
+    singular mass block (a massless body) M + G'w G takes the place of M, w the mean mass.
+
+    Parameters
+    ----------
+    M : (n_v, n_v) SX, block-diagonal with blocks of the given sizes
+    G : (n_c, n_v) SX, may have no rows
+    coupled : bool         blocks are regular but nearly singular, as of flexible bodies whose modes almost hold what
+                           the frame does: M + G'w G is used as well, w what the rows see of the masses
+    nullity : int          combinations of the rows of G that vanish wherever the constraints hold
+    gates : (n_c,) SX      0 for rows of G that are 0 as their joints are open, 1 for others
+    usual : (n_c,)         sizes of the rows to each other, as far as combinations vanish; by default equal ones
+
+    Returns
+    -------
+    callable (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,))
+    """
+    n_c = G.shape[0]
+    if gates is None and (rotors := _rotors(G, sizes)):
+        return _beside_rotors(M, G, sizes, coupled, nullity, usual, rotors)
+
+    def factorize(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
+        if gates is not None:
+            return gated_solver(S, gates)
+        return singular_solver(S, nullity, usual) if nullity else symmetric_solver(S)
+
+    singular = is_singular(M, sizes)
+    if singular or (coupled and n_c):
+        # (M + G'w G) a + G' lam = f + G'w g has the same solution, and no unit of length or mass makes it worse.
+        if singular:
+            starts = [sum(sizes[:k]) for k in range(len(sizes)) if sizes[k]]
+            weight = sum((M[k, k] for k in starts), ca.SX(0)) / len(starts)
+        else:
+            weight = 1 / ((G * G) @ (1 / ca.diag(M)))
+        heavier = symmetric_solver(M + G.T @ (weight * G))
+        back = ca.horzcat(*[heavier(G[i, :].T) for i in range(n_c)])
+        multipliers = factorize(G @ back)
+
+        def solve_heavier(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+            a = heavier(f + G.T @ (weight * g))
+            lam = multipliers(G @ a - g)
+            return a - back @ lam, lam
+
+        return solve_heavier
+    inverse = MassBlocks(M, sizes)
+    if n_c == 0:
+        return lambda f, g: (inverse(f), ca.SX(0, 1))
+    W = inverse.right(G)
+    multipliers = factorize(W @ G.T)
+
+    def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+        lam = multipliers(W @ f - g)
+        return inverse(f) - W.T @ lam, lam
+
+    return solve
+
+
+def _rotors(G: ca.SX, sizes: Sequence[int]) -> dict[int, int]:
+    """Velocities that one row alone determines, from velocities of one block, and the numbers of these rows.
+
+    They are blocks of their own, as those of rotors that turn with a joint, and have constant factors in the rows.
+    """
+    there, block = pattern(G.sparsity()), np.repeat(np.arange(len(sizes)), sizes)
+    found: dict[int, int] = {}
+    for k in np.flatnonzero((there.sum(axis=0) == 1) & (np.array(sizes, dtype=int)[block] == 1)).tolist():
+        row = int(there[:, k].argmax())
+        others = set(block[there[row]].tolist()) - {block[k]}
+        if row not in found.values() and len(others) == 1 and G[row, k].is_constant():
+            found[k] = row
+    return found
+
+
+def _beside_rotors(
+    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool, nullity: int, usual: ca.SX | None, rotors: dict[int, int]
+) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
+    """`saddle_solver` of the velocities and rows beside those of rotors, whose inertia M + D' J D contains."""
+    own, rows = list(rotors), list(rotors.values())
+    kept, others = ([k for k in range(n) if k not in some] for n, some in ((G.shape[1], own), (G.shape[0], rows)))
+    factors = ca.vertcat(*[G[row, k] for k, row in rotors.items()])
+    D, inertia = ca.diag(1 / factors) @ G[rows, kept], ca.diag(M[own, own])
+    ends = np.cumsum(sizes)
+    left = [n for n, end in zip(sizes, ends.tolist(), strict=True) if n != 1 or end - 1 not in rotors]
+    heavier = ca.sparsify(M[kept, kept] + D.T @ ca.diag(inertia) @ D)
+    usual = None if usual is None else usual[others]
+    beside = saddle_solver(heavier, G[others, kept], left, coupled, nullity, usual=usual)
+
+    def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+        a, lam = ca.SX(*f.shape), ca.SX(*g.shape)
+        asked = g[rows] / factors
+        a[kept], lam[others] = beside(f[kept] - D.T @ (f[own] - inertia * asked), g[others])
+        a[own] = asked - D @ a[kept]
+        lam[rows] = (f[own] - inertia * a[own]) / factors
+        return a, lam
+
+    return solve

@@ -1,0 +1,107 @@
+"""Short forms of the entries of matrices, where they are found with few operations."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from symmb.declare.symbolic.instructions import interpret
+from symmb.declare.symbolic.sympy_out import to_sympy
+
+_MOST_OPERATIONS, _MOST_TERMS = 800, 100
+"""Operations of a matrix, and terms of an entry that is expanded, up to which it is simplified.
+
+All matrices of a system of three degrees of freedom take about a second: more takes longer, less leaves long entries.
+"""
+_MUCH = 1.25
+"""What was derived is kept if other forms are longer by this factor, as products of sums are when they are expanded."""
+
+
+def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
+    """The matrix that `to_sympy` gives, with short entries; None if they are too long.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> m, l, theta = ca.SX.sym("m"), ca.SX.sym("l"), ca.SX.sym("theta")
+    >>> x, y = l / 2 * ca.cos(theta), l / 2 * ca.sin(theta)
+    >>> simplified(m * (x**2 + y**2) + m * l**2 / 12, [m, l, theta], ["m", "l", "theta"])
+    Matrix([[l**2*m/3]])
+    """
+    f = ca.Function("expr", [ca.vertcat(ca.SX(0, 1), *symbols)], [expr])
+    [sizes] = interpret(f, [[(0, 1)] * len(names)], _sizes, lambda _: (0, 1))
+    if sum(length for length, _ in sizes) > _MOST_OPERATIONS:
+        return None
+    matrix = to_sympy(expr, symbols, names)
+    for row, column, (_, terms) in zip(*expr.sparsity().get_triplet(), sizes, strict=True):
+        if terms <= _MOST_TERMS:
+            matrix[row, column] = _shortest(matrix[row, column])
+    return matrix
+
+
+def _sizes(code: Any, of: tuple[tuple[int, int], ...]) -> tuple[int, int]:
+    """Operations of an expression when it is written out, and terms when it is expanded."""
+    length, terms = sum((n for n, _ in of), 1), [n for _, n in of]
+    if code in (ca.OP_ADD, ca.OP_SUB):
+        return length, sum(terms)
+    if code in (ca.OP_MUL, ca.OP_SQ, ca.OP_DIV):
+        return length, terms[0] * (terms[1] if code == ca.OP_MUL else terms[0] if code == ca.OP_SQ else 1)
+    return (length, terms[0]) if code in (ca.OP_NEG, ca.OP_TWICE) else (length, 1)
+
+
+def _shortest(expression: Any) -> Any:
+    """The shortest form: as derived, a sum of harmonics, or a sum of powers of sines or cosines."""
+    import sympy
+    from sympy.simplify.fu import TR5, TR6, TR8
+
+    others: dict[Any, Any] = {}
+    polynomial = sympy.expand(_polynomial(expression, others))
+    harmonics = sympy.expand(TR8(polynomial))
+    powers = sympy.expand(sympy.expand_trig(harmonics))
+    sums = dict.fromkeys([harmonics, sympy.expand(TR5(powers)), sympy.expand(TR6(powers))])
+    forms = [
+        form.xreplace({new: old for old, new in others.items()}) for s in sums for form in (s, _grouped(s, others))
+    ]
+    shortest = min(forms, key=lambda form: form.count_ops())
+    return shortest if shortest.count_ops() <= _MUCH * expression.count_ops() else expression
+
+
+def _polynomial(expression: Any, others: dict[Any, Any]) -> Any:
+    """The expression with symbols in the place of what is no product, sum, power, sine or cosine, as roots are."""
+    import sympy
+
+    is_power = expression.is_Pow and expression.exp.is_Integer
+    if expression.is_Atom or (is_power and expression.base.is_Symbol):
+        return expression
+    if expression.is_Add or expression.is_Mul or isinstance(expression, sympy.sin | sympy.cos):
+        return expression.func(*[_polynomial(part, others) for part in expression.args])
+    if is_power:
+        inverse = expression.base if expression.exp > 0 else 1 / expression.base
+        base = _polynomial(inverse, others) if expression.exp > 0 else others.setdefault(inverse, _name(others))
+        return base ** abs(expression.exp)
+    return others.setdefault(expression, _name(others))
+
+
+def _name(others: dict[Any, Any]) -> Any:
+    import sympy
+
+    return sympy.Symbol(f"{len(others)}", real=True)
+
+
+def _grouped(total: Any, others: dict[Any, Any]) -> Any:
+    """A sum in which what the same sines, cosines and others multiply is one factor, where it has common symbols."""
+    import sympy
+
+    groups: dict[Any, list[Any]] = {}
+    for term in sympy.Add.make_args(total):
+        coefficient, wave = term.as_independent(sympy.sin, sympy.cos, *others.values(), as_Add=False)
+        groups.setdefault(wave, []).append(coefficient)
+    terms = []
+    for wave, coefficients in groups.items():
+        plain: Any = sympy.Add(*coefficients)
+        content, rest = plain.primitive()
+        common = rest if rest.has(sympy.Float) else sympy.factor(rest)
+        has_symbols = common.is_Pow or (common.is_Mul and not all(f.is_Number or f.is_Add for f in common.args))
+        is_round = content.p > 1 or content.q % 5  # 0.005 (981 m - 200 k) is no short form of 4.905 m - k
+        terms.append(content * (common if has_symbols and is_round else rest) * wave)
+    return sympy.Add(*terms)

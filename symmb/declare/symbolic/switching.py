@@ -1,0 +1,365 @@
+"""The parts of an expression that depend on time alone, where expressions have kinks or jumps, and their branches."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import lru_cache
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import casadi as ca
+
+from symmb.declare.symbolic.common import common
+from symmb.declare.symbolic.instructions import interpret
+from symmb.declare.symbolic.pieces import Entry, Pieces, Sides, applied, called
+
+T = TypeVar("T")
+
+_GUARD = 1e-20
+"""Bounds up to this size keep a denominator from vanishing: they are not kinks of the motion."""
+SOFT = 1e-300
+"""A number that marks a comparison, a < -SOFT, over which value and slope are continuous: steps need not end there."""
+_KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
+    ca.OP_FABS: ("fabs", lambda a: a),
+    ca.OP_SIGN: ("sign", lambda a: a),
+    ca.OP_COPYSIGN: ("copysign", lambda a, b: b),
+    ca.OP_FMIN: ("fmin", lambda a, b: a - b),
+    ca.OP_FMAX: ("fmax", lambda a, b: a - b),
+    **dict.fromkeys((ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE), ("comparison", lambda a, b: a - b)),
+    ca.OP_FLOOR: ("floor", lambda a: ca.sin(ca.pi * a)),
+    ca.OP_CEIL: ("ceil", lambda a: ca.sin(-ca.pi * a)),
+    ca.OP_FMOD: ("fmod", lambda a, b: ca.sin(ca.pi * a / b)),
+    ca.OP_REMAINDER: ("remainder", lambda a, b: ca.cos(ca.pi * a / b)),
+}
+"""Name of an operation, and what of its arguments changes sign at its kinks or jumps."""
+
+
+def _whole(side: ca.SX, value: ca.SX) -> ca.SX:
+    """floor(value) on one side of sin(pi value): the even or odd number next to the value, also half a unit beyond."""
+    odd = (1 - side) / 2
+    return 2 * ca.floor((value - odd + 0.5) / 2) + odd
+
+
+def _fmod(side: ca.SX, a: ca.SX, b: ca.SX) -> ca.SX:
+    whole = _whole(side, a / b)
+    return a - b * (whole + (whole < 0))  # the quotient is cut off toward 0
+
+
+_ON_A_SIDE: dict[Any, Callable[..., ca.SX]] = {
+    ca.OP_FABS: lambda side, a: side * a,
+    ca.OP_SIGN: lambda side, a: side,
+    ca.OP_COPYSIGN: lambda side, a, b: side * ca.fabs(a),
+    ca.OP_FMIN: lambda side, a, b: ca.if_else(side < 0, a, b),
+    ca.OP_FMAX: lambda side, a, b: ca.if_else(side > 0, a, b),
+    **dict.fromkeys((ca.OP_LT, ca.OP_LE), lambda side, a, b: side < 0),
+    ca.OP_FLOOR: _whole,
+    ca.OP_CEIL: lambda side, a: -_whole(side, -a),
+    ca.OP_FMOD: _fmod,
+    ca.OP_REMAINDER: lambda side, a, b: a - b * _whole(side, a / b + 0.5),
+}
+"""The value of an operation on one side of its switch. Others, as equality of the state, are not located."""
+_FRONTS = {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH}
+"""Operations that change within a short part of the range of their argument, about 0, and are flat elsewhere.
+
+An exponential changes also about the largest value of its argument. Products and differences of them make pulses."""
+_LEVELS = (-40.0, -10.0, -1.0, 1.0, 10.0, 40.0)
+"""Arguments where fronts begin, are steep, and end: exp(-40) = 4e-18 is rounding. At 0 even functions only touch.
+
+A motion may turn back on either flank: a step that begins far from it may end behind both passes of it."""
+_STEEP = 8
+"""Exponent from which on a power is a front, too: it halves within 9 % of its largest base, and is flat near 0.
+Steps are longer than a pulse of cos(angle)**50."""
+_POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
+"""Operations that are not defined for negative numbers, powers unless their exponent is whole."""
+
+
+class On(IntEnum):
+    """What a value depends on, the most changeable of its parts."""
+
+    PARAMETERS = 0
+    TIME = 1
+    STATE = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Switching:
+    """Where a Function's outputs are not smooth.
+
+    Attributes
+    ----------
+    kinks : tuple of str   operations with a kink or a jump whose arguments depend on the state or on time
+    switches : (m,) SX     what changes sign there
+    located : m bools      which of them `branches` makes switches too, where steps end
+    """
+
+    kinks: tuple[str, ...]
+    switches: ca.SX
+    located: tuple[bool, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Value:
+    sx: ca.SX
+    on: On
+
+
+def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
+    """Kinks and jumps of an SX Function at symbols for its inputs.
+
+    Examples
+    --------
+    >>> x, t = ca.SX.sym("x"), ca.SX.sym("t")
+    >>> f = ca.Function("f", [x, t], [ca.fabs(x) * ca.sin(2 * t)])
+    >>> switching(f, [(x, On.STATE), (t, On.TIME)]).kinks
+    ('fabs',)
+    """
+    switches: dict[int, ca.SX] = {}
+    located: dict[int, bool] = {}
+    kinks: set[str] = set()
+
+    def operation(code: Any, arguments: tuple[_Value, ...]) -> _Value:
+        on = max((a.on for a in arguments), default=On.PARAMETERS)
+        is_kink = code in _KINKS and not any(_is_guard(a.sx) or is_soft(a.sx) for a in arguments)
+        if on > On.PARAMETERS and is_kink:
+            name, of = _KINKS[code]
+            kinks.add(name)
+            switch = of(*(a.sx for a in arguments))
+            key = switch.element_hash()
+            switches.setdefault(key, switch)
+            located[key] = located.get(key, False) or code in _ON_A_SIDE
+        if on > On.PARAMETERS and isinstance(code, Entry) and type(code.pieces) in (Pieces, Sides):
+            kinks.add("table")
+            sides = code.pieces if isinstance(code.pieces, Sides) else code.pieces.sided[0]
+            switch = sides.wave(arguments[1].sx)
+            switches[switch.element_hash()], located[switch.element_hash()] = switch, sides is code.pieces
+        return _Value(applied(code, *(a.sx for a in arguments)), on)
+
+    values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
+    interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
+    return Switching(tuple(sorted(kinks)), ca.vertcat(ca.SX(0, 1), *switches.values()), tuple(located.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """A Function whose kinks and jumps of the state are replaced by the branches of one side of each switch.
+
+    Within a step all evaluations take the same branch, also those beyond the switch, so that steps are smooth.
+
+    Attributes
+    ----------
+    outputs : list of SX     the Function's outputs on these branches
+    sides : (m,) SX          symbols, 1 where a switch is above 0 and -1 where it is below
+    switches : (m,) SX       on the same branches
+    times : (k,) SX          what changes sign at kinks, jumps and fronts that depend on time, and perhaps parameters,
+                             alone
+    fronts : (l,) SX         what changes sign at smooth fronts that depend on the state
+    exponents : (e,) SX      and of powers the bases: their rates change sign at smooth fronts as well
+    knots : list             arguments of tables that depend on time as `times` do, and the pieces of these
+    """
+
+    outputs: list[ca.SX]
+    sides: ca.SX
+    switches: ca.SX
+    times: ca.SX
+    fronts: ca.SX
+    exponents: ca.SX
+    knots: list[tuple[ca.SX, Pieces]]
+
+
+@lru_cache(maxsize=256)
+def has_kinks(f: ca.Function) -> bool:
+    """Whether an SX Function has operations with a kink, a jump or a front, in whatever argument."""
+    codes = [f.instruction_id(k) for k in range(f.n_instructions())]
+    is_bent = not (_KINKS.keys() | _FRONTS).isdisjoint(codes)
+    return is_bent or bool(called(f)) or _has_steep_power(f, codes)
+
+
+def _has_steep_power(f: ca.Function, codes: list[int]) -> bool:
+    known: dict[int, _Power[int]] = {}  # of what stands in a place of the work vector
+    constants: dict[int, float] = {}
+    for k, code in enumerate(codes):
+        if code == ca.OP_OUTPUT:
+            continue
+        results, places = f.instruction_output(k), f.instruction_input(k) if code in _POWERS else []
+        of = [known.get(i, _Power(-1, 1.0)) for i in places]
+        power = _power(code, of, constants.get(places[-1])) if of else None
+        if power is not None and power.exponent >= _STEEP:
+            return True
+        for place in results:  # several of a call
+            known[place] = power or _Power(k, 1.0)
+            constants.pop(place, None)
+        if code == ca.OP_CONST:
+            constants[results[0]] = f.instruction_constant(k)
+    return False
+
+
+class _Power(NamedTuple, Generic[T]):
+    """A power of something, which `base` identifies."""
+
+    base: T
+    exponent: float
+
+
+_POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
+"""Operations that make powers: CasADi writes whole ones as squares and products."""
+
+
+def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
+    """The result of one of these as a power; the exponent of `pow` may be a constant."""
+    base, exponent = of[0]
+    if code == ca.OP_MUL:
+        return _Power(base, exponent + of[1].exponent) if base == of[1].base else None
+    if code == ca.OP_SQ:
+        return _Power(base, 2 * exponent)
+    return _Power(base, math.inf if constant is None else exponent * abs(constant))
+
+
+def with_common_expressions(f: ca.Function) -> ca.Function:
+    """The same SX Function, in which expressions that are equal are one."""
+    inputs = f.sx_in()
+    return common(f.name(), inputs, f.call(inputs), f.name_in(), f.name_out())
+
+
+def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
+    """The branches of an SX Function at symbols for its inputs.
+
+    Roots, logarithms and powers of what a switch kept positive are continued beyond it: sqrt(a) as sqrt(|a|).
+
+    Examples
+    --------
+    >>> x, t = ca.SX.sym("x"), ca.SX.sym("t")
+    >>> f = ca.Function("f", [x, t], [ca.fmax(x, 0) + ca.fabs(t - 1)])
+    >>> branches(f, [(x, On.STATE), (t, On.TIME)]).switches
+    SX(x)
+    """
+    found = _Found(next((symbols for symbols, on in inputs if on is On.TIME), ca.SX(0, 1)))
+    values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
+    parts = interpret(f, values, found.operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
+    found.add_fronts_of_powers()
+    pairs = list(found.switches.values())
+    return Branches(
+        [ca.vertcat(ca.SX(0, 1), *(value.sx for value in part)) for part in parts],
+        ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in pairs)),
+        ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in pairs)),
+        *(ca.vertcat(ca.SX(0, 1), *group.values()) for group in (found.times, found.fronts, found.exponents)),
+        knots=list(found.knots.values()),
+    )
+
+
+@dataclass(eq=False)
+class _Found:
+    """What the operations of a Function show, one after the other. Keys are hashes of expressions."""
+
+    t: ca.SX
+    switches: dict[tuple[int, int], tuple[ca.SX, ca.SX]] = field(default_factory=dict)
+    times: dict[tuple[int, float], ca.SX] = field(default_factory=dict)
+    fronts: dict[tuple[int, float], ca.SX] = field(default_factory=dict)
+    exponents: dict[int, ca.SX] = field(default_factory=dict)
+    powers: dict[int, _Power[int]] = field(default_factory=dict)  # of what is a power, by its own hash
+    steepest: dict[int, tuple[ca.SX, float]] = field(default_factory=dict)  # base and exponent, by the base
+    knots: dict[tuple[int, str], tuple[ca.SX, Pieces]] = field(default_factory=dict)
+
+    def operation(self, code: Any, arguments: tuple[_Value, ...]) -> _Value:
+        """The value of an operation on one side of its switches."""
+        on = max((a.on for a in arguments), default=On.PARAMETERS)
+        of = tuple(a.sx for a in arguments)
+        is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
+        if on is On.TIME:
+            self._note_times(code, of, is_switch)
+        if on is not On.STATE:
+            return _Value(applied(code, *of), on)
+        if code in _FRONTS:
+            self.fronts.update(_levels(of[0]))
+            if code == ca.OP_EXP:
+                self.exponents.setdefault(of[0].element_hash(), of[0])
+        value = self._entry(code, *of) if isinstance(code, Entry) else None
+        if is_switch and code in _ON_A_SIDE:
+            value = _ON_A_SIDE[code](self._side(_KINKS[code][1](*of)), *of)
+        return _Value(self._continued(code, of) if value is None else value, on)
+
+    def _continued(self, code: Any, of: tuple[ca.SX, ...]) -> ca.SX:
+        """The value of an operation, which goes on beyond switches that kept its argument positive."""
+        if code in _POSITIVE and (code != ca.OP_CONSTPOW or float(of[1]) % 1):
+            of = (ca.fabs(of[0]), *of[1:])
+        value = applied(code, *of)
+        if code in _POWERS:
+            self._note_power(code, of, value)
+        return value
+
+    def add_fronts_of_powers(self) -> None:
+        """The fronts of steep powers, when all operations are known."""
+        for key, (base, exponent) in self.steepest.items():
+            if exponent >= _STEEP:
+                self.exponents[key] = base
+                levels = [math.exp(level / exponent) for level in _LEVELS if level < 0 and math.isfinite(exponent)]
+                self.fronts.update({(key, level): ca.fabs(base) - level for level in levels})
+
+    def _side(self, switch: ca.SX) -> ca.SX:
+        a, b = _difference(switch)
+        if (b, a) in self.switches:
+            return -self.switches[b, a][1]
+        if (a, b) not in self.switches:
+            self.switches[a, b] = switch, ca.SX.sym(f"side_{len(self.switches)}")
+        return self.switches[a, b][1]
+
+    def _note_times(self, code: Any, of: tuple[ca.SX, ...], is_switch: bool) -> None:
+        if is_switch:
+            switch = _KINKS[code][1](*of)
+            self.times.setdefault((switch.element_hash(), 0.0), switch)
+        if isinstance(code, Entry):
+            self.knots[of[1].element_hash(), code.pieces.name] = of[1], code.pieces
+        if code in _FRONTS:
+            self.times.update(_levels(of[0]))
+            if code == ca.OP_EXP and ca.depends_on(rate := ca.jacobian(of[0], self.t), self.t):
+                self.times[rate.element_hash(), 0.0] = rate
+
+    def _entry(self, entry: Entry, group: ca.SX, at: ca.SX) -> ca.SX | None:
+        """An entry of the coefficients of a table on the piece of its sides, if it has switches."""
+        pieces = entry.pieces
+        if isinstance(pieces, Sides):
+            return pieces.on_side(self._side(pieces.wave(at)), at)
+        if type(pieces) is not Pieces or not group.is_constant():
+            return None
+        sides, coefficients = pieces.sided
+        return coefficients(sides.on_side(self._side(sides.wave(at)), at), at)[entry.column]
+
+    def _note_power(self, code: Any, of: tuple[ca.SX, ...], value: ca.SX) -> None:
+        of_powers = [self.powers.get(a.element_hash(), _Power(a.element_hash(), 1.0)) for a in of]
+        power = _power(code, of_powers, float(of[-1]) if of[-1].is_constant() else None)
+        if power is not None:
+            self.powers[value.element_hash()] = power
+            base = self.steepest[power.base][0] if power.base in self.steepest else of[0]
+            self.steepest[power.base] = base, power.exponent
+
+
+def _levels(argument: ca.SX) -> dict[tuple[int, float], ca.SX]:
+    return {(argument.element_hash(), level): argument - level for level in _LEVELS}
+
+
+def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
+    """(n,) the largest parts that depend on time, and perhaps on parameters, alone; time itself is none.
+
+    Examples
+    --------
+    >>> x, p, t = (ca.SX.sym(name) for name in "xpt")
+    >>> laws(x * ca.sin(p * t) + x * p, p, t)
+    SX(sin((p*t)))
+    """
+    _, _, parts = ca.extract_parametric(expression, ca.vertcat(p, t))
+    return ca.vertcat(ca.SX(0, 1), *[part for part in parts if ca.depends_on(part, t)])
+
+
+def _difference(value: ca.SX) -> tuple[int, int]:
+    """Hashes of a and b in a - b, 0 for one that is not there: those of b - a are the same in the other order."""
+    if value.is_op(ca.OP_SUB):
+        return value.dep(0).element_hash(), value.dep(1).element_hash()
+    return (0, value.dep(0).element_hash()) if value.is_op(ca.OP_NEG) else (value.element_hash(), 0)
+
+
+def _is_guard(value: ca.SX) -> bool:
+    return value.is_constant() and SOFT < abs(float(value)) <= _GUARD
+
+
+def is_soft(value: ca.SX) -> bool:
+    """Whether a comparison with a value has no effect on a jump of an expression or of its slope."""
+    return value.is_constant() and abs(float(value)) == SOFT

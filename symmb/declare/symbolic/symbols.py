@@ -1,0 +1,215 @@
+"""Which symbol is what: every coordinate, velocity, state and parameter is looked up by the symbol itself.
+
+A CasADi symbol carries a name only. Its owner (a body, a joint, the parameters) keeps a `Symbol` record that adds
+what it is and how fast it changes; the table here holds those records weakly, so that it never outlives the model.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from weakref import WeakKeyDictionary, WeakValueDictionary
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb._names import normal
+from symmb._options import shown
+from symmb.declare.symbolic.given import given
+
+if hasattr(ca.GlobalOptions, "setNumpyMode") and ca.GlobalOptions.getNumpyMode() == 0:
+    ca.GlobalOptions.setNumpyMode(-1)  # NumPy's functions take expressions, as before CasADi 3.8, without a notice
+
+_casadi_bool = ca.SX.__bool__
+
+
+class TruthValueError(DeclarationError, RuntimeError):
+    """Python asks whether a symbolic expression is true. CasADi raises a RuntimeError there."""
+
+
+def _truth_value(expression: ca.SX) -> bool:
+    try:
+        return _casadi_bool(expression)
+    except RuntimeError:
+        raise TruthValueError(
+            f"Python's if, and, or, max and min cannot decide whether {str(expression)[:80]} is true: it is an "
+            "expression. Write casadi.if_else, logic_and, logic_or, fmax or fmin."
+        ) from None
+
+
+# Laws are written before symmb sees them, as in `1.0 if mb.t > 1 else 0.0`.
+ca.SX.__bool__ = _truth_value  # pyright: ignore[reportAttributeAccessIssue]
+
+t = ca.SX.sym("t")
+"""Time [s], the one independent variable of every law."""
+
+
+class Kind(Enum):
+    """What a symbol stands for."""
+
+    COORDINATE = "coordinate"
+    VELOCITY = "velocity"
+    STATE = "first-order state"
+    PARAMETER = "parameter"
+
+
+@dataclass(frozen=True, eq=False)
+class Symbol:
+    """A declared symbol: dotted name, kind, and for what moves its rate; `value` is where a state starts.
+
+    What a symbol does not have is empty. `owner` names the element that must be in the System for a symbol to be known.
+    Other states come along with the expressions that they are in.
+    """
+
+    name: str
+    kind: Kind
+    sx: ca.SX
+    rate: ca.SX = field(default_factory=ca.SX)
+    value: ca.SX = field(default_factory=ca.SX)
+    owner: str = ""
+
+    def __reduce__(self) -> tuple[Callable[..., "Symbol"], tuple[object, ...]]:
+        return _entered, (self.name, self.kind, self.sx, self.rate, self.value, self.owner)
+
+
+_TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
+_STARTS: WeakKeyDictionary[Symbol, list[Symbol]] = WeakKeyDictionary()
+"""Records of `initial` values, kept as long as a coordinate that they were read from."""
+
+
+def _entered(name: str, kind: Kind, sx: ca.SX, rate: ca.SX, value: ca.SX, owner: str) -> Symbol:
+    """The record of a symbol that was read or copied. A symbol that is still in use keeps its record."""
+    known = _TABLE.get(sx.element_hash())
+    if known is not None:
+        return known
+    record = _TABLE[sx.element_hash()] = Symbol(name, kind, sx, rate, value, owner)
+    return record
+
+
+def declare(
+    names: Iterable[str],
+    kind: Kind,
+    symbols: ca.SX,
+    rates: ca.SX | None = None,
+    value: ca.SX | None = None,
+    owner: str = "",
+) -> tuple[Symbol, ...]:
+    """Enter symbols into the table; whoever declares them keeps the records alive."""
+    records = tuple(
+        Symbol(
+            normal(name),
+            kind,
+            symbols[i],
+            ca.SX() if rates is None else rates[i],
+            ca.SX() if value is None else value[i],
+            owner,
+        )
+        for i, name in enumerate(names)
+    )
+    for record in records:
+        _TABLE[record.sx.element_hash()] = record
+    return records
+
+
+def lookup(symbol: ca.SX) -> Symbol | None:
+    """The record of a symbol, None if nobody declared it."""
+    return _TABLE.get(symbol.element_hash())
+
+
+def is_time(symbol: ca.SX) -> bool:
+    """Whether a symbol is the time `t`."""
+    return symbol.element_hash() == t.element_hash()
+
+
+def initial(expression: ca.SX) -> ca.SX:
+    """Value that a position expression has at the start of a run, a first-order state without rate.
+
+    The start of a scene is often solved for, such as a static equilibrium. `x - initial(x)` is the way since the start.
+
+    Parameters
+    ----------
+    expression : SX of any shape, in coordinates and parameters [unit]
+
+    Returns
+    -------
+    SX of the same shape [unit]
+
+    Raises
+    ------
+    DeclarationError
+        if the expression contains a velocity, a multiplier, `t` or no coordinate at all
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", mass=1.0, pose=mb.Particle())
+    >>> block.x - mb.initial(block.x)
+    SX((block.x-initial))
+    """
+    value = given(expression)
+    if value is None:
+        raise DeclarationError(f"initial: {expression!r} is no CasADi SX expression.")
+    expression = ca.densify(value)
+    records = [lookup(symbol) for symbol in symbols_in(expression)]
+    moving = [r for r in records if r is not None and r.kind is Kind.COORDINATE]
+    if not moving or any(r is None or r.kind not in (Kind.COORDINATE, Kind.PARAMETER) for r in records):
+        raise DeclarationError(
+            f"initial: {expression} must be made of coordinates and parameters alone. "
+            "Velocities, multipliers and times at the start need no state: list them in start."
+        )
+    values = _STARTS.setdefault(moving[0], [])
+    state = ca.SX.sym("initial", *expression.shape)
+    names = [s.name() for s in ca.vertsplit(ca.vec(state))]
+    values += declare(names, Kind.STATE, ca.vec(state), ca.SX.zeros(state.numel(), 1), ca.vec(expression))
+    return state
+
+
+def symbols_in(expression: ca.SX) -> list[ca.SX]:
+    """All symbols of an expression, each as a scalar."""
+    return [s for s in ca.symvar(expression)]
+
+
+def ddt(expression: ca.SX) -> ca.SX:
+    """Rate of a position expression, d/dt f(q, t) = f_q N v + f_t.
+
+    Parameters
+    ----------
+    expression : SX of any shape, in coordinates, first-order states, parameters and `t` [unit]
+
+    Returns
+    -------
+    SX of the same shape, in coordinates, velocities, parameters and `t` [unit/s]
+
+    Raises
+    ------
+    DeclarationError
+        if the expression contains a velocity or a multiplier: its rate needs the equations of motion
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
+    >>> mb.ddt(rod.x ** 2)
+    SX(((2.*rod.x)*rod.vx))
+    """
+    return rate(expression, {})
+
+
+def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
+    """What `ddt` gives, also of velocities whose rates are known by their hashes."""
+    value = given(expression)
+    if value is None:
+        raise DeclarationError(f"ddt takes a number or CasADi SX, got {shown(expression)}.")
+    expression, moving, rates = value, [t], [ca.SX(1)]
+    for symbol in symbols_in(expression):
+        record = lookup(symbol)
+        if record is None or record.kind is Kind.PARAMETER:
+            continue
+        known = accelerations.get(symbol.element_hash(), record.rate)
+        if known.is_empty():
+            raise DeclarationError(
+                f"ddt takes expressions of positions, but {record.name!r} is a {record.kind.value}; "
+                "its rate follows from the equations of motion only: outputs take system.ddt(...)."
+            )
+        moving.append(record.sx)
+        rates.append(known)
+    return ca.jtimes(expression, ca.vertcat(*moving), ca.vertcat(*rates))

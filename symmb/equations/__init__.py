@@ -1,0 +1,11 @@
+"""From a declaration to a differential-algebraic equation and a consistent start.
+
+In:   elements of `declare`, in a System; start, times and outputs, in a Scene; and a Box of uncertain parameters.
+Out:  M, Q, Phi, Phi_q and gamma as functions of CasADi, in coordinates of bodies or of joints, and states at which the
+      constraints hold.
+
+model   System, Scene, Box; the equations, their C and their text
+start   positions, velocities and equilibria that satisfy the constraints; the rank of these
+
+Equations are derived when they are first asked for. What was derived is remembered by its scene.
+"""

@@ -1,0 +1,17 @@
+"""From a declaration to equations: System, Scene, and the DAE bundle that solvers get.
+
+Declarations are checked here, and all faults are reported at once.
+"""
+
+from symmb.equations.model.box import Box
+from symmb.equations.model.compilation import compile_dae
+from symmb.equations.model.contact_equations import Impacts, JointEvents
+from symmb.equations.model.dae import DAE, is_linear
+from symmb.equations.model.joint_space import JointSpace
+from symmb.equations.model.lazy import Lazy
+from symmb.equations.model.scales import Scales
+from symmb.equations.model.scene import Scene
+from symmb.equations.model.start_values import JointValue, Prescribed
+from symmb.equations.model.system import System
+from symmb.equations.model.units import units_of
+from symmb.equations.model.unused_parameters import unused_parameters

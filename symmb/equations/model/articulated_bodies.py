@@ -1,0 +1,350 @@
+"""Motion and forces along a tree of joints: recursions from body to body.
+
+Every body has working axes W and an origin. A body that a joint carries has them in the frame of that joint, a planar
+one parallel to the world's. Accelerations (a, alpha) are those of the origin, in working axes; forces (f, n) act there.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from symmb.declare.mechanics import Body, Planar, Spatial
+from symmb.declare.symbolic import conjugate, product, rotation_z, symmetric_solver
+from symmb.equations.model.joint_motion import JointMotion
+from symmb.equations.model.spanning_tree import Carrying, Link
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Position and motion of a body.
+
+    Attributes
+    ----------
+    axes : (3, 3)          W to world
+    body_axes : (3, 3)     W to body
+    origin, velocity : (3,)            in world axes [m], [m/s]
+    spin : (3,)            angular velocity in W [rad/s]
+    center : (3,)          centre of mass from the origin, in W [m]
+    angle : scalar         about z, of a planar body [rad]
+    quaternion : (4,)      of a spatial body
+    turn, arm : (3, 3), (3,)           W to the carrier's W; the origin from the carrier's in the carrier's W
+    bias : (6,)            (a, alpha) less those that the carrier's acceleration and the joint's own ones make
+    H : (6, n)             acceleration of the body by those of the joint
+    """
+
+    axes: ca.SX
+    body_axes: ca.SX
+    origin: ca.SX
+    velocity: ca.SX
+    spin: ca.SX
+    center: ca.SX
+    angle: ca.SX
+    quaternion: ca.SX
+    turn: ca.SX
+    arm: ca.SX
+    bias: ca.SX
+    H: ca.SX
+
+    @property
+    def rotation(self) -> ca.SX:
+        """Body to world, (3, 3)."""
+        return self.axes @ self.body_axes.T
+
+    @property
+    def r(self) -> ca.SX:
+        """Centre of mass in world axes [m], (3,)."""
+        return self.origin + self.axes @ self.center
+
+    @property
+    def omega(self) -> ca.SX:
+        """Angular velocity in body axes [rad/s], (3,)."""
+        return self.body_axes @ self.spin
+
+    @property
+    def r_dot(self) -> ca.SX:
+        """Velocity of the centre of mass in world axes [m/s], (3,)."""
+        return self.velocity + self.axes @ ca.cross(self.spin, self.center)
+
+
+_I, _O = ca.SX.eye(3), ca.SX(3, 1)
+GROUND = Placed(
+    _I, _I, _O, _O, _O, _O, ca.SX(0), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), _I, _O, ca.SX(6, 1), ca.SX(6, 0)
+)
+
+
+def free(body: Body) -> Placed:
+    """A body that no joint carries; its acceleration is that of its own coordinates."""
+    frame = body.frame
+    n = frame.v.numel()
+    axes = _I if isinstance(body.pose, Planar) or not isinstance(body.pose, Spatial) else frame.R
+    S = frame.S
+    H = ca.vertcat(axes.T @ S[:3, :], S[3:, :])
+    return Placed(
+        axes=axes,
+        body_axes=frame.R.T @ axes if not isinstance(body.pose, Spatial) else _I,
+        origin=frame.r,
+        velocity=frame.velocity,
+        spin=frame.omega,
+        center=_O,
+        angle=frame.angle,
+        quaternion=frame.q[3:7] if isinstance(body.pose, Spatial) else _about_z(frame.angle),
+        turn=axes,
+        arm=_O,
+        bias=ca.SX(6, 1),
+        H=H[:, :n],
+    )
+
+
+def carried(body: Body, by: Carrying, carrier: Placed) -> Placed:
+    """A body on its joint."""
+    motion = by.motion
+    planar = isinstance(body.pose, Planar)
+    # From the carrier's W to the axes of the joint's frame on it, which are constant unless the carrier is planar.
+    joint_axes = carrier.body_axes.T @ motion.carrier
+    angle = carrier.angle + motion.angle if planar else ca.SX(0)
+    if planar:
+        axes, turn = _I, _I
+        body_axes = rotation_z(angle).T
+        to_joint = body_axes.T @ motion.follower  # the joint's frame on the follower, in W
+    else:
+        turn = joint_axes @ motion.turn
+        axes = carrier.axes @ turn
+        body_axes, to_joint = motion.follower, _I
+    foot = carrier.body_axes.T @ by.on_carrier + carrier.center
+    shift = joint_axes @ motion.shift
+    arm = foot + shift
+    spin_c = turn.T @ carrier.spin
+    spin_r = to_joint @ motion.spin
+    sliding = joint_axes @ motion.speed
+    H_shift, H_spin = joint_axes @ motion.speed_matrix, to_joint @ motion.spin_matrix
+    change = (
+        ca.cross(carrier.spin, ca.cross(carrier.spin, arm))
+        + 2 * ca.cross(carrier.spin, sliding)
+        + joint_axes @ motion.speed_change
+    )
+    return Placed(
+        axes=axes,
+        body_axes=body_axes,
+        origin=carrier.origin + carrier.axes @ arm,
+        velocity=carrier.velocity + carrier.axes @ (ca.cross(carrier.spin, arm) + sliding),
+        spin=spin_c + spin_r,
+        center=-body_axes.T @ by.on_body,
+        angle=angle,
+        quaternion=_about_z(angle) if planar else _product(carrier.quaternion, motion),
+        turn=turn,
+        arm=arm,
+        bias=ca.vertcat(turn.T @ change, ca.cross(spin_c, spin_r) + to_joint @ motion.spin_change),
+        H=ca.vertcat(turn.T @ H_shift, H_spin),
+    )
+
+
+def _about_z(angle: ca.SX) -> ca.SX:
+    return ca.vertcat(ca.cos(angle / 2), 0, 0, ca.sin(angle / 2)) if angle.numel() else GROUND.quaternion
+
+
+def _product(carrier: ca.SX, motion: JointMotion) -> ca.SX:
+    on_carrier = product(motion.carrier_quaternion, motion.quaternion)
+    return product(product(carrier, on_carrier), conjugate(motion.follower_quaternion))
+
+
+class ArticulatedBodies:
+    """The mass matrix, forces and accelerations of bodies on a tree of joints.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+    links : sequence of Link       each one after its carrier
+    """
+
+    def __init__(self, bodies: Sequence[Body], links: Sequence[Link]) -> None:
+        self.links = links
+        self.placed: dict[int | None, Placed] = {None: GROUND}
+        self.columns: dict[int, slice] = {}
+        at = 0
+        for link in links:
+            body, carrying = bodies[link.body], link.carrying
+            here = free(body) if carrying is None else carried(body, carrying, self.placed[carrying.carrier])
+            self.placed[link.body] = here
+            self.columns[link.body] = slice(at, at + here.H.shape[1])
+            at += here.H.shape[1]
+        self.n_v = at
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Velocities of each group of bodies that carry each other, in order."""
+        sizes: list[int] = []
+        for link in self.links:
+            own = self.columns[link.body]
+            alone = link.carrying is None or link.carrying.carrier is None
+            sizes = [*sizes, own.stop - own.start] if alone else [*sizes[:-1], sizes[-1] + own.stop - own.start]
+        return tuple(sizes)
+
+    def loads(self, M: Mapping[int, ca.SX], Q: Mapping[int, ca.SX]) -> "Loads":
+        """Inertia and forces of the bodies, from their (6, 6) and (6,) at centres of mass, in world and body axes."""
+        inertia = {link.body: self._inertia(link, M[link.body]) for link in self.links}
+        force = {link.body: self._force(link, M[link.body], Q[link.body]) for link in self.links}
+        return Loads(self, inertia, force)
+
+    def _inertia(self, link: Link, M: ca.SX) -> ca.SX:
+        here = self.placed[link.body]
+        m, J, c = M[0, 0], here.body_axes.T @ M[3:, 3:] @ here.body_axes, ca.skew(here.center)
+        return _symmetric(m * _I, -m * c, J - m * c @ c)
+
+    def _force(self, link: Link, M: ca.SX, Q: ca.SX) -> ca.SX:
+        here = self.placed[link.body]
+        f = here.axes.T @ Q[:3] - M[0, 0] * ca.cross(here.spin, ca.cross(here.spin, here.center))
+        return ca.vertcat(f, here.body_axes.T @ Q[3:] + ca.cross(here.center, f))
+
+
+class Loads:
+    """Inertia (6, 6) and forces (6,) of bodies on a tree of joints, in W at their origins.
+
+    Accelerations follow by articulated bodies, the mass matrix by composite ones. (Featherstone 2008, Rigid Body
+    Dynamics Algorithms, chapters 6 and 7)
+    """
+
+    def __init__(self, tree: ArticulatedBodies, inertia: dict[int, ca.SX], force: dict[int, ca.SX]) -> None:
+        self._tree, self._inertia, self._force = tree, inertia, force
+
+    @cached_property
+    def _drift(self) -> dict[int | None, ca.SX]:
+        """Accelerations (6,) where those of the joints are 0."""
+        A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
+        for link, here, carrier in self._walk():
+            A[link.body] = _from_carrier(here, A[carrier]) + here.bias
+        return A
+
+    def _walk(self) -> list[tuple[Link, Placed, int | None]]:
+        carriers = [None if link.carrying is None else link.carrying.carrier for link in self._tree.links]
+        return [(link, self._tree.placed[link.body], at) for link, at in zip(self._tree.links, carriers, strict=True)]
+
+    @cached_property
+    def M(self) -> ca.SX:
+        """Mass matrix (n_v, n_v)."""
+        composite = dict(self._inertia)
+        M = ca.SX(self._tree.n_v, self._tree.n_v)
+        carriers = {link.body: carrier for link, _, carrier in self._walk()}
+        for link, here, carrier in reversed(self._walk()):
+            F, own = composite[link.body] @ here.H, self._tree.columns[link.body]
+            M[own, own] = ca.triu2symm(ca.triu(here.H.T @ F))
+            if carrier is not None:
+                composite[carrier] = composite[carrier] + _inertia_to_carrier(here, composite[link.body])
+            at = link.body
+            while (above := carriers[at]) is not None:
+                F, at = _to_carrier(self._tree.placed[at], F), above
+                columns = self._tree.columns[at]
+                M[columns, own] = self._tree.placed[at].H.T @ F
+                M[own, columns] = M[columns, own].T
+        return ca.sparsify(M)
+
+    @cached_property
+    def Q(self) -> ca.SX:
+        """Forces along the joints' velocities (n_v,), with those that velocities make."""
+        return self._along_joints(
+            {body: force - self._inertia[body] @ self._drift[body] for body, force in self._force.items()}
+        )
+
+    def inertial(self, a: ca.SX) -> ca.SX:
+        """M a (n_v,) for accelerations a (n_v,), without the many entries of M."""
+        A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
+        for link, here, carrier in self._walk():
+            own = here.H @ a[self._tree.columns[link.body]] if here.H.shape[1] else ca.SX(6, 1)
+            A[link.body] = _from_carrier(here, A[carrier]) + own
+        return self._along_joints({body: inertia @ A[body] for body, inertia in self._inertia.items()})
+
+    def _along_joints(self, forces: dict[int, ca.SX]) -> ca.SX:
+        """What forces (6,) on the bodies do along the joints' velocities (n_v,)."""
+        F, along = dict(forces), ca.SX(self._tree.n_v, 1)
+        for link, here, carrier in reversed(self._walk()):
+            if here.H.shape[1]:
+                along[self._tree.columns[link.body]] = here.H.T @ F[link.body]
+            if carrier is not None:
+                F[carrier] = F[carrier] + _to_carrier(here, F[link.body])
+        return ca.densify(along)
+
+    @cached_property
+    def _articulated(self) -> dict[int, tuple[ca.SX, Callable[[ca.SX], ca.SX], ca.SX]]:
+        """For each body U = M H, a solver of H' M H z = r, and its inertia (6, 6) without what the joint lets move."""
+        M, parts = dict(self._inertia), {}
+        for link, here, carrier in reversed(self._walk()):
+            U = M[link.body] @ here.H
+            invert = _inverse(here.H.T @ U)
+            rest = M[link.body]
+            if carrier is not None:
+                if U.shape[1]:
+                    rest = ca.triu2symm(ca.triu(rest - U @ invert(U.T)))
+                M[carrier] = M[carrier] + _inertia_to_carrier(here, rest)
+            parts[link.body] = U, invert, rest
+        return parts
+
+    def solve(self, f: ca.SX) -> ca.SX:
+        """M^-1 f (n_v,), for forces f (n_v,) along the joints' velocities."""
+        zero = {link.body: ca.SX(6, 1) for link in self._tree.links}
+        return self._accelerations(f, zero, zero)
+
+    @cached_property
+    def accelerations(self) -> ca.SX:
+        """M^-1 Q (n_v,)."""
+        bias = {link.body: here.bias for link, here, _ in self._walk()}
+        return self._accelerations(ca.SX(self._tree.n_v, 1), self._force, bias)
+
+    def _accelerations(self, f: ca.SX, forces: dict[int, ca.SX], bias: dict[int, ca.SX]) -> ca.SX:
+        F, along = dict(forces), {}
+        for link, here, carrier in reversed(self._walk()):
+            U, invert, rest = self._articulated[link.body]
+            left = F[link.body] - rest @ bias[link.body]
+            if U.shape[1]:
+                own = f[self._tree.columns[link.body]] + here.H.T @ F[link.body]
+                along[link.body], left = own, left - U @ invert(own)
+            if carrier is not None:
+                F[carrier] = F[carrier] + _to_carrier(here, left)
+        A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
+        result = ca.SX(self._tree.n_v, 1)
+        for link, here, carrier in self._walk():
+            U, invert, _ = self._articulated[link.body]
+            A_c = _from_carrier(here, A[carrier]) + bias[link.body]
+            if U.shape[1]:
+                rates = invert(along[link.body] - U.T @ A_c)
+                result[self._tree.columns[link.body]] = rates
+                A_c = A_c + here.H @ rates
+            A[link.body] = A_c
+        return ca.densify(result)
+
+
+def _inverse(D: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """Solver of D z = r for a symmetric D (n, n), and r (n, k)."""
+    n = D.shape[0]
+    if n == 1:
+        over = 1 / D
+        return lambda r: over * r
+    if ca.sparsify(D).sparsity().is_diag():
+        over = ca.sparsify(ca.diag(1 / ca.diag(D)))
+        return lambda r: over @ r
+    solve = symmetric_solver(D)
+    return lambda r: ca.horzcat(*[solve(r[:, k]) for k in range(r.shape[1])])
+
+
+def _to_carrier(here: Placed, F: ca.SX) -> ca.SX:
+    """Forces (6, k) at the carrier's origin in its W."""
+    f = here.turn @ F[:3, :]
+    return ca.vertcat(f, here.turn @ F[3:, :] + ca.skew(here.arm) @ f)
+
+
+def _from_carrier(here: Placed, A: ca.SX) -> ca.SX:
+    """The acceleration (6,) that the carrier's one makes."""
+    return ca.vertcat(here.turn.T @ (A[:3] + ca.cross(A[3:], here.arm)), here.turn.T @ A[3:])
+
+
+def _inertia_to_carrier(here: Placed, M: ca.SX) -> ca.SX:
+    """An inertia (6, 6) at the carrier's origin in its W."""
+    K, arm = here.turn, ca.skew(here.arm)
+    P, B, C = K @ M[:3, :3] @ K.T, K @ M[:3, 3:] @ K.T, K @ M[3:, 3:] @ K.T
+    P = ca.triu2symm(ca.triu(P))
+    moved = B - P @ arm
+    return _symmetric(P, moved, C + arm @ moved + (arm @ B).T)
+
+
+def _symmetric(P: ca.SX, B: ca.SX, C: ca.SX) -> ca.SX:
+    return ca.sparsify(ca.triu2symm(ca.triu(ca.vertcat(ca.horzcat(P, B), ca.horzcat(ca.SX(3, 3), C)))))

@@ -1,0 +1,157 @@
+"""Conversion of declared expressions (numbers, SX, SymPy) into SX with known symbols."""
+
+import re
+from collections.abc import Collection, Sequence
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean, shown
+from symmb._types import Array, Expr
+from symmb.declare.mechanics import Body, Input, OwnState, Parameters, declared_with
+from symmb.declare.symbolic import (
+    Kind,
+    Symbol,
+    from_sympy,
+    given,
+    has_irregular_constant,
+    is_sympy,
+    lookup,
+    symbols_in,
+    t,
+)
+
+
+class Binding:
+    """Converts expressions into SX of the parameters, coordinates and velocities of one system, and time."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        bodies: Sequence[Body],
+        states: Sequence[OwnState] = (),
+        inputs: Sequence[Input] = (),
+    ) -> None:
+        self.parameters = parameters
+        self.missing: Parameters | None = None  # parameters whose symbols are in expressions and are not known
+        self._inputs = ca.vertcat(ca.SX(0, 1), *(u.value for u in inputs if u.name not in parameters))
+        self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
+        for i, name in enumerate(parameters):
+            symbol = parameters.symbols[i]
+            self._known[symbol.element_hash()] = (name, Kind.PARAMETER, symbol)
+        for body in bodies:
+            for record in body.frame.records:
+                self._known[record.sx.element_hash()] = (record.name, record.kind, record.sx)
+        for state in states:
+            for record in state.symbols:
+                self._known[record.sx.element_hash()] = (record.name, Kind.STATE, record.sx)
+        for u in inputs:
+            self._known[u.value.element_hash()] = (u.name, Kind.PARAMETER, u.value)
+
+    @property
+    def by_name(self) -> dict[str, ca.SX]:
+        """All known symbols by their dotted names, and parameters with units as quantities."""
+        quantities = {name: getattr(self.parameters, name) for name in self.parameters}
+        return {name: symbol for name, _, symbol in self._known.values()} | quantities
+
+    def __call__(self, law: Expr, what: str, also: Collection[int] = (), any_size: bool = False) -> ca.SX:
+        """The law as SX, which has one component unless any size will do.
+
+        Raises
+        ------
+        DeclarationError       if it contains NaN, infinity or a symbol neither known nor in `also`; `what` names its
+                               owner in the message
+        """
+        if is_sympy(law):
+            try:
+                law = from_sympy(law, self.by_name)
+            except DeclarationError as error:
+                raise DeclarationError(f"{what}: {error}") from None
+        expression = given(law)
+        if expression is None:
+            more = " Write numbers in SI units, as np.deg2rad(80) for 80°." if isinstance(law, str | tuple) else ""
+            raise DeclarationError(f"{what}: {shown(law)} is no number and no CasADi SX or SymPy expression.{more}")
+        if expression.numel() != 1 and not any_size:
+            raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
+        self.check(expression, what, also)
+        expression = self.without_inputs(expression)
+        return ca.sparsify(expression) if expression.numel() != 1 else ca.densify(expression)
+
+    def without_inputs(self, expression: ca.SX) -> ca.SX:
+        """An expression with 0 in the place of inputs that are no parameters."""
+        return ca.substitute(expression, self._inputs, 0 * self._inputs) if self._inputs.numel() else expression
+
+    def inputs_in(self, expressions: Sequence[ca.SX]) -> list[str]:
+        """Names of inputs that are no parameters, in expressions that are not bound."""
+        if not self._inputs.numel():
+            return []
+        return [u.name() for u in ca.vertsplit(self._inputs) if ca.depends_on(ca.veccat(*expressions), u)]
+
+    def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
+        """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""
+        if expression.is_constant() and np.isinf(np.array(ca.DM(expression))).any():
+            raise DeclarationError(f"{what} is infinite. Give a finite number.")
+        if has_irregular_constant(expression):
+            raise DeclarationError(
+                f"{what}: contains NaN or infinity. Python's math gives NaN for expressions: use casadi.sin(mb.t) in "
+                "place of math.sin(mb.t). CasADi and SymPy mixed in one expression give it as well."
+            )
+        faults = [f"{what}: {fault}" for symbol in symbols_in(expression) if (fault := self._fault(symbol, also))]
+        if faults:
+            raise DeclarationError("\n".join(faults))
+
+    def _fault(self, symbol: ca.SX, also: Collection[int]) -> str:
+        """Why a symbol is not known; empty if it is."""
+        record = lookup(symbol)
+        if symbol.element_hash() in self._known or symbol.element_hash() in also:
+            return ""
+        self.missing = self.missing or declared_with(symbol)
+        if record is not None and record.owner:
+            return f"{record.owner} is not part of the System. Add it to System(...)."
+        if record is not None and record.kind is Kind.STATE:
+            return ""
+        if symbol.name() in self.by_name:
+            return (
+                f"symbol {symbol.name()!r} belongs to another body or Parameters object than the System's one of that "
+                "name. Use one object for both."
+            )
+        if re.search(r"\.lam\[\d+\]$", symbol.name()):
+            return (
+                f"{symbol.name()!r} is a reaction, which follows from the equations: no law can depend on it. Outputs "
+                "and conditions of Release can, if it is one of their own System."
+            )
+        if declared_with(symbol) is not None:
+            return (
+                f"symbol {symbol.name()!r} is of Parameters that the System does not have. Declare all parameters "
+                "together, and name them by System(..., parameters=p) if no element depends on them."
+            )
+        return (
+            f"symbol {symbol.name()!r} belongs to no parameter and no body of the System."
+            f"{did_you_mean(symbol.name(), self.by_name)}"
+        )
+
+    def states(self, expression: ca.SX) -> tuple[Symbol, ...]:
+        """The first-order states in an expression."""
+        records = [lookup(s) for s in symbols_in(expression)]
+        return tuple(r for r in records if r is not None and r.kind is Kind.STATE)
+
+    def is_velocity(self, symbol: ca.SX) -> bool:
+        """Whether a symbol is a velocity of the system."""
+        return self._kind(symbol) is Kind.VELOCITY
+
+    def is_coordinate(self, symbol: ca.SX) -> bool:
+        """Whether a symbol is a coordinate of the system."""
+        return self._kind(symbol) is Kind.COORDINATE
+
+    def is_parameter(self, symbol: ca.SX) -> bool:
+        """Whether a symbol is a parameter of the system."""
+        return self._kind(symbol) is Kind.PARAMETER
+
+    def nominal(self, expression: ca.SX) -> Array:
+        """Values of an expression of parameters at the nominal ones."""
+        f = ca.Function("nominal", [self.parameters.symbols], [expression])
+        return f(self.parameters.nominal).full()
+
+    def _kind(self, symbol: ca.SX) -> Kind | None:
+        return self._known.get(symbol.element_hash(), ("", None, symbol))[1]

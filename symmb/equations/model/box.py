@@ -1,0 +1,315 @@
+"""The box of interval parameters and its map to the unit box [-1, 1]^d."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import SupportsFloat
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean, normal, normal_keys
+from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
+from symmb._types import Array
+from symmb._units import NO_UNIT, label, ratio_of, scaled, units_of_parameters
+from symmb.equations.model.tolerance_list import interval_of, interval_with_unit, intervals_in_file, share_of
+
+Interval = tuple[float, float] | tuple[float, float, str] | tuple[str, str] | str
+"""Ends in the unit of the parameter, or in another one."""
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Box:
+    """Independent intervals of parameters, x in [lower, upper], in the parameters' own units.
+
+    Parameters
+    ----------
+    **intervals : (lower, upper)
+        One pair for each parameter, by name. ``lower == upper`` is legal and means a fixed value. Other units that fit
+        the parameter are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm ±10%".
+
+    Attributes
+    ----------
+    names : tuple of d names
+    bounds : tuple of d pairs (lower, upper)
+    units : tuple of d units, '' where there is none; empty if no parameter has one. Studies convert a box to the units
+        of their parameters
+
+    Raises
+    ------
+    DeclarationError
+        If there is no interval, or one is reversed, not finite or not a pair, or a unit is not known.
+
+    Examples
+    --------
+    >>> Box(arm="235 mm ±0.5 mm")
+    Box(arm=(234.5, 235.5, 'mm'))
+    >>> box = Box(l1=(0.95, 1.05), m=(2.0, 4.0))
+    >>> box.center
+    array([1., 3.])
+    >>> box.from_unit([[-1.0, 1.0]])
+    array([[0.95, 4.  ]])
+    """
+
+    names: tuple[str, ...]
+    bounds: tuple[tuple[float, float], ...]
+    units: tuple[str, ...] = ()
+
+    def __init__(self, **intervals: Interval):
+        if not intervals:
+            raise DeclarationError("A Box needs at least one interval, e.g. Box(l1=(0.95, 1.05)).")
+        intervals = normal_keys("Box", intervals)
+        parts = {name: interval_with_unit(name, given) for name, given in intervals.items()}
+        object.__setattr__(self, "names", tuple(intervals))
+        object.__setattr__(self, "bounds", tuple(_interval(name, pair) for name, (pair, _) in parts.items()))
+        units = tuple(unit for _, unit in parts.values())
+        object.__setattr__(self, "units", units if any(units) else ())
+
+    def with_units(self, units: Mapping[str, str]) -> "Box":
+        """The box in the units of parameters, by name. Ends without a unit are in that of the parameter.
+
+        Raises
+        ------
+        DeclarationError
+            If a unit does not fit the parameter, or units are no texts by name.
+        """
+        if not isinstance(units, Mapping) or not all(isinstance(unit, str) for unit in units.values()):
+            raise DeclarationError(f"Box: units must be texts by name of the parameter, got {shown(units)}.")
+        if not (self.units or any(name in units for name in self.names)):
+            return self
+        intervals = {}
+        for name, ends, unit in zip(self.names, self.bounds, self.units or ("",) * len(self), strict=True):
+            own = units.get(name, "")
+            ratio = ratio_of("Box", f"parameter {name!r}", unit, own) if unit else NO_UNIT
+            intervals[name] = *(scaled(end, ratio) for end in ends), own
+        return Box(**intervals)
+
+    @classmethod
+    def around(
+        cls, parameters: Mapping[str, SupportsFloat], spread: float | str, names: Iterable[str] | None = None
+    ) -> "Box":
+        """Intervals nominal (1 ± spread) around nominal values.
+
+        Parameters
+        ----------
+        parameters : mapping of name to nominal value
+        spread : share of the nominal value, 0.05 or "5%" for ± 5 %
+        names : the parameters with intervals; all of them if left out
+
+        Raises
+        ------
+        DeclarationError
+            If a name is unknown, if a nominal value is 0, so that its interval would have no width, or if the
+            spread is not above 0 and below 1: the interval must not reach 0.
+
+        Examples
+        --------
+        >>> Box.around({"l1": 1.0, "m": -2.0}, 0.05)
+        Box(l1=(0.95, 1.05), m=(-2.1, -1.9))
+        """
+        if not isinstance(parameters, Mapping):
+            raise DeclarationError(f"Box.around: parameters must be nominal values by name, got {shown(parameters)}.")
+        if isinstance(spread, str):
+            spread = share_of(spread)
+        if not is_finite_number(spread) or not 0 < spread < 1:
+            raise DeclarationError(
+                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 or '5%', got {shown(spread)}. "
+                "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
+            )
+        if not all(map(is_finite_number, parameters.values())):
+            raise DeclarationError(f"Box.around: the nominal values must be numbers, got {shown(parameters)}.")
+        nominal = {name: float(value) for name, value in parameters.items()}
+        intervals = {}
+        nominal = normal_keys("Box.around", nominal)
+        names = nominal if names is None else names
+        if not isinstance(names, list | tuple | set | frozenset | Mapping) or not names:
+            raise DeclarationError(f"Box.around: names must be a list of parameters, got {shown(names)}.")
+        for name in map(normal, names):
+            if not isinstance(name, str) or name not in nominal:
+                raise DeclarationError(f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
+            if nominal[name] == 0.0:
+                raise DeclarationError(
+                    f"Box.around: parameter '{name}' has nominal value 0, of which a share is no interval. "
+                    f"Give its interval in a Box: {name}=(lower, upper)."
+                )
+            ends = nominal[name] * (1.0 - spread), nominal[name] * (1.0 + spread)
+            intervals[name] = min(ends), max(ends)
+        return cls(**intervals).with_units(units_of_parameters(parameters))
+
+    @classmethod
+    def plus_minus(cls, parameters: Mapping[str, SupportsFloat], /, **tolerances: object) -> "Box":
+        """Intervals around nominal values by the tolerances of a drawing.
+
+        Parameters
+        ----------
+        parameters : mapping of name to nominal value
+        **tolerances : by name, a number (to both sides), a pair (lower, upper) of signed deviations, a share such as
+            "1%", or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or "40 +0.1/-0.2", or
+            with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value must then be
+            this size, in m or in mm; of an angle such as "30° ±0.5°" it is in rad or in degrees. For a parameter with a
+            unit, sizes and deviations may have others that fit, as in "±0.1 mm" and "23.5 cm +1/-2 mm". Without one
+            they are in its own, but for those with grades, which are in mm
+
+        Raises
+        ------
+        DeclarationError
+            If a name is unknown, a tolerance is none, or a grade does not exist for its size.
+
+        Examples
+        --------
+        >>> Box.plus_minus({"crank": 0.05, "pin": 0.01, "bore": 0.04}, crank="1%", pin=(-1e-5, 3e-5), bore="40 H7")
+        Box(crank=(0.0495, 0.0505), pin=(0.00999, 0.01003), bore=(0.04, 0.040025))
+        """
+        owner = "Box.plus_minus"
+        if not isinstance(parameters, Mapping) or not all(map(is_finite_number, parameters.values())):
+            raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
+        units = units_of_parameters(parameters)
+        parameters, tolerances = normal_keys(owner, parameters), normal_keys(owner, tolerances)
+        for name in tolerances:
+            if name not in parameters:
+                raise DeclarationError(f"{owner}: unknown parameter '{name}'.{did_you_mean(name, parameters)}")
+        return cls(
+            **{
+                name: interval_of(owner, name, float(parameters[name]), tolerance, units.get(name, ""))
+                for name, tolerance in tolerances.items()
+            }
+        ).with_units(units)
+
+    @classmethod
+    def read(cls, path: str | PathLike[str], parameters: Mapping[str, SupportsFloat] | None = None) -> "Box":
+        """The intervals of a table of tolerances.
+
+        A CSV file has a head with `name`, `nominal`, `plus` and `minus`. The latter are the distances of the ends from
+        the nominal value; without `minus`, `plus` holds for both sides. In their place a column `tolerance` may hold
+        what `plus_minus` takes as a text, such as 1%, 40 ±0.1 or 40 H7. In a TOML file each parameter is a table with
+        these keys. Numbers are in the unit of the parameter, or have one that fits, as 0.5 mm.
+
+        Parameters
+        ----------
+        path : path of the file
+        parameters : mapping of name to nominal value, with which the nominal values of the table must agree
+
+        Raises
+        ------
+        DeclarationError
+            If the file is no such table, or a nominal value is not that of the parameter.
+        FileError
+            If it cannot be read.
+        """
+        if not isinstance(path, str | PathLike):
+            raise DeclarationError(f"Box.read: path must be that of a file, got {shown(path)}.")
+        if parameters is not None and not (
+            isinstance(parameters, Mapping) and all(map(is_finite_number, parameters.values()))
+        ):
+            raise DeclarationError(f"Box.read: parameters must be nominal values by name, got {shown(parameters)}.")
+        units = units_of_parameters(parameters)
+        return cls(**intervals_in_file(Path(path), normal_keys("Box.read", parameters), units)).with_units(units)
+
+    def __or__(self, other: "Box") -> "Box":
+        """The intervals of both boxes. A parameter of both must have the same interval in them."""
+        if not isinstance(other, Box):
+            return NotImplemented
+        mine, theirs = (box.intervals for box in (self, other))
+        for name in mine.keys() & theirs.keys():
+            if mine[name] != theirs[name]:
+                raise DeclarationError(f"Box: '{name}' is {mine[name]} in one box and {theirs[name]} in the other.")
+        return Box(**(mine | theirs))
+
+    @property
+    def intervals(self) -> dict[str, Interval]:
+        """The intervals by name, (lower, upper), or (lower, upper, unit) of a parameter with a unit."""
+        return {
+            name: (*ends, unit) if unit else ends
+            for name, ends, unit in zip(self.names, self.bounds, self.units or ("",) * len(self), strict=True)
+        }
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The names with their units, for tables."""
+        return tuple(map(label, self.names, self.units or ("",) * len(self)))
+
+    @property
+    def lower(self) -> Array:
+        """(d,) lower ends."""
+        return np.array([low for low, _ in self.bounds])
+
+    @property
+    def upper(self) -> Array:
+        """(d,) upper ends."""
+        return np.array([high for _, high in self.bounds])
+
+    @property
+    def center(self) -> Array:
+        """(d,) midpoints."""
+        return np.array([low + 0.5 * (high - low) for low, high in self.bounds])
+
+    @property
+    def radius(self) -> Array:
+        """(d,) half widths."""
+        return np.array([0.5 * (high - low) for low, high in self.bounds])
+
+    def from_unit(self, unit: Array) -> Array:
+        """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
+        unit = require_numbers(repr(self), "points", unit, len(self), leading=True)
+        inside = np.clip(self.center + unit * self.radius, self.lower, self.upper)
+        return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
+
+    def to_unit(self, values: Array) -> Array:
+        """Parameter values (N, d) as points (N, d) of [-1, 1]^d; 0 where an interval has no width."""
+        radius = self.radius
+        values = require_numbers(repr(self), "values", values, len(self), leading=True)
+        return (values - self.center) / np.where(radius > 0, radius, np.inf)
+
+    def without(self, name: str) -> "Box | None":
+        """The box of the other parameters; None if there are none."""
+        require_instance(repr(self), name, str, "the name of a parameter")
+        left = {other: ends for other, ends in self.intervals.items() if other != normal(name)}
+        return Box(**left) if left else None
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of the parameters, so that `dict(box)` has their intervals."""
+        return self.names
+
+    def __getitem__(self, name: str) -> tuple[float, float]:
+        """The interval (lower, upper) of a parameter."""
+        name = normal(name)
+        if not isinstance(name, str) or name not in self.names:
+            raise DeclarationError(f"Box: no interval of {shown(name)}.{did_you_mean(name, self.names)}")
+        return self.bounds[self.names.index(name)]
+
+    def __repr__(self) -> str:
+        inside = (
+            f"{name}=({low:.12g}, {high:.12g}{''.join(f', {text!r}' for text in unit)})"
+            for name, (low, high, *unit) in self.intervals.items()
+        )
+        return f"Box({', '.join(inside)})"
+
+    def _repr_html_(self) -> str:
+        ends = zip(self.labels, self.bounds, self.center.tolist(), self.radius.tolist(), strict=True)
+        rows = [
+            [name, *(f"{x:.12g}" for x in pair), f"{middle:.12g} ± {half:.6g}"] for name, pair, middle, half in ends
+        ]
+        return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]))
+
+
+def _interval(name: str, pair: tuple[float, float]) -> tuple[float, float]:
+    ends = numbers_of(pair)
+    if ends is None or ends.shape != (2,):
+        raise DeclarationError(f"Box: '{name}' must be a pair (lower, upper), got {shown(pair)}.")
+    low, high = ends.tolist()
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise DeclarationError(f"Box: the ends of '{name}' must be finite, got ({low}, {high}).")
+    if low > high:
+        raise DeclarationError(f"Box: '{name}' has lower {low} above upper {high}. Exchange them.")
+    if not math.isfinite(high - low):
+        raise DeclarationError(f"Box: the interval of '{name}' from {low} to {high} is wider than the largest number.")
+    return low, high

@@ -1,0 +1,216 @@
+"""Compilation of the DAE bundle of a system. Functions that may not be needed are compiled at their first use."""
+
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
+from symmb._options import require_instance, require_numbers
+from symmb.declare.symbolic import least_multipliers, shared, t, vanishing_rows
+from symmb.equations.model.contact_equations import ContactEquations
+from symmb.equations.model.dae import DAE
+from symmb.equations.model.lazy import Lazy
+from symmb.equations.model.sampling import sampling_of
+from symmb.equations.model.system import System
+from symmb.equations.model.validation import require_inertia
+
+Outputs = Mapping[str, ca.SX]
+"""Expressions of a Function by the names of its outputs."""
+
+
+@kept_interrupts()
+def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tuple[int, int] = (0, 0)) -> DAE:
+    """Compile the equations of a system into CasADi Functions.
+
+    Parameters
+    ----------
+    system : System
+        its inputs become parameters, behind the others
+    rows : sequence of int, optional
+        numbers of the constraint rows to keep, where the others are redundant
+    nullities : (int, int)
+        combinations of these rows, and of the position rows among them, that vanish wherever the constraints hold
+
+    Returns
+    -------
+    DAE
+
+    Raises
+    ------
+    DeclarationError
+        If velocities have neither inertia nor a constraint
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=2.0, pose=mb.Particle())
+    >>> dae = compile_dae(mb.System(ball, mb.Gravity(0, -9.81), mb.Force("push", ball.point(0, 0), (1, 0))))
+    >>> dae.rhs([0, 0], [3, 4], [], 0.0)[1]
+    DM([0.5, -9.81])
+    """
+    require_instance("compile_dae", system, System, "a System")
+    if rows is not None:
+        for row in require_numbers("compile_dae", "rows", rows, None).tolist():
+            if row not in range(len(system.collected.row_names)):
+                raise DeclarationError(f"compile_dae: there is no row {row:g} of constraints.")
+    require_numbers("compile_dae", "nullities", nullities, 2)
+    system = system.with_inputs
+    reduced = system if rows is None else system.keeping(rows, nullities[0])
+    a = ca.SX.sym("a", reduced.v.numel())
+    require_inertia(ca.jacobian_sparsity(reduced.inertial(a), a), reduced.G, reduced.collected.v_names)
+    c, (positive_names, positive) = reduced.collected, reduced.positive
+    displacement = ca.SX.sym("delta", reduced.v.numel())
+    moved = reduced.retract(displacement)
+    retract = ca.Function("retract", [reduced.q, displacement], [moved], ["q", "delta"], ["q_new"])
+    contacts = ContactEquations(reduced) if c.impacts or c.joint_events else None
+    functions: dict[str, ca.Function | None] = dict.fromkeys(("Phi", "Phi_dot", "G"))
+    functions |= _functions(reduced, _rows(reduced))
+    for name, values in (
+        ("assembly_cosines", c.assembly_cosines),
+        ("s_start", ca.vertcat(*[state.value for state in c.states])),
+    ):
+        functions[name] = ca.Function(name, [reduced.q, reduced.p], [values]) if values.numel() else None
+    return DAE(
+        q_names=c.q_names,
+        v_names=c.v_names,
+        s_names=tuple(state.name for state in c.states),
+        row_names=c.row_names,
+        p_names=tuple(system.parameters),
+        rows=c.rows,
+        p_nominal=system.parameters.nominal,
+        q_neutral=np.array([float(name.endswith(".e0")) for name in c.q_names]),
+        equations=_equations(reduced, contacts, None if rows is None else (system, nullities)),
+        retract=retract,
+        positive=positive,
+        positive_names=positive_names,
+        impacts=None if contacts is None else contacts.compiled(retract),
+        s_rest=np.array([float(s.value) if s.value.is_constant() else 0.0 for s in c.states])
+        if c.joint_events
+        else None,
+        sampling=sampling_of(system),
+        **functions,  # pyright: ignore[reportArgumentType]
+    )
+
+
+def _rows(system: System) -> dict[str, Outputs]:
+    """The rows of the constraints, their rates and their Jacobian, which every start needs."""
+    rows: dict[str, Outputs] = {}
+    if system.Phi.numel():
+        rows["Phi"] = {"Phi": system.Phi}
+    if system.lam.numel():
+        rows |= {"Phi_dot": {"Phi_dot": system.Phi_dot}, "G": {"G": system.G}}
+    return rows
+
+
+def _equations(
+    system: System, contacts: ContactEquations | None, whole: tuple[System, tuple[int, int]] | None
+) -> dict[str, Lazy[ca.Function]]:
+    """The Functions of the equations of motion that the scene has, by name.
+
+    `whole` is the system with its redundant rows, and the numbers of combinations of rows that vanish.
+    """
+    a, lam = ca.SX.sym("a", system.v.numel()), ca.SX(system.lam)
+    right = ca.SX.sym("gamma", lam.numel())
+    power = system.power if contacts is None else system.power + contacts.power
+
+    def solutions() -> dict[str, Outputs]:
+        solve = system.solve if contacts is None else contacts.solve
+        vdot_free = system.accelerations if contacts is None else contacts.solve(system.Q, system.gamma)[0]
+        vdot, multipliers = solve(system.Q, right) if right.numel() else (vdot_free, right)
+        outputs: dict[str, Outputs] = {
+            "rhs": {"qdot": system.qdot, "vdot": vdot_free, **({"sdot": system.s_rate} if system.s.numel() else {})},
+            "forward": {"vdot": ca.densify(vdot), "lam": multipliers},
+        }
+        if right.numel():
+            delta, _ = system.solve(ca.SX(system.v.numel(), 1), right)
+            outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
+        return outputs | (_redundancy_equations(whole[0], system, whole[1]) if whole else {})
+
+    inputs = {
+        "inertia": ("a", a),
+        "forward": ("gamma", right),
+        "min_norm_correction": ("r", right),
+        "power": ("lam", lam),
+        "distribute_multipliers": ("lam_kept", lam),
+    }
+    solved = Lazy(lambda: _functions(system, solutions(), inputs))
+
+    def one_of(functions: Lazy[dict[str, ca.Function]], name: str) -> Lazy[ca.Function]:
+        return Lazy(lambda: functions()[name])
+
+    def alone(name: str, outputs: Callable[[], Outputs]) -> Lazy[ca.Function]:
+        return one_of(Lazy(lambda: _functions(system, {name: outputs()}, inputs)), name)
+
+    def forward() -> Outputs:
+        return {"vdot": ca.densify(solutions()["rhs"]["vdot"]), "lam": right}
+
+    equations = {
+        "rhs": one_of(solved, "rhs"),
+        "forward": one_of(solved, "forward") if right.numel() else alone("forward", forward),
+        "inertia": alone("inertia", lambda: {"Ma": ca.densify(system.inertial(a))}),
+        "Q": alone("Q", lambda: {"Q": system.Q}),
+        "s_rate": alone("s_rate", lambda: {"sdot": system.s_rate}),
+        "energy": alone("energy", lambda: {"T": system.kinetic_energy, "V": system.potential_energy}),
+    }
+    if system.Phi.numel():
+        equations["Phi_q"] = alone("Phi_q", lambda: {"Phi_q": system.Phi_q})
+    if "Phi_t" in system.parts:
+        equations["Phi_t"] = alone("Phi_t", lambda: {"Phi_t": ca.densify(system.Phi_t)})
+    if lam.numel():
+        equations["gamma"] = alone("gamma", lambda: {"gamma": system.gamma})
+        equations["min_norm_correction"] = one_of(solved, "min_norm_correction")
+    if ca.sparsify(power).nnz():
+        equations["power"] = alone("power", lambda: {"power": power})
+    if whole is not None:
+        names = ("distribute_multipliers", *(("vanishing",) if any(whole[1]) else ()))
+        equations |= {name: one_of(solved, name) for name in names}
+    return equations
+
+
+def _redundancy_equations(system: System, reduced: System, nullities: tuple[int, int]) -> dict[str, Outputs]:
+    """Multipliers of least norm of a system with redundant rows, reduced to those that determine the motion.
+
+    Of these rows and of the position rows among them, so many combinations vanish as `nullities` says. None do where
+    they are independent wherever the system can move.
+    """
+    every: dict[str, Outputs] = {
+        "distribute_multipliers": {
+            "lam": least_multipliers(system.G, reduced.G.T @ ca.SX(reduced.lam), system.collected.units)
+        }
+    }
+    if not any(nullities):
+        return every
+    n_c, usual = reduced.Phi.numel(), 1 / reduced.collected.units
+    N = N_c = vanishing_rows(reduced.G, nullities[0], usual)
+    if reduced.Psi.numel():
+        N_c = vanishing_rows(reduced.G[:n_c, :], nullities[1], usual[:n_c])
+    return {"vanishing": {"of_all": N, "of_positions": N_c}, **every}
+
+
+def _functions(
+    system: System, outputs: Mapping[str, Outputs], inputs: Mapping[str, tuple[str, ca.SX]] = MappingProxyType({})
+) -> dict[str, ca.Function]:
+    """A Function of the states, and of additional inputs, for each dictionary of outputs.
+
+    Common expressions are searched once for all of them: most share some.
+    """
+    states = [("q", system.q), ("v", system.v), *([("s", system.s)] if system.s.numel() else [])]
+    states += [("p", system.p), ("t", t)]
+    expressions = [e for parts in outputs.values() for e in parts.values()]
+    reduced = iter(shared(expressions) if expressions else ())
+    functions: dict[str, ca.Function] = {}
+    for name, parts in outputs.items():
+        own = [*states, *([inputs[name]] if name in inputs else [])]
+        values = [next(reduced) for _ in parts]
+        arguments = [x for _, x in own]
+        try:
+            functions[name] = ca.Function(name, arguments, values, [n for n, _ in own], list(parts))
+        except RuntimeError:
+            free = ca.Function(name, arguments, values, {"allow_free": True}).free_sx()
+            raise DeclarationError(
+                f"The equations contain {free}, which no parameter and no body of the System has."
+            ) from None
+    return functions

@@ -1,0 +1,273 @@
+"""The equations of motion with closed contacts, and the equations of an impact and of a joint that closes.
+
+With gaps g, their rates g' = W v + g_t, and the effects B, L of unit forces along them,
+
+    M B + G' L = W',    G B = 0,    D = W B,
+
+the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and velocities jump by B P.
+States c of 0 and 1 tell which contacts are closed. By (c D c + 1 - c) f = -c (W v'_free + zeta) the forces in open ones
+are 0, so that one set of equations holds for all combinations.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Indices
+from symmb.declare.mechanics import JointEvent, Latch, Sticks, Struck
+from symmb.declare.symbolic import common, least_multipliers, symmetric_solver, t
+from symmb.equations.model.system import System
+
+_SMALL, _REST = 1e-12, 1e-10
+"""Shares of the terms of an angular acceleration, and of an angular velocity at the start, that are rounding."""
+_UNBOUNDED = 100.0
+"""Multipliers of rows that contradict each other, over those of least norm: the solver's lift makes them 1e10 times
+larger. tests/events/test_clutches.py"""
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """Compiled equations of n contacts; every Function takes (q, v, s, p, t).
+
+    Attributes
+    ----------
+    names : tuple of n str
+    closed : (n,) indices       of the states s for closed contacts
+    joints : JointEvents        of joints that open and close, None without any
+    gaps                        -> gaps (n,), their rates (n,), and the sizes of the coordinates in the gaps (n,)
+    forces                      -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the
+                                sizes of the terms in these sums (n,), and effective inertias 1 / D_kk (n,)
+    impulses                    -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
+    project                     -> q (n_q,), v (n_v,) after the least change in the norm of M that makes closed gaps
+                                and their rates 0
+    """
+
+    names: tuple[str, ...]
+    closed: Indices
+    gaps: ca.Function
+    forces: ca.Function
+    impulses: ca.Function
+    project: ca.Function
+    joints: "JointEvents | None" = None
+
+    @property
+    def states(self) -> Indices:
+        """Numbers of the states s that change at events only."""
+        joints = self.joints
+        own = () if joints is None else (*joints.holding, *joints.flags, *joints.place)
+        return np.concatenate([self.closed, np.array(own, dtype=np.intp)])
+
+
+@dataclass(frozen=True)
+class JointEvents:
+    """Compiled equations of m events of joints; every Function takes (q, v, s, p, t).
+
+    Attributes
+    ----------
+    names, titles : m str       names of the joints, and of the events for messages
+    opens : m bool              whether the joint opens
+    holding : m int             the states s for conditions that hold
+    flags : m int               the states s for joints that the event keeps closed
+    others : m tuples of int    these states of other events of the same joint
+    rows : m slices             rows of the joints
+    by_force : m bool           whether the margin needs multipliers
+    place : k int               the states s that keep where joints closed, or which way clutches slip
+    owners : k int              the events that set them
+    clutches : c pairs of int   the states s that are 1 while clutches stick, and those that tell which way they slip
+    margins                     -> margins (m,), below 0 where conditions hold, and their rates (m,)
+    places                      -> where joints close now (k,)
+    slips                       -> slips of the clutches (c,), and their rounding (c,)
+    jump                        -> v (n_v,), after the least change in the norm of M that makes the rates of all rows 0,
+                                impulses (n_r,) of the rows that are kept, and their work [J]
+    """
+
+    names: tuple[str, ...]
+    titles: tuple[str, ...]
+    opens: tuple[bool, ...]
+    holding: tuple[int, ...]
+    flags: tuple[int, ...]
+    others: tuple[tuple[int, ...], ...]
+    rows: tuple[slice, ...]
+    by_force: tuple[bool, ...]
+    place: tuple[int, ...]
+    owners: tuple[int, ...]
+    clutches: tuple[tuple[int, int], ...]
+    margins: ca.Function
+    places: ca.Function
+    slips: ca.Function
+    jump: ca.Function
+
+    @property
+    def let_slip(self) -> tuple[int, ...]:
+        """1 for events at which torque makes a clutch slip, 2 where an impulse does, 0 for others, (m,)."""
+        flags = {own for own, _ in self.clutches}
+        events = zip(self.opens, self.flags, self.by_force, strict=True)
+        return tuple((2 - by_force) * (opens and flag in flags) for opens, flag, by_force in events)
+
+
+class ContactEquations:
+    """The equations of a system's impacts in SX."""
+
+    def __init__(self, system: System) -> None:
+        c = self._c = system.collected
+        self._system = system
+        self.gap = ca.vertcat(ca.SX(0, 1), *[gap for _, gap, _ in c.impacts])
+        self.restitution = ca.vertcat(ca.SX(0, 1), *[e for *_, e in c.impacts])
+        s_names = [state.name for state in c.states]
+        self.closed = [s_names.index(f"{name}.closed") for name, *_ in c.impacts]
+        self.rate = ca.densify(self._along(self.gap))
+        self.W = ca.jacobian(self.rate, system.v)
+        self.at_rest = ca.substitute(self.rate, system.v, ca.SX.zeros(system.v.shape))
+        effects = [system.solve(ca.densify(self.W[k, :].T), ca.SX(len(c.row_names), 1)) for k in range(len(c.impacts))]
+        self.B = ca.horzcat(ca.SX(system.v.numel(), 0), *[a for a, _ in effects])
+        self._L = ca.horzcat(ca.SX(len(c.row_names), 0), *[lam for _, lam in effects])
+        flags = system.s[self.closed] if self.closed else ca.SX(0, 1)
+        D, closed = self.W @ self.B, ca.diag(flags)
+        self._D, self._flags = D, flags
+        self._solve = symmetric_solver(closed @ D @ closed + ca.diag(1 - flags)) if self.closed else lambda r: r
+        self._zeta = self._along(self.rate)
+
+    def _along(self, f: ca.SX) -> ca.SX:
+        """d f / dt without accelerations."""
+        system = self._system
+        return ca.jtimes(f, system.q, system.qdot) + ca.jtimes(f, system.s, system.s_rate) + ca.jacobian(f, t)
+
+    def _with_multipliers(self, expression: ca.SX, multipliers: ca.SX) -> ca.SX:
+        """An expression of conditions of joints, with the multipliers (n_r,) in the place of their symbols."""
+        c, system = self._c, self._system
+        symbols = {event.joint.name: event.lam for event, _ in c.joint_events if ca.depends_on(expression, event.lam)}
+        if not symbols:
+            return expression
+        clutches = {event.joint.name for event, _ in c.joint_events if isinstance(event, Sticks)}
+        least, values = least_multipliers(system.G, system.G.T @ multipliers, c.units), []
+        for name, lam in symbols.items():
+            at = c.rows.get(name, slice(0, 0))
+            own, raw = least[at], multipliers[at]
+            if name in clutches:  # no finite torque holds what other rows move: the solver's multipliers tell which way
+                own = ca.if_else(ca.fabs(raw) > _UNBOUNDED * ca.fabs(own), raw, own)
+            values.append(ca.vertcat(own, ca.SX.zeros(lam.numel() - own.numel())))
+        return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
+
+    def _rounding(self, event: JointEvent, accelerations: ca.SX) -> ca.SX:
+        """What of the rate of an event's margin is rounding: a clutch does not stick where it just does not slip.
+
+        Nor does a Latch close where its joint has just opened without a jump of the accelerations.
+        """
+        system = self._system
+        if isinstance(event, Latch):
+            sizes = zip((system.q, system.v), (system.qdot, accelerations), strict=True)
+            margin = dict(self._c.joint_events)[event]
+            return _SMALL * ca.sum1(ca.vertcat(*[ca.fabs(ca.jacobian(margin, x)) @ ca.fabs(rate) for x, rate in sizes]))
+        if not isinstance(event, Sticks):
+            return ca.SX(0)
+        W = ca.jacobian(event.joint.slip, system.v)
+        friction = ca.densify(ca.jacobian(system.Q, event.joint.direction))
+        effect, _ = system.solve(friction, ca.SX(system.lam.numel(), 1))
+        return _SMALL * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
+
+    def _opposing(self, r: ca.SX) -> ca.SX:
+        """Forces or impulses along closed gaps that compensate r, (n,)."""
+        return -self._solve(self._flags * r)
+
+    def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Solver (f, g) -> (a, lam) as that of the system, with forces in closed contacts."""
+        a, lam = self._system.solve(f, g)
+        force = self._opposing(self.W @ a + self._zeta)
+        return a + self.B @ force, lam + self._L @ force
+
+    @property
+    def force(self) -> ca.SX:
+        """Forces in closed contacts, (n,) [N, N m]."""
+        a, _ = self._system.solve(self._system.Q, self._system.gamma)
+        return self._opposing(self.W @ a + self._zeta)
+
+    @property
+    def power(self) -> ca.SX:
+        """Power of the forces in closed contacts [W]: they do work on bodies that move by a law of time."""
+        return -ca.dot(self.force, self.at_rest)
+
+    def compiled(self, retract: ca.Function) -> Impacts:
+        """The Functions."""
+        system, c = self._system, self._c
+        z, names = [system.q, system.v, system.s, system.p, t], ["q", "v", "s", "p", "t"]
+
+        def function(name: str, **outputs: ca.SX) -> ca.Function:
+            dense = [ca.densify(e) for e in outputs.values()]
+            return common(name, [*z], dense, names, list(outputs))
+
+        of_clutches = [e.flag.sx for e, _ in c.joint_events if isinstance(e, Sticks)]
+
+        def slipping(*outputs: ca.SX) -> list[ca.SX]:
+            """What an impulse does: no clutch passes it on."""
+            flags = ca.vertcat(ca.SX(0, 1), *of_clutches)
+            return ca.substitute([*outputs], [flags], [ca.SX.zeros(flags.shape)])
+
+        def joints() -> JointEvents:
+            events, s_names = [e for e, _ in c.joint_events], [state.name for state in c.states]
+            accelerations, multipliers = self.solve(system.Q, system.gamma)
+            margins = self._with_multipliers(ca.vertcat(*[e for _, e in c.joint_events]), multipliers)
+            roundings = ca.vertcat(*[self._rounding(e, accelerations) for e in events])
+            own = [(k, state, value) for k, e in enumerate(events) for state, value in e.place]
+            places = self._with_multipliers(ca.vertcat(ca.SX(0, 1), *[value for *_, value in own]), multipliers)
+            clutches = [e.joint for e in events if isinstance(e, Sticks)]
+            slip = ca.vertcat(ca.SX(0, 1), *[clutch.slip for clutch in clutches])
+            size = ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v)
+            flags = [s_names.index(e.flag.name) for e in events]
+            at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
+            lost, L = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
+            v_new, impulse, work = slipping(system.v - lost, -L, ca.dot(L, system.Phi_dot / 2 - at_rest))
+            rates = self._along(margins) + ca.jtimes(margins, system.v, accelerations)
+            rates = [
+                0
+                if isinstance(e, Struck)
+                else ca.if_else(ca.fabs(rate) <= size, 0, rate)
+                if isinstance(e, Latch)
+                else rate + size
+                for e, rate, size in zip(events, ca.vertsplit(rates), ca.vertsplit(roundings), strict=True)
+            ]
+            return JointEvents(
+                names=tuple(e.joint.name for e in events),
+                titles=tuple(e.title for e in events),
+                opens=tuple(e.opens for e in events),
+                holding=tuple(s_names.index(e.holding.name) for e in events),
+                flags=tuple(flags),
+                others=tuple(
+                    tuple(
+                        flags[i]
+                        for i, other in enumerate(events)
+                        if other.joint is e.joint and other.flag is not e.flag
+                    )
+                    for e in events
+                ),
+                rows=tuple(c.rows.get(e.joint.name, slice(0, 0)) for e in events),
+                by_force=tuple(ca.depends_on(margin, e.lam) for e, margin in c.joint_events),
+                place=tuple(s_names.index(state.name) for _, state, _ in own),
+                owners=tuple(k for k, *_ in own),
+                clutches=tuple((s_names.index(e.flag.name), s_names.index(e.side.name)) for e in clutches),
+                margins=function("margins", margin=margins, rate=ca.vertcat(*rates)),
+                places=function("places", place=places),
+                slips=function("slips", slip=slip, rounding=_REST * size),
+                jump=function("jump", v_new=v_new, impulse=impulse, work=work),
+            )
+
+        free, _ = system.solve(system.Q, system.gamma)
+        force = self.force
+        acceleration = self.W @ free + self._zeta + self._D @ force
+        size = ca.fabs(self.W) @ ca.fabs(free) + ca.fabs(self._zeta)
+        reach = ca.fabs(ca.jacobian(self.gap, system.q)) @ ca.fabs(system.q)
+        return Impacts(
+            names=tuple(name for name, *_ in c.impacts),
+            closed=np.array(self.closed, dtype=np.intp),
+            joints=joints() if c.joint_events else None,
+            gaps=function("gaps", gap=self.gap, rate=self.rate, reach=reach),
+            forces=function("forces", force=force, acceleration=acceleration, size=size, inertia=1 / ca.diag(self._D)),
+            impulses=function(
+                "impulses", W=self.W, B=slipping(self.B)[0], at_rest=self.at_rest, restitution=self.restitution
+            ),
+            project=function(
+                "held",
+                q_held=retract(system.q, self.B @ self._opposing(self.gap)),
+                v_held=system.v + self.B @ self._opposing(self.rate),
+            ),
+        )

@@ -1,0 +1,280 @@
+"""The DAE bundle for solvers: compiled functions, which unlike SX expressions can be pickled."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Generic, TypeVar, cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._options import require_instance, shown
+from symmb._types import Array, Indices
+from symmb.declare.symbolic import Branches
+from symmb.equations.model.assembly import is_linear
+from symmb.equations.model.c_export import example_c, save_c
+from symmb.equations.model.contact_equations import Impacts
+from symmb.equations.model.lazy import Lazy, known
+from symmb.equations.model.sampling import Sampling
+from symmb.equations.model.scales import Scales
+
+T = TypeVar("T")
+NO_TIMES: Array = np.empty(0)
+
+
+class Equation(Generic[T]):
+    """The Function of `DAE.equations` that has the name of the attribute. Optional ones may be None."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, dae: "DAE", owner: type) -> T:
+        equation = dae.equations.get(self._name)
+        return cast(T, None if equation is None else equation())
+
+
+@dataclass(frozen=True)
+class DAE:
+    """Compiled equations of motion of a system; see `system` for the notation.
+
+    Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
+    that the scene does not have is None. The Functions in `equations`, and the scales, are made at their first use:
+    those of the formulation in which a scene does not run take most of the time.
+
+    Attributes
+    ----------
+    q_names, v_names, s_names, row_names, p_names : tuples of str
+    rows : dict            constraint -> slice of its rows
+    p_nominal : (n_p,)     nominal parameters
+    q_neutral : (n_q,)     zeros and identity rotations
+    rhs                    -> q', v' [, s']
+    M, Q                   mass matrix (n_v, n_v), forces (n_v,)
+    inertia                (..., a) -> M a, the forces that accelerations a (n_v,) need
+    Phi, Phi_q, Phi_t      position rows (n_c,), Jacobian (n_c, n_q), partial rate (n_c,) with drives only
+    Phi_dot, G, gamma      all rows' rates (n_r,), velocity Jacobian (n_r, n_v), right side of G v' = gamma (n_r,)
+    s_rate                 s', as in `rhs`, without accelerations
+    forward                (..., gamma) -> v', lam: accelerations and multipliers for a given right side
+    min_norm_correction  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
+    energy                 -> T, V [J]
+    power                  (..., lam) -> power of forces without potential and of drives [W]
+    distribute_multipliers  (..., lam) -> multipliers of all rows of the system: the ones of
+                           least norm with the same effect; only if rows are redundant
+    vanishing              combinations of all rows, and of the position rows, that vanish wherever the constraints
+                           hold, (n_r, k) and (n_c, k_c); only if redundant rows are not left out
+    retract                (q, delta) -> q moved by delta
+    assembly_cosines  (q, p) -> cosines of the joints, 1 in the intended assembly
+    s_start                (q, p) -> start of the first-order states
+    positive               p -> masses and lengths that must be above 0, named by `positive_names`
+    impacts : Impacts      gaps that close, and velocities that jump then
+    scales : Scales        of the motion; 1 if they are unknown
+    s_rest : (n_s,)        states at the start next to which angles count their turns; None: 0
+    sampling : Sampling    values that are held between instants
+    """
+
+    q_names: tuple[str, ...]
+    v_names: tuple[str, ...]
+    s_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    p_names: tuple[str, ...]
+    rows: dict[str, slice]
+    p_nominal: Array
+    q_neutral: Array
+    Phi: ca.Function | None
+    Phi_dot: ca.Function | None
+    G: ca.Function | None
+    equations: Mapping[str, Lazy[ca.Function]]
+    retract: ca.Function
+    assembly_cosines: ca.Function | None
+    s_start: ca.Function | None
+    positive: ca.Function
+    positive_names: tuple[str, ...]
+    impacts: Impacts | None = None
+    measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))
+    s_rest: Array | None = None
+    sampling: Sampling | None = None
+
+    rhs = Equation[ca.Function]()
+    inertia = Equation[ca.Function]()
+    Q = Equation[ca.Function]()
+    forward = Equation[ca.Function]()
+    energy = Equation[ca.Function]()
+    Phi_q = Equation[ca.Function | None]()
+    Phi_t = Equation[ca.Function | None]()
+    gamma = Equation[ca.Function | None]()
+    s_rate = Equation[ca.Function]()
+    min_norm_correction = Equation[ca.Function | None]()
+    power = Equation[ca.Function | None]()
+    distribute_multipliers = Equation[ca.Function | None]()
+    vanishing = Equation[ca.Function | None]()
+
+    @property
+    def functions(self) -> dict[str, ca.Function]:
+        """The Functions of states, parameters and time that the scene has, by name."""
+        rows = {"Phi": self.Phi, "Phi_dot": self.Phi_dot, "G": self.G}
+        return {name: f() for name, f in self.equations.items()} | {k: f for k, f in rows.items() if f is not None}
+
+    def with_functions(self, functions: Mapping[str, ca.Function]) -> "DAE":
+        """The same DAE with other Functions of states, parameters and time."""
+        rows = {name: functions.get(name) for name in ("Phi", "Phi_dot", "G")}
+        return replace(self, equations={name: known(f) for name, f in functions.items() if name not in rows}, **rows)
+
+    @cached_property
+    def memory(self) -> dict[Any, Any]:
+        """What was derived from the equations, whatever the nominal parameters."""
+        return {}
+
+    def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
+        """What is derived from the equations and times (n_t,), and from the parameters as far as `more` tells."""
+        key = derive, times.tobytes(), more
+        if key not in self.memory:
+            self.memory[key] = derive(self, times)
+        return self.memory[key]
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Branches are of symbols of a Function that has others in another process. They are derived there again.
+        memory = {key: value for key, value in self.memory.items() if not isinstance(value, Branches)}
+        return {**self.__dict__, "memory": memory}
+
+    def around(self, p: Array) -> "DAE":
+        """The same equations for runs with parameters p (n_p,)."""
+        copy = replace(self, p_nominal=p)
+        vars(copy)["memory"] = self.memory
+        return copy
+
+    @property
+    def scales(self) -> Scales:
+        """Typical sizes of the motion."""
+        return self.measured()
+
+    def scaled(self, measure: Callable[[], Scales]) -> "DAE":
+        """The same equations with other scales, which are measured at their first use."""
+        return replace(self, measured=Lazy(measure))
+
+    @cached_property
+    def M(self) -> ca.Function:
+        """Mass matrix (n_v, n_v). It is formed at its first use: that of a long chain in joint space is full."""
+        names = self.inertia.name_in()
+        *x, a = [ca.SX.sym(name, self.inertia.size1_in(i)) for i, name in enumerate(names)]
+        return ca.Function("M", x, [ca.jacobian(self.inertia(*x, a), a)], names[:-1], ["M"])
+
+    @property
+    def n_q(self) -> int:
+        """Number of coordinates."""
+        return len(self.q_names)
+
+    @property
+    def n_v(self) -> int:
+        """Number of velocities."""
+        return len(self.v_names)
+
+    @cached_property
+    def displacement_scales(self) -> Array:
+        """Scales of displacements along v (n_v,) [m, rad]."""
+        return self._sized(self.v_names)
+
+    @cached_property
+    def coordinate_scales(self) -> Array:
+        """Scales of q (n_q,) [m, rad, -]."""
+        return self._sized(self.q_names)
+
+    @property
+    def row_scales(self) -> Array:
+        """Scales of the rows (n_r,)."""
+        return np.ones(self.n_r) if self.scales.rows is None else self.scales.rows
+
+    @property
+    def state_sizes(self) -> Array:
+        """Factors of the absolute tolerances of q, v and s (n_x,)."""
+        n = self.n_q + self.n_v + self.n_s
+        return np.full(n, self.scales.size) if self.scales.states is None else self.scales.states
+
+    def _sized(self, names: Sequence[str]) -> Array:
+        return np.array([self.scales.length if is_linear(name) else 1.0 for name in names])
+
+    @property
+    def n_s(self) -> int:
+        """Number of first-order states."""
+        return len(self.s_names)
+
+    @property
+    def n_c(self) -> int:
+        """Number of position rows."""
+        return 0 if self.Phi is None else self.Phi.numel_out(0)
+
+    @property
+    def n_r(self) -> int:
+        """Number of rows in all, velocity-only ones included."""
+        return len(self.row_names)
+
+    @property
+    def lasting(self) -> Indices:
+        """Numbers of the rows of joints that never open (k,)."""
+        gated = self.impacts.joints.names if self.impacts is not None and self.impacts.joints is not None else ()
+        rows = [np.arange(at.start, at.stop) for name, at in self.rows.items() if name not in gated]
+        return np.concatenate([np.arange(0), *rows])
+
+    @property
+    def rank(self) -> int:
+        """Rank of G wherever the constraints hold and no position is singular."""
+        return self.n_r - (0 if self.vanishing is None else self.vanishing.size2_out(0))
+
+    @property
+    def position_rank(self) -> int:
+        """Rank of the position rows wherever the constraints hold and no position is singular."""
+        return self.n_c - (0 if self.vanishing is None else self.vanishing.size2_out(1))
+
+    def arguments(self, x: Any, p: Any, time: Any) -> tuple[ca.SX, ...]:
+        """The state x = (q, v[, s]) split into the arguments of the Functions."""
+        ends = [self.n_q, self.n_q + self.n_v]
+        is_array = isinstance(x, np.ndarray)  # a slice of CasADi's may be a row
+        parts: Any = np.split(x, ends) if is_array else ca.vertsplit(x, [0, *ends, x.numel()])
+        q, v, s = parts
+        return (q, v, *((s,) if self.n_s else ()), p, time)
+
+    def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
+        """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.
+
+        With impacts and sampled values, the functions of their equations are written instead of the main program, which
+        has no events.
+
+        Parameters
+        ----------
+        folder : path                   it is created if it does not exist
+        start : mapping, optional       "q" (n_q,), "v" (n_v,), "s" (n_s,), "p" (n_p,), "times" (n_t,): the main
+                                        program integrates it; default: neutral coordinates at rest, nominal
+                                        parameters, one second
+
+        Returns
+        -------
+        tuple of Path                   the files written
+        """
+        exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
+        functions = {name: f for name in exported if (f := getattr(self, name)) is not None}
+        if self.impacts is not None:
+            impacts = self.impacts
+            functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.project)}
+        if self.sampling is not None:
+            functions |= {f.name(): f for f in self.sampling.laws}
+        if self.impacts is not None or self.sampling is not None:
+            return save_c(functions, folder)
+        begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
+        require_instance("save_c: start", {} if start is None else start, Mapping, 'values such as {"q": [...]}')
+        try:
+            begin.update({name: np.asarray(values, dtype=float).ravel() for name, values in (start or {}).items()})
+        except (TypeError, ValueError):
+            raise DeclarationError(f"save_c: start must have numbers, got {shown(start)}.") from None
+        times = np.asarray(begin.pop("times", (0.0, 1.0)))
+        main = example_c(
+            self.rhs,
+            q=begin["q"],
+            v=begin["v"],
+            s=begin["s"],
+            parameters=dict(zip(self.p_names, map(float, begin["p"]), strict=True)),
+            coordinates=self.q_names,
+            t0=float(times[0]),
+            t1=float(times[-1]),
+            steps=max(len(times) - 1, 100),
+        )
+        return save_c(functions, folder, example=main)

@@ -1,0 +1,136 @@
+"""The equations of a system as they are read: text, and LaTeX of the same content."""
+
+from dataclasses import dataclass
+from textwrap import fill
+from typing import Any
+
+from symmb.declare.mechanics import with_si_symbols
+from symmb.declare.symbolic import is_zero, plain, printer, set_names, simplified, typeset, with_names
+
+_WIDTH = 94
+"""Columns of text up to which a matrix is printed as such. Of wider ones the entries that are not zero are printed."""
+_LONGEST = 60
+"""Operations of the longest entry up to which what the entries share has no names."""
+_LETTERS = {"Phi": "Φ", "Psi": "Ψ", "gamma": "γ", "lambda": "λ"}
+
+
+@dataclass
+class Equations:
+    """Parts of the equations of a system.
+
+    The equation of motion, in LaTeX; names of unknowns; of rows and columns of parts; parts as matrices of SymPy; those
+    whose entries are printed; what names in these stand for; and names of all symbols.
+    """
+
+    motion: str
+    vectors: dict[str, list[str]]
+    axes: dict[str, tuple[list[str], ...]]
+    matrices: dict[str, Any]
+    wide: set[str]
+    shared: dict[Any, Any]
+    symbols: list[str]
+
+    @property
+    def text(self) -> str:
+        """The equations as lines of text."""
+        names = set_names(self.symbols, plain)
+        pretty, line = printer(names, "pretty"), printer(names, "str").doprint
+        vectors = [f"{_plain(vector)} = ({', '.join(names[n] for n in of)})" for vector, of in self.vectors.items()]
+        parts = [_plain(self.motion), _lines(vectors)]
+        for name, matrix in self.matrices.items():
+            label = name.replace(letter := name.split("_")[0], _LETTERS.get(letter, letter))
+            if name in self.wide:
+                entries = self._entries(name)
+                parts.append(_lines([f"{label}[{', '.join(names[n] for n in at)}] = {line(e)}" for at, e in entries]))
+            else:
+                form = pretty._print(matrix)
+                parts.append(type(form)(*form.left(f"{label} = ")).render(wrap_line=False))
+        if self.shared:
+            parts.append(_lines(["with", *(f"{line(symbol)} = {line(e)}" for symbol, e in self.shared.items())]))
+        return "\n\n".join(part for part in parts if part)
+
+    @property
+    def displays(self) -> dict[str, str]:
+        """The same in LaTeX, a display for each paragraph."""
+        names = set_names(self.symbols, typeset)
+        tex = printer(names, "latex").doprint
+        displays = {"motion": self.motion} if self.motion else {}
+        if self.vectors:
+            displays["vectors"] = _aligned(
+                [f"{v} &= ({', '.join(names[n] for n in of)})" for v, of in self.vectors.items()]
+            )
+        for name, matrix in self.matrices.items():
+            label = rf"\{name}" if name.split("_")[0] in _LETTERS else name
+            if name in self.wide:
+                entries = self._entries(name)
+                displays[name] = _aligned(
+                    [f"{label}[{', '.join(names[n] for n in at)}] &= {tex(e)}" for at, e in entries]
+                )
+            else:
+                displays[name] = f"{label} = {tex(matrix)}"
+        if self.shared:
+            displays["with"] = _aligned([f"{tex(symbol)} &= {tex(e)}" for symbol, e in self.shared.items()])
+        return displays
+
+    def _entries(self, name: str) -> list[tuple[list[str], Any]]:
+        """Names of row and column, and the entry, where it is not zero. M is symmetric: its upper half."""
+        entries = self.matrices[name].todok().items()
+        kept = sorted((at, e) for at, e in entries if name != "M" or at[0] <= at[1])
+        return [([axis[k] for axis, k in zip(self.axes[name], at, strict=False)], e) for at, e in kept]
+
+
+def equations_of(system: Any) -> Equations:
+    """The equations of a System, whose module imports this one, in short forms where few operations find them."""
+    c, symbols = system.collected, system.names
+    of = [*symbols.values()], [*symbols]
+    q, v, rows, n_c = [*c.q_names], [*c.v_names], [*c.row_names], system.Phi.numel()
+    is_rate = len(q) == len(v) and is_zero(system.qdot - system.v)
+    parts = {name: with_si_symbols(system.parameters, getattr(system, name)) for name in system.parts}
+    matrices = {name: simplified(parts[name], *of) for name in system.parts}
+    long = [name for name, m in matrices.items() if m is None or max(e.count_ops() for e in m) > _LONGEST]
+    shared, named = with_names([parts[name] for name in long], *of) if long else ({}, [])
+    matrices |= dict(zip(long, named, strict=True))
+    pretty = printer(set_names([*symbols], plain), "pretty")
+    fits = [name for name, m in matrices.items() if name not in long and 3 * m.cols < _WIDTH]
+    narrow = {name for name in fits if pretty._print(matrices[name]).width() + len("Phi_q = ") <= _WIDTH}
+    Phi, Psi = rows[:n_c], rows[n_c:]
+    return Equations(
+        motion=_motion(is_rate, bool(rows), bool(Psi)) if v else "",
+        vectors={name: of for name, of in (("q", q), (r"\dot{q}" if is_rate else "v", v), (r"\lambda", rows)) if of},
+        axes={"M": (v, v), "N": (q, v), "Q": (v,), "Phi": (Phi,), "Phi_q": (Phi, q)}
+        | {"Phi_t": (Phi,), "Psi": (Psi,), "gamma": (rows,)},
+        matrices=matrices,
+        wide={*matrices} - narrow,
+        shared=shared,
+        symbols=[*symbols, *(symbol.name for symbol in shared)],
+    )
+
+
+def _motion(is_rate: bool, has_rows: bool, has_psi: bool) -> str:
+    """The equation of motion in LaTeX, and what stands for what in it."""
+    a, G = r"\ddot{q}" if is_rate else r"\dot{v}", r"\Phi_q" if is_rate and not has_psi else "G"
+    Phi_v = r"\Phi_q" if is_rate else r"\Phi_q N"
+    block = rf"\begin{{bmatrix}} M & {G}^T \\ {G} & 0 \end{{bmatrix}} \begin{{bmatrix}} {a} \\ \lambda \end{{bmatrix}}"
+    motion = [rf"{block} = \begin{{bmatrix}} Q \\ \gamma \end{{bmatrix}}" if has_rows else f"M {a} = Q"]
+    if has_rows and G == "G":
+        motion.append(rf"G = \begin{{bmatrix}} {Phi_v} \\ \Psi_v \end{{bmatrix}}" if has_psi else f"G = {Phi_v}")
+    return r",\quad ".join([*motion, *([] if is_rate else [r"\dot{q} = N v"])])
+
+
+def _plain(tex: str) -> str:
+    """The equation of motion, or the name of a vector, as text."""
+    signs = {r" \\ ": "; ", " & ": "  ", r"\begin{bmatrix} ": "[", r" \end{bmatrix}": "]", r"\quad": "  ", "^T": "ᵀ"}
+    signs |= {rf"\{name}": letter for name, letter in _LETTERS.items()}
+    signs |= {r"\ddot{q}": "q̈", r"\dot{q}": "q̇", r"\dot{v}": "v̇"}
+    for sign, text in signs.items():
+        tex = tex.replace(sign, text)
+    return tex
+
+
+def _lines(lines: list[str]) -> str:
+    wrapped = [fill(x, _WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False) for x in lines]
+    return "\n".join(wrapped)
+
+
+def _aligned(lines: list[str]) -> str:
+    return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"

@@ -1,0 +1,63 @@
+"""Figures of a motion whose expressions are bound to a scene."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Expr
+from symmb.declare.mechanics import Figure
+from symmb.declare.symbolic import margin_of
+
+
+@dataclass(frozen=True, eq=False)
+class BoundFigure:
+    """A figure of a scene.
+
+    Attributes
+    ----------
+    kind : str                 the name of the function that declared it
+    expression : SX            of which it is a figure; None for a time
+    margin : SX                not positive where the condition holds; None without one
+    is_strict : bool           whether equality does not fulfil the condition
+    window : (float, float)    first and last time that count [s]
+    """
+
+    kind: str
+    expression: ca.SX | None
+    margin: ca.SX | None
+    is_strict: bool
+    window: tuple[float, float]
+
+    @property
+    def parts(self) -> tuple[ca.SX, ...]:
+        """The expressions over time that it is made of."""
+        return tuple(part for part in (self.expression, self.margin) if part is not None)
+
+
+def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], times: Array) -> BoundFigure:
+    """A figure over the times (n_t,) of a scene."""
+    expression = margin = None
+    is_strict = False
+    if figure.expression is not None:
+        expression = bind(figure.expression, what)
+        if expression.numel() != 1:
+            raise DeclarationError(f"{what}: has {expression.numel()} components; give each its own name.")
+    if figure.condition is not None:
+        bound = bind(figure.condition, what)
+        try:
+            condition = margin_of(bound)
+        except DeclarationError as error:
+            raise DeclarationError(f"{what}: {error}") from None
+        margin, is_strict = condition.value, condition.is_strict
+    begin, end = float(times[0]), float(times[-1])
+    if begin == end:
+        raise DeclarationError(f"{what}: a scalar output needs at least two times of the scene.")
+    low, high = figure.window or (None, None)
+    window = begin if low is None else float(low), end if high is None else float(high)
+    if not begin <= window[0] < window[1] <= end:
+        raise DeclarationError(
+            f"{what}: its window, {window[0]:g} to {window[1]:g} s, is no part of the run from {begin:g} to {end:g} s."
+        )
+    return BoundFigure(figure.kind, expression, margin, is_strict, window)

@@ -1,0 +1,335 @@
+"""The equations of motion in the coordinates of the joints that carry the bodies."""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.declare.mechanics import (
+    AxisJoint,
+    Body,
+    Element,
+    Frame,
+    Ground,
+    Joint,
+    Particle,
+    Planar,
+    RelativePose,
+    Spatial,
+)
+from symmb.declare.symbolic import MassBlocks, Symbol, conjugate, product, rotation_by, with_nodes
+from symmb.equations.model.articulated_bodies import ArticulatedBodies, Loads, Placed
+from symmb.equations.model.assembly import Collected, Coordinates, stacked
+from symmb.equations.model.joint_motion import JointMotion
+from symmb.equations.model.spanning_tree import Carrying, Link, spanning_tree
+
+
+class JointSpace:
+    """A spanning tree of joints, whose coordinates determine those of the bodies.
+
+    Bodies that no joint carries, flexible bodies and particles keep their own coordinates.
+
+    Parameters
+    ----------
+    c : Collected              the equations in coordinates of the bodies
+    elements : sequence        of which the joints may carry bodies
+    turns : mapping            name -> whole turns of body b relative to body a in planar joints without an angle
+
+    Attributes
+    ----------
+    links : tuple of Link                 the rigid bodies, each one after its carrier
+    rows : list of int                    numbers of the constraint rows that are left
+    collected : Collected                 the equations in coordinates of the joints, with the mass matrix of the bodies
+    """
+
+    def __init__(
+        self, c: Collected, elements: Sequence[Body | Element], turns: Mapping[str, int] = MappingProxyType({})
+    ) -> None:
+        self._bodies = c
+        self._turned: list[int] = []  # bodies whose quaternions have the opposite sign
+        rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
+        counts = {name: where.stop - where.start for name, where in c.rows.items()}
+        joints = [e for e in elements if isinstance(e, Joint)]
+        self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind, turns))
+        self.tree = ArticulatedBodies(c.bodies, self.links)
+        carrying = {link.carrying.joint.name for link in self.links if link.carrying is not None}
+        self.rows = [k for name, at in c.rows.items() if name not in carrying for k in range(at.start, at.stop)]
+        self._others = [k for k in range(len(c.bodies)) if k not in rigid]
+
+    def expression(self, of_bodies: ca.SX) -> ca.SX:
+        """An expression of coordinates of bodies in coordinates of joints. Multipliers and accelerations stay."""
+        nodes, old, new = self._replacements
+        e = ca.vertcat(ca.SX(0, 1), *[self._bodies.bodies[k].frame.q[3:7] for k in self._turned])
+        return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
+
+    def expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
+        """Expressions of coordinates of bodies in those of joints. Each substitution passes over all coordinates."""
+        entries = [e.nz[:] for e in of_bodies]
+        ends = np.cumsum([0, *[e.numel() for e in entries]]).tolist()
+        parts = ca.vertsplit(self.expression(ca.vertcat(ca.SX(0, 1), *entries)), ends)
+        return [ca.SX(e.sparsity(), part) for e, part in zip(of_bodies, parts, strict=True)]
+
+    def with_signs(self, found: Array, wanted: Array) -> "JointSpace":
+        """The same joints, with quaternions of the signs of `wanted` (n_q,) where these give `found` (n_q,)."""
+        own = {link.body: self._bodies.slices[link.body][0] for link in self.links if link.carrying is not None}
+        spatial = {k: at for k, at in own.items() if isinstance(self._bodies.bodies[k].pose, Spatial)}
+        turned = [k for k, at in spatial.items() if found[at][3:7] @ wanted[at][3:7] < 0]
+        other = copy(self)
+        other._turned = turned
+        other.__dict__.pop("of_bodies", None)
+        return other
+
+    def whole_turns(self, q: Array) -> dict[str, int]:
+        """Whole turns at coordinates q (n_q,) of the bodies, by the planar joints that have no angle to count them."""
+        bodies, excess = self._bodies.bodies, {}
+        for link in self.links:
+            by, body = link.carrying, bodies[link.body]
+            if by is None or not isinstance(body.pose, Planar) or f"{by.joint.name}.angle" in by.motion.q_names:
+                continue
+            carrier = ca.SX(0) if by.carrier is None else bodies[by.carrier].frame.angle
+            more = body.frame.angle - carrier - by.motion.angle
+            excess[by.joint.name] = more if by.joint.point_b.body is body else -more
+        if not excess:
+            return {}
+        angles = ca.substitute(ca.vertcat(*excess.values()), self._bodies.q, ca.SX(ca.DM(q)))
+        turns = np.round(self._bodies.bind.nominal(angles).ravel() / (2 * np.pi)).astype(int).tolist()
+        return {name: number for name, number in zip(excess, turns, strict=True) if number}
+
+    @cached_property
+    def _replacements(self) -> tuple[dict[int, ca.SX], ca.SX, ca.SX]:
+        nodes: dict[int, ca.SX] = {}
+        old, new = [ca.SX(0, 1)], [ca.SX(0, 1)]
+        for link in self.links:
+            if link.carrying is None:
+                continue
+            body, here = self._bodies.bodies[link.body], self.tree.placed[link.body]
+            q, v = _of_body(body, here)
+            old += [body.frame.q, body.frame.v]
+            new += [q, v]
+            if isinstance(body.pose, Spatial):
+                pairs = zip(*(ca.vertsplit(ca.vec(ca.densify(R))) for R in (body.frame.R, here.rotation)), strict=True)
+                nodes |= {a.element_hash(): b for a, b in pairs}
+            joint, motion = link.carrying.joint, link.carrying.motion
+            nodes |= _handles(joint, motion)
+            for state in self._turns(link):
+                nodes[cast(Any, joint).angle.element_hash()] = motion.q[0]
+                old, new = [*old, state.sx], [*new, motion.q[0]]
+        return nodes, ca.vertcat(*old), ca.densify(ca.vertcat(*new))
+
+    @cached_property
+    def loads(self) -> Loads:
+        """Inertia and forces of the rigid bodies."""
+        c, numbers = self._bodies, [link.body for link in self.links]
+        inertia, forces = [], []
+        for k in numbers:
+            S, (_, at) = c.bodies[k].frame.S, self._bodies.slices[k]
+            inertia.append(S @ c.M[at, at] @ S.T)
+            forces.append(S @ c.Q[at])
+        moved = self.expressions([*inertia, *forces])
+        M, Q = moved[: len(numbers)], moved[len(numbers) :]
+        return self.tree.loads(dict(zip(numbers, M, strict=True)), dict(zip(numbers, Q, strict=True)))
+
+    def _turns(self, link: Link) -> tuple[Symbol, ...]:
+        """The states of the system that count the turns of the link's joint."""
+        joint = None if link.carrying is None else link.carrying.joint
+        known = {state.sx.element_hash() for state in self._bodies.states}
+        states = joint.turn_states if isinstance(joint, AxisJoint) else ()
+        return tuple(state for state in states if state.sx.element_hash() in known)
+
+    @cached_property
+    def _coordinates(self) -> list[Coordinates]:
+        """The coordinates of each link, then of each other body."""
+        parts = []
+        for link in self.links:
+            if link.carrying is not None:
+                motion = link.carrying.motion
+                parts.append(Coordinates(motion.q, motion.u, motion.q_rate, motion.q_names, motion.u_names))
+            else:
+                parts.append(self._own_coordinates(link.body))
+        return parts + [self._own_coordinates(k) for k in self._others]
+
+    def _own_coordinates(self, k: int) -> Coordinates:
+        c, (at_q, at_v) = self._bodies, self._bodies.slices[k]
+        return Coordinates(c.q[at_q], c.v[at_v], c.qdot[at_q], c.q_names[at_q], c.v_names[at_v])
+
+    @cached_property
+    def collected(self) -> Collected:
+        """The equations in coordinates of the joints, with the mass matrix of the bodies."""
+        c, kept = self._bodies, self._bodies.keeping(self.rows)
+        turns = {s.sx.element_hash() for link in self.links for s in self._turns(link)}
+        return replace(
+            kept,
+            **Coordinates.joined(self._coordinates),
+            block_sizes=(*self.tree.sizes, *(c.block_sizes[k] for k in self._others)),
+            states=tuple(
+                replace(s, rate=self.expression(s.rate), value=self.expression(s.value))
+                for s in c.states
+                if s.sx.element_hash() not in turns
+            ),
+            Q=stacked([self.loads.Q, *[self.expression(c.Q[self._bodies.slices[k][1]]) for k in self._others]]),
+            potential=self.expression(c.potential),
+            Phi=self.expression(kept.Phi),
+            Psi=self.expression(kept.Psi),
+            sampled=tuple((element, self.expression(law)) for element, law in c.sampled),
+            impacts=tuple((name, self.expression(gap), self.expression(law)) for name, gap, law in c.impacts),
+            assembly_cosines=ca.SX(0, 1),
+            n_declared_rows=kept.Phi.numel(),
+        )
+
+    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
+        """q (n_q,) after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the norm 1."""
+        moved, at_q, at_v = [], 0, 0
+        for part, body in zip(self._coordinates, self._owners, strict=True):
+            n_q, n_v = part.q.numel(), part.v.numel()
+            if not n_v:
+                continue
+            own, step = q[at_q : at_q + n_q], delta[at_v : at_v + n_v]
+            if body is not None:
+                moved.append(body.pose.retract(own, step))
+            elif n_q > n_v:
+                e = product(own, rotation_by(step))
+                moved.append(e / ca.norm_2(e))
+            else:
+                moved.append(own + step)
+            at_q, at_v = at_q + n_q, at_v + n_v
+        return stacked(moved)
+
+    @property
+    def _owners(self) -> list[Body | None]:
+        """The bodies that own coordinates; None for joints."""
+        bodies = self._bodies.bodies
+        own = [bodies[link.body] if link.carrying is None else None for link in self.links]
+        return own + [bodies[k] for k in self._others]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints that carry bodies."""
+        return tuple(link.carrying.joint.name for link in self.links if link.carrying is not None)
+
+    @property
+    def n_v(self) -> int:
+        """Number of velocities."""
+        return self.tree.n_v + sum(self._bodies.block_sizes[k] for k in self._others)
+
+    @property
+    def power(self) -> ca.SX:
+        """Power of forces without potential, and of mass that joins or leaves [W]."""
+        return self.expression(self._bodies.power)
+
+    @cached_property
+    def M(self) -> ca.SX:
+        """Mass matrix (n_v, n_v). A long chain does without its many entries."""
+        return ca.diagcat(self.loads.M, self._inertia_of_others)
+
+    @cached_property
+    def _inertia_of_others(self) -> ca.SX:
+        at = [self._bodies.slices[k][1] for k in self._others]
+        return ca.diagcat(*[self.expression(self._bodies.M[own, own]) for own in at]) if at else ca.SX(0, 0)
+
+    def inertial(self, a: ca.SX) -> ca.SX:
+        """M a (n_v,) for accelerations a (n_v,)."""
+        n = self.tree.n_v
+        others = [self._inertia_of_others @ a[n:]] if self._others else []
+        return ca.vertcat(self.loads.inertial(a[:n]), *others)
+
+    def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """M^-1 f (n_v,) of a system without rows, and no multipliers."""
+        n = self.tree.n_v
+        return ca.vertcat(self.loads.solve(f[:n]), self._of_others(f[n:])), g
+
+    @property
+    def accelerations(self) -> ca.SX:
+        """Accelerations (n_v,) of a system without rows."""
+        return ca.vertcat(self.loads.accelerations, self._of_others(self.collected.Q[self.tree.n_v :]))
+
+    @cached_property
+    def _of_others(self) -> MassBlocks:
+        return MassBlocks(self._inertia_of_others, [self._bodies.block_sizes[k] for k in self._others])
+
+    @cached_property
+    def of_bodies(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Coordinates, velocities and first-order states of bodies as expressions of those of joints."""
+        c = self._bodies
+        s = ca.vertcat(*[state.sx for state in c.states]) if c.states else ca.SX(0, 1)
+        return self.expression(c.q), self.expression(c.v), self.expression(s)
+
+    @cached_property
+    def of_joints(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Coordinates, velocities and first-order states of joints as expressions of those of bodies."""
+        q, v = [], []
+        for link in self.links:
+            if link.carrying is None:
+                own = self._own_coordinates(link.body)
+                q, v = [*q, own.q], [*v, own.v]
+            else:
+                position, rates = _measured(self._bodies.bodies, link, link.carrying, bool(self._turns(link)))
+                q, v = [*q, position], [*v, rates]
+        for k in self._others:
+            own = self._own_coordinates(k)
+            q, v = [*q, own.q], [*v, own.v]
+        return stacked(q), stacked(v), stacked([state.sx for state in self.collected.states])
+
+
+def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
+    """Links in an order in which those of one tree follow each other, each one after its carrier."""
+    root: dict[int | None, int | None] = {None: None}
+    for link in links:
+        carrier = None if link.carrying is None else link.carrying.carrier
+        root[link.body] = link.body if carrier is None else root[carrier]
+    first = list(dict.fromkeys(root[link.body] for link in links))
+    return tuple(sorted(links, key=lambda link: first.index(root[link.body])))
+
+
+def _handles(joint: Joint, motion: JointMotion) -> dict[int, ca.SX]:
+    """The coordinates and velocities in the place of what a joint says of the motion of the bodies, by its hash."""
+    nodes: dict[int, ca.SX] = {}
+    names, values = (*motion.q_names, *motion.u_names), ca.vertsplit(ca.vertcat(motion.q, motion.u))
+    for name, value in zip(names, values, strict=True):
+        node = vars(joint).get(name.rpartition(".")[2])  # a property, if anything uses it
+        if node is not None:
+            nodes[node.element_hash()] = value
+            if node.op() == ca.OP_NEG:  # CasADi simplifies a - (-b)
+                nodes[node.dep(0).element_hash()] = -value
+    return nodes
+
+
+def _of_body(body: Body, here: Placed) -> tuple[ca.SX, ca.SX]:
+    """Coordinates and velocities of a body from its place."""
+    if isinstance(body.pose, Planar):
+        return ca.vertcat(here.r[:2], here.angle), ca.vertcat(here.r_dot[:2], here.omega[2])
+    return ca.vertcat(here.r, here.quaternion), ca.vertcat(here.r_dot, here.omega)
+
+
+def _measured(bodies: Sequence[Body], link: Link, by: Carrying, counts_turns: bool) -> tuple[ca.SX, ca.SX]:
+    """Coordinates and velocities of a joint, as expressions of those of the bodies that it connects."""
+    motion, follower = by.motion, bodies[link.body].frame
+    carrier = Ground().frame if by.carrier is None else bodies[by.carrier].frame
+    A, B = carrier.R @ motion.carrier, follower.R @ motion.follower
+    shift = A.T @ (follower.r + follower.R @ by.on_body - carrier.r - carrier.R @ by.on_carrier)
+    turn = A.T @ B
+    planar = isinstance(bodies[link.body].pose, Planar)
+    own = ca.SX(4, 1) if planar else product(follower.q[3:7], motion.follower_quaternion)
+    e = _quaternion(carrier)
+    relative = product(conjugate(product(e, motion.carrier_quaternion)), own)
+    q = motion.measured(RelativePose(shift, turn, relative, follower.angle - carrier.angle if planar else None))
+    if counts_turns:
+        q[0] = cast(Any, by.joint).angle
+    foot = carrier.velocity + carrier.R @ ca.cross(carrier.omega, by.on_carrier)
+    tip = follower.velocity + follower.R @ ca.cross(follower.omega, by.on_body)
+    spin = motion.carrier.T @ carrier.omega
+    speed = A.T @ (tip - foot) - ca.cross(spin, shift)
+    v = motion.rates(speed, motion.follower.T @ follower.omega - turn.T @ spin)
+    return q, ca.substitute(v, motion.q, q)
+
+
+def _quaternion(frame: Frame) -> ca.SX:
+    """Of a spatial body, a planar one, or the ground, (4,)."""
+    if frame.q.numel() > 3:
+        return frame.q[3:7]
+    return ca.vertcat(ca.cos(frame.angle / 2), 0, 0, ca.sin(frame.angle / 2))

@@ -1,0 +1,110 @@
+"""The end of a run as the start of a scene."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.declare.symbolic import t
+from symmb.equations.model.system import System
+
+
+@runtime_checkable
+class EndedRun(Protocol):
+    """What a restart reads of a run: scene, parameters, times (n_t,), and states (n_t, n_x) with their names."""
+
+    @property
+    def scene(self) -> Any: ...
+
+    @property
+    def parameters(self) -> dict[str, float]: ...
+
+    @property
+    def t(self) -> Array: ...
+
+    @property
+    def x(self) -> Array: ...
+
+    @property
+    def state_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Restart:
+    """The state from which a scene goes on.
+
+    Attributes
+    ----------
+    time : float           end of the run [s]
+    first_instant : float  of sampled values, the start of the first of several runs [s]
+    q, v, s : arrays       coordinates (n_q,), velocities (n_v,) and first-order states of the system (n_s,)
+    drift : dict           name -> value of coordinates and velocities that nothing touches
+    """
+
+    time: float
+    first_instant: float
+    q: Array
+    v: Array
+    s: Array
+    drift: dict[str, float]
+
+
+def restart_of(system: System, run: object) -> Restart:
+    """The end of a run as the start of a system, which must be that of the run."""
+    if not isinstance(run, EndedRun):
+        raise DeclarationError(f"{_WHERE}: expected a run of simulate, got {type(run).__name__}.")
+    if run.scene is None:
+        raise DeclarationError(f"{_WHERE}: the run was read from a file. Give Trajectory.load the scene.")
+    _require_same_system(system, run)
+    end = np.asarray(run.x, dtype=float)[-1]
+    if not np.isfinite(end).all():
+        raise DeclarationError(f"{_WHERE}: the run has failed, its last state is not finite.")
+    q_names, v_names, s_names = run.state_names
+    q, v, s = np.split(end, [len(q_names), len(q_names) + len(v_names)])
+    before = run.scene.restart
+    return Restart(
+        time=float(run.t[-1]),
+        first_instant=float(run.t[0]) if before is None else before.first_instant,
+        q=q,
+        v=v,
+        s=np.array([s[s_names.index(state.name)] for state in system.collected.states]),
+        drift=_drift(run),
+    )
+
+
+_WHERE = "Scene.starting_at"
+
+
+def _require_same_system(system: System, run: EndedRun) -> None:
+    """DeclarationError if coordinates or parameters of a run are others, or if it lacks a state."""
+    c, (q_names, v_names, s_names) = system.collected, run.state_names
+    of_run = [*q_names, *v_names, *_untouched(run.scene.system), *run.parameters]
+    of_scene = [*c.q_names, *c.v_names, *_untouched(system), *system.parameters]
+    if of_run != of_scene:
+        odd = [*(n for n in of_scene if n not in of_run), *(n for n in of_run if n not in of_scene)]
+        what = f"only one of them has {odd[0]!r}" if odd else "the order of their bodies or parameters differs"
+        raise DeclarationError(f"{_WHERE}: the run is of another system, {what}. Give a run of this scene.")
+    missing = [state.name for state in c.states if state.name not in s_names]
+    if missing:
+        raise DeclarationError(
+            f"{_WHERE}: the run has no state {missing[0]!r}. Run the scene with the same elements, and with the "
+            "outputs that need the state."
+        )
+
+
+def _untouched(system: System) -> list[str]:
+    """Names of the coordinates that nothing touches, and of their velocities."""
+    return [name for x, _, vx, _ in system.collected.decoupled for name in (x, vx)]
+
+
+def _drift(run: EndedRun) -> dict[str, float]:
+    """Coordinates that nothing touches, and their velocities, at the end of a run."""
+    scene, parts = run.scene, run.scene.system.collected.decoupled
+    if not parts:
+        return {}
+    values = ca.vertcat(*[scene.expression(symbol) for _, x, _, vx in parts for symbol in (x, vx)])
+    at_end = ca.Function("drift", [scene.system.p, t], [values])(list(run.parameters.values()), run.t[-1])
+    return dict(zip(_untouched(scene.system), at_end.full().ravel().tolist(), strict=True))

@@ -1,0 +1,443 @@
+"""A scene: a system with its start, output times, outputs and uncertain parameters."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from importlib import import_module
+from typing import Any, Literal, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError, SymmbError
+from symmb._interrupts import kept_interrupts
+from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
+from symmb._options import numbers_of, require_instance, require_truth, shown
+from symmb._types import Array, Expr
+from symmb._units import dimensions, label, ratio_of, scaled, unit_of, units_of_parameters
+from symmb.declare.mechanics import Figure
+from symmb.declare.symbolic import reduction, t
+from symmb.equations.model.box import Box
+from symmb.equations.model.figures import BoundFigure, bound_figure
+from symmb.equations.model.restart import EndedRun, Restart, restart_of
+from symmb.equations.model.start_values import Prescribed, listed_values, with_modes
+from symmb.equations.model.system import System
+from symmb.equations.model.units import units_of
+
+T = TypeVar("T")
+Output = Expr | Figure | tuple[Expr | Figure, str]
+"""An output, or one with the unit that it is asked in."""
+
+
+class _Fitting(str):
+    """A unit that fits its output. In pickles, whose expressions share nothing, units are not known as well."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scene:
+    """A system with its start, output times, outputs and uncertain parameters.
+
+    Parameters
+    ----------
+    system : System
+    start : mapping
+        "rod.theta", "rod.vx", "top.rotation", "top.omega", of joints "elbow.angle", "elbow.angle_rate",
+        "slide.displacement", "slide.displacement_rate", and names of `State`s -> number or expression of parameters;
+        they hold exactly. The others follow from Phi = 0 and its rate. Relative rates of joints that nothing determines
+        are 0
+    times : (n_t,) array
+        or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
+    outputs : mapping
+        name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a scalar output such
+        as `maximum(expression)`; default: all coordinates and velocities. A pair such as (expression, "mm") asks for a
+        unit: all values of this output are numbers in it, in runs, bounds, limits, data, pictures and files
+    box : Box
+        intervals of the uncertain parameters
+    guess : mapping
+        first guesses for coordinates of bodies and joints that are not listed in start: they select the assembly. Modes
+        of flexible bodies start undeformed and at rest, unless they are listed in start or here
+    name : str
+        for tables and files
+    equilibrium : bool
+        start in static equilibrium: coordinates that are not listed in start, modes included, are solved for, anew for
+        each parameter value
+    coordinates : str
+        "joint" or "body" for those in which it runs; default: those that need fewer operations
+    restart : Restart
+        the state from which a scene of `starting_at` goes on
+
+    Raises
+    ------
+    DeclarationError
+        all faults at once
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> print(scene)
+    Scene('scene', 1 outputs at 3 times, 0 to 2 s)
+    >>> mb.simulate(scene)["x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    system: System
+    start: Mapping[str, Expr] = field(default_factory=dict)
+    times: Array = field(default_factory=lambda: np.zeros(1))
+    outputs: Mapping[str, Output] | None = None
+    box: Box | None = None
+    guess: Mapping[str, Expr] = field(default_factory=dict)
+    name: str = "scene"
+    equilibrium: bool = False
+    coordinates: Literal["joint", "body"] | None = None
+    restart: Restart | None = None
+
+    @kept_interrupts()
+    def __post_init__(self) -> None:
+        require_instance("Scene", self.system, System, "a System")
+        require_truth("Scene", "equilibrium", self.equilibrium)
+        if self.restart is not None:
+            require_instance("Scene: restart", self.restart, Restart, "what starting_at gives")
+        for named in ("start", "outputs", "guess"):
+            object.__setattr__(self, named, normal_keys(f"Scene: {named}", getattr(self, named)))
+        faults = self._faults()
+        if faults:
+            raise DeclarationError("\n".join(faults))
+        if asked := {name: (y, _Fitting(unit)) for name, (y, unit) in self.asked.items() if unit}:
+            self._require_fitting_units()
+            object.__setattr__(self, "outputs", {**(self.outputs or {}), **asked})
+        object.__setattr__(self, "system", self.system.without_inputs)
+        object.__setattr__(self, "box", self._own_box)
+        object.__setattr__(self, "times", np.array(self.times, dtype=float))
+        known = {s.sx.element_hash() for s in self.system.collected.states}
+        along = ca.vertcat(self.y, *(part for figure in self.figures.values() for part in figure.parts))
+        extra = [s for s in self.system.bind.states(along) if s.sx.element_hash() not in known]
+        if extra:
+            object.__setattr__(self, "system", self.system.with_states(extra))
+
+    def _faults(self) -> list[str]:
+        untimely = _time_faults(self.times)
+        faults = [*untimely]
+        coordinates = self.coordinates
+        if coordinates is not None and not (isinstance(coordinates, str) and coordinates in ("joint", "body")):
+            faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
+        if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
+            faults.append(f"times: the scene goes on from a run that ended at {self.restart.time!r} s. Begin there.")
+        if self.restart is not None and self.equilibrium:
+            faults.append("equilibrium: the scene goes on from the end of a run. Leave equilibrium out.")
+        faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
+        # Coordinates that move uniformly need the start time.
+        for attribute in ("_own_box", "prescribed", "guesses", *(() if untimely else ("_bound_outputs", "figures"))):
+            try:
+                getattr(self, attribute)
+            except DeclarationError as error:
+                faults.extend(str(error).split("\n"))
+        return faults
+
+    def __reduce__(self) -> tuple:
+        return reduction(Scene, *(getattr(self, f.name) for f in fields(self)))
+
+    @cached_property
+    def memory(self) -> dict[Any, Any]:
+        """The prepared parts of this scene, by their users. Copies and pickles have none of it."""
+        return {}
+
+    def remembered(self, key: Any, prepare: Callable[[], T]) -> T:
+        """The prepared part of this scene under a key. It is made at the first time."""
+        if key not in self.memory:
+            self.memory[key] = prepare()
+        return self.memory[key]
+
+    @cached_property
+    def _own_box(self) -> Box | None:
+        """The box in the units of the parameters."""
+        if self.box is None:
+            return None
+        if not isinstance(self.box, Box):
+            raise DeclarationError(
+                f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
+            )
+        known = self.system.parameters
+        unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
+        box = self.box if unknown else self.box.with_units(units_of_parameters(known))
+        if faults := unknown or self.system.sign_faults(box):
+            raise DeclarationError("\n".join(faults))
+        return box
+
+    @cached_property
+    def prescribed(self) -> Prescribed:
+        """The listed start. Modes of flexible bodies are at rest and undeformed, unless a guess is given for them."""
+        listed = listed_values(self.system, self.start, "start")
+        if self.restart is not None:
+            going_on = {name: ca.SX(value) for name, value in self.restart.drift.items()}
+            return replace(listed, drift=going_on | listed.drift)
+        return with_modes(self.system, listed, self.guess, self.equilibrium)
+
+    @cached_property
+    def guessed(self) -> Prescribed:
+        """Guessed coordinates of bodies and of joints."""
+        resolved = listed_values(self.system, self.guess, "guess")
+        if resolved.v or any(value.is_rate for value in resolved.joints):
+            raise DeclarationError("guess: velocities need no guess, their equations are linear. List them in start.")
+        if resolved.states:
+            names = ", ".join(map(repr, resolved.states))
+            raise DeclarationError(f"guess: {names} needs no guess, a state starts where start says.")
+        if resolved.drift:
+            names = ", ".join(map(repr, resolved.drift))
+            raise DeclarationError(f"guess: no element acts on {names}. List them in start.")
+        return resolved
+
+    @property
+    def guesses(self) -> dict[int, ca.SX]:
+        """Guessed coordinates of bodies by index."""
+        return self.guessed.q
+
+    @cached_property
+    def _bound_outputs(self) -> dict[str, ca.SX]:
+        outputs = self.outputs
+        if outputs is None:
+            c = self.system.collected
+            pairs = zip((*c.q_names, *c.v_names), ca.vertsplit(ca.vertcat(c.q, c.v)), strict=True)
+            return dict(pairs) if c.q_names else {}
+        if not isinstance(outputs, Mapping):
+            raise DeclarationError('outputs: expected a mapping from names to expressions, such as {"x": rod.x}.')
+        bound: dict[str, ca.SX] = {}
+        faults = [f"output {fault}" for fault in name_faults([*outputs])]
+        if not outputs:
+            raise DeclarationError("outputs: give at least one, or leave them out for all coordinates and velocities.")
+        for name, (expression, unit) in self.asked.items():
+            if isinstance(expression, Figure):
+                continue
+            try:
+                own = self.expression(expression, f"output {name!r}")
+                bound[name] = scaled(own, unit_of(f"output {name!r}", unit), inverse=True)
+                if own.numel() != 1:
+                    faults.append(f"output {name!r}: has {own.numel()} components; give each its own name.")
+            except DeclarationError as error:
+                faults.append(str(error))
+        if faults:
+            raise DeclarationError("\n".join(faults))
+        return bound
+
+    @cached_property
+    def asked(self) -> dict[str, tuple[Any, str]]:
+        """The outputs that are given, each with the unit that it is asked in, '' without one."""
+        given: Any = self.outputs.items() if isinstance(self.outputs, Mapping) else ()
+        return {name: output if _has_unit(output) else (output, "") for name, output in given}
+
+    def _require_fitting_units(self) -> None:
+        """DeclarationError if a unit that is asked for does not fit the output, as far as its unit is known."""
+        for name, (_, asked) in self.asked.items():
+            what, known = f"output {name!r}", self._inferred[name] if asked and type(asked) is str else ""
+            if asked != "s" and name in self.figures and self.figures[name].expression is None and known:
+                raise DeclarationError(f"{what} is a time, which is in s.")
+            if known and dimensions(what, known) != dimensions(what, asked):
+                ratio_of("outputs", what, asked, known)
+
+    @cached_property
+    def figures(self) -> dict[str, BoundFigure]:
+        """The scalar outputs by name."""
+        bound, faults = {}, list[str]()
+        for name, (output, unit) in self.asked.items():
+            if isinstance(output, Figure):
+                try:
+                    own = bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
+                    ratio, y = unit_of(f"output {name!r}", unit), own.expression
+                    bound[name] = own if y is None else replace(own, expression=scaled(y, ratio, inverse=True))
+                except DeclarationError as error:
+                    faults.append(str(error))
+        if faults:
+            raise DeclarationError("\n".join(faults))
+        return bound
+
+    @cached_property
+    def curves(self) -> "Scene":
+        """A copy with outputs over time alone: those of this scene, and the expressions in its scalar outputs."""
+        named = {f"{name}: {k}": part for name, figure in self.figures.items() for k, part in enumerate(figure.parts)}
+        own = {name: pair for name, pair in self.asked.items() if pair[1] and name in self._bound_outputs}
+        return self.with_outputs(self._bound_outputs | own | named) if self.figures else self
+
+    @property
+    def curve_names(self) -> tuple[str, ...]:
+        """Names of the outputs over time, in order."""
+        return tuple(self._bound_outputs)
+
+    @property
+    def curve_units(self) -> tuple[str, ...]:
+        """Units of the outputs over time: those of coordinates that move uniformly as well."""
+        return tuple(self._unit_of(name) for name in self.curve_names)
+
+    def _unit_of(self, name: str) -> str:
+        return self.asked.get(name, ("", ""))[1] or self._inferred[name]
+
+    @cached_property
+    def _inferred(self) -> dict[str, str]:
+        """The units of outputs that follow from their expressions."""
+        given = {name: (y, "") for name, y in self._bound_outputs.items()} if self.outputs is None else self.asked
+        whole = ca.vertcat(*(self._bound(given[name][0], name) for name in self.curve_names), ca.SX(0, 1))
+        known = dict(zip(self.curve_names, units_of(self.system, whole), strict=True))
+        for name in self.figures:
+            own = self.asked[name][0].expression
+            known[name] = "s" if own is None else units_of(self.system, self.expression(own, name))[0]
+        return known
+
+    def _bound(self, expression: Expr, what: str) -> ca.SX:
+        """An expression as SX, before coordinates that move uniformly are put in."""
+        return self.system.bind(expression, what, also=self.system.solved_hashes, any_size=True)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs, in order."""
+        return self.curve_names if self.outputs is None else tuple(self.outputs)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units of the outputs, '' where they do not follow from the expression."""
+        return tuple(self._unit_of(name) for name in self.output_names)
+
+    @cached_property
+    def y(self) -> ca.SX:
+        """The outputs over time as expressions of q, v, v', s, lam, p and t, (n_y,)."""
+        return ca.vertcat(*self._bound_outputs.values()) if self._bound_outputs else ca.SX(0, 1)
+
+    def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
+        """Any expression of the scene as SX of q, v, v', s, lam, p and t. Decoupled coordinates move uniformly."""
+        require_instance("expression: what", what, str, "a text")
+        bound = self._bound(expression, what)
+        elapsed = t - float(np.asarray(self.times, dtype=float)[0])
+        for x_name, x, v_name, vx in self.system.collected.decoupled:
+            v0 = self.prescribed.drift.get(v_name, ca.SX(0))
+            bound = ca.substitute(bound, vx, v0)
+            bound = ca.substitute(bound, x, self.prescribed.drift.get(x_name, ca.SX(0)) + v0 * elapsed)
+        return bound
+
+    def __repr__(self) -> str:
+        span = f"{self.times[0]:g} to {self.times[-1]:g} s"
+        return f"Scene({self.name!r}, {len(self.output_names)} outputs at {len(self.times)} times, {span})"
+
+    def _repr_html_(self) -> str:
+        declared = self._bound_outputs | {name: self.asked[name][0] for name in self.figures}
+        outputs = [
+            [name, unit, _cell(declared[name])] for name, unit in zip(self.output_names, self.units, strict=True)
+        ]
+        tables = [html.table([["output", "unit", "expression"], *outputs], (0, 1, 2))]
+        if self.start:
+            values = ([name, _cell(value)] for name, value in self.start.items())
+            tables.append(html.table([["start", "value"], *values], (0, 1)))
+        intervals = {} if self.box is None else dict(zip(self.box.names, self.box.bounds, strict=True))
+        if self.system.parameters:
+            rows = []
+            units = units_of_parameters(self.system.parameters)
+            for name, value in self.system.parameters.items():
+                row = [label(name, units.get(name, "")), f"{value:g}", *(f"{end:g}" for end in intervals.get(name, ()))]
+                rows.append([*row, *[""] * (4 - len(row))])
+            tables.append(html.table([["parameter", "nominal", "lower", "upper"], *rows]))
+        # Drawings stand on scenes. Only a notebook that shows a scene asks for one.
+        drawing = import_module("symmb.show.drawing")
+        try:
+            picture = html.picture(drawing.start_picture(self))
+        except SymmbError as error:
+            picture = html.text(f"No picture: {error}")
+        return html.page(html.text(repr(self)), picture, *tables)
+
+    def with_box(self, box: Box) -> "Scene":
+        """A copy with another box."""
+        return replace(self, box=box)
+
+    def with_times(self, times: Sequence[float] | Array) -> "Scene":
+        """A copy with other times."""
+        return replace(self, times=times)
+
+    def with_outputs(self, outputs: Mapping[str, Output]) -> "Scene":
+        """A copy with other outputs."""
+        return replace(self, outputs=outputs)
+
+    def with_nominal(self, values: Mapping[str, float]) -> "Scene":
+        """A copy with other nominal values of all parameters."""
+        return replace(self, system=self.system.with_elements((), self.system.parameters.with_nominal(values)))
+
+    def with_inputs(self, names: Sequence[str]) -> "Scene":
+        """A copy with inputs of these names as parameters, behind the others, for programs that set them."""
+        symbols = [self.system.inputs[name] for name in names]
+        if not symbols:
+            return self
+        return replace(self, system=self.system.with_elements((), self.system.parameters.with_inputs(symbols)))
+
+    def starting_at(self, run: EndedRun) -> "Scene":
+        """A copy that goes on from the end of a run, with the parameters of the run as its nominal ones.
+
+        Positions, velocities, states, turns of angles, held values and closed contacts are those at the end. The times
+        are shifted so that they begin there: functions of `t` go on. For other parameters, coordinates and velocities
+        change as little as possible until the constraints hold.
+
+        Parameters
+        ----------
+        run : Trajectory
+            a run of this scene, or of another one of the same elements
+
+        Raises
+        ------
+        DeclarationError
+            If the run is of another system, or has failed
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+        >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), times=[0.0, 1.0])
+        >>> longer = fall.starting_at(mb.simulate(fall))
+        >>> longer.times.tolist(), float(mb.simulate(longer)["ball.y"][-1].round(6))
+        ([1.0, 2.0], -19.62)
+        """
+        end, times = restart_of(self.system, run), np.asarray(self.times)
+        times = end.time + (times - times[0])
+        system = self.system.with_elements((), self.system.parameters.with_nominal(run.parameters))
+        return replace(self, system=system, start={}, guess={}, equilibrium=False, times=times, restart=end)
+
+    def with_name(self, name: str) -> "Scene":
+        """A copy with another name."""
+        return replace(self, name=name)
+
+
+def _has_unit(output: Any) -> bool:
+    return isinstance(output, tuple) and len(output) == 2 and isinstance(output[1], str)
+
+
+_LONGEST_CELL = 80
+"""Most characters of an expression in a table."""
+
+
+def _cell(value: object) -> str:
+    text = " ".join(str(value).split())
+    return text if len(text) <= _LONGEST_CELL else f"{text[:_LONGEST_CELL]} ..."
+
+
+def _time_faults(times: Sequence[float] | Array) -> list[str]:
+    array = numbers_of(times)
+    if array is None:
+        return [f"times: expected numbers, got {shown(times)}. Use numpy.linspace(0, 10, 1001)."]
+    if array.ndim != 1 or array.size == 0:
+        return [f"times: expected a list of at least one time, got shape {array.shape}."]
+    if not np.all(np.isfinite(array)):
+        return ["times: contains NaN or infinity."]
+    if np.any(np.diff(array) <= 0):
+        return ["times: must increase from one to the next; sort them and leave out repetitions."]
+    begin, end, (shortest, longest) = array[0], array[-1], _HORIZONS
+    with np.errstate(over="ignore"):
+        horizon, rounding = float(end - begin), float(np.spacing(np.abs(array).max()))
+    if array.size > 1 and not shortest <= horizon <= longest:
+        return [f"times: from {begin:g} to {end:g} s; expected {shortest:g} to {longest:g} s. Use other units."]
+    if array.size > 1 and rounding > _ROUNDED * horizon:
+        return [f"times: numbers near {end:g} are {rounding:.1g} apart, too far for {horizon:g} s. Begin at 0."]
+    return []
+
+
+_HORIZONS = 1e-60, 1e60
+"""Shortest and longest horizon [s]. Fourth powers of steps, which are 1e-14 of it at the least, are finite numbers."""
+_ROUNDED = 1e-6
+"""Share of the horizon by which rounding may move a time: solvers move by small steps from one to the next."""

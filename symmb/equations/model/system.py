@@ -1,0 +1,495 @@
+"""The equations of motion of a system of bodies, constraints and forces. Each part is derived at its first use.
+
+    M(q, p) v' + G' lam = Q(q, v, p, t)          q' = N(q) v
+    Phi(q, p, t) = 0                             positions
+    Phi_v v + Phi_t = 0,  Psi(q, v, p, t) = 0    velocities; Psi are velocity-only rows, linear in v
+    G v' = gamma                                 accelerations, G = [Phi_v; Psi_v], Phi_v = Phi_q N
+
+q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one
+multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial ones v = (r', omega), omega in
+body axes. M is block-diagonal, a block for each body. Parts that a scene does not need are left out.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+
+import casadi as ca
+
+from symmb import _html as html
+from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
+from symmb._names import normal
+from symmb._options import require_instance, require_name, require_names
+from symmb._types import Expr
+from symmb.declare.mechanics import Block, Body, Element, Ground, Input, Joint, Parameters, with_si_symbols
+from symmb.declare.symbolic import Symbol, is_zero, rate, reduction, saddle_solver, simplified, t, to_sympy
+from symmb.equations.model.assembly import Collected, collect
+from symmb.equations.model.binding import Binding
+from symmb.equations.model.box import Box
+from symmb.equations.model.equations_text import Equations, equations_of
+from symmb.equations.model.joint_space import JointSpace
+from symmb.equations.model.multipliers import Multipliers, Reaction, reaction
+from symmb.equations.model.summary import system_text
+from symmb.equations.model.validation import sign_faults
+
+_LONGEST = 6000
+"""Characters of the LaTeX of a part up to which notebooks typeset it: longer ones cannot be read."""
+
+
+class System(Block):
+    """Bodies, constraints and forces with their equations of motion.
+
+    `with System() as system:` takes the elements that are made inside. The system is complete where the block ends.
+
+    Parameters
+    ----------
+    *elements : Body, Constraint, ForceElement or Impact, in the order of coordinates and rows
+    parameters : Parameters
+        default: those whose symbols are in the elements
+
+    Raises
+    ------
+    DeclarationError
+        all faults of the declaration at once, with the declared names and remedies
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(m=2.0, k=50.0)
+    >>> mass = mb.Body("mass", mass=p.m, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), mass.point(0, 0), p.k)
+    >>> system = mb.System(mass, spring, parameters=p)
+    >>> system.Q
+    SX([(-(k*mass.x)), (-(k*mass.y)), (-(k*mass.z))])
+    """
+
+    @kept_interrupts()
+    def __init__(self, *elements: Body | Ground | Element, parameters: Parameters | None = None) -> None:
+        if parameters is not None:
+            require_instance("System: parameters", parameters, Parameters, "Parameters(l1=1.0, ...)")
+        self.elements = tuple(e for e in elements if not isinstance(e, Ground))
+        for element in self.elements:
+            if isinstance(name := getattr(element, "name", ""), str) and name != normal(name):
+                object.__setattr__(element, "name", normal(name))
+        self.collected: Collected = collect(self.elements, parameters)
+        self.parameters = self.collected.bind.parameters
+        self._added: tuple[Symbol, ...] = ()
+        self.nullity = 0
+        self._joints: JointSpace | None = None
+        self._is_driven = bool(self.inputs)
+
+    def __exit__(self, *error: object) -> None:
+        super().__exit__(*error)
+        if error[0] is None:  # else the system stays what it was
+            elements, parameters = (*self.elements, *self._made), self.parameters or None
+            vars(self).clear()  # what was derived without the elements
+            self.__init__(*elements, parameters=parameters)
+
+    def __reduce__(self) -> tuple:
+        parts = (self.elements, self.parameters, ca.SX(self.lam), self.vdot, self._added, self._is_driven)
+        return reduction(_restored, *parts)
+
+    @property
+    def without_inputs(self) -> "System":
+        """The system whose inputs are 0, as runs have it."""
+        if not self._is_driven:
+            return self
+        copy = self._with(self.collected, self.nullity, self._joints)
+        copy.lam, copy.vdot, copy._is_driven = self.lam, self.vdot, False
+        return copy
+
+    @cached_property
+    def with_inputs(self) -> "System":
+        """The system whose inputs are parameters, behind the others."""
+        if not self._is_driven:
+            return self
+        system = self.with_elements((), self.parameters.with_inputs([*self.inputs.values()]))
+        return system if self._joints is None else system.joint_space()
+
+    def _driven(self, name: str) -> ca.SX:
+        """A part of the equations with the values of inputs in it."""
+        own = self.with_inputs
+        part = getattr(own.collected, name) if name != "s_rate" else own.s_rate
+        if own is self:
+            return part
+        return ca.substitute(part, ca.vertcat(own.q, own.v, own.s), ca.vertcat(self.q, self.v, self.s))
+
+    def with_states(self, states: Sequence[Symbol]) -> "System":
+        """A copy with additional first-order states, which outputs need."""
+        copy = self._with(self.collected.with_states(states), self.nullity, self._joints)
+        copy._added, copy.lam, copy.vdot = (*self._added, *states), self.lam, self.vdot  # outputs may contain the last
+        return copy
+
+    def with_elements(self, more: Sequence[Element], parameters: Parameters) -> "System":
+        """A copy with more elements, and with parameters of which the first ones are this system's."""
+        return _restored((*self.elements, *more), parameters, ca.SX(self.lam), self.vdot, self._added)
+
+    def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
+        """A copy with the rows of these numbers, of which `nullity` combinations vanish, and new multipliers."""
+        return self._with(self.collected.keeping(rows), nullity, self._joints)
+
+    def _with(self, collected: Collected, nullity: int, joints: JointSpace | None) -> "System":
+        copy = object.__new__(System)
+        copy.parameters, copy.elements, copy._added = self.parameters, self.elements, self._added
+        copy.collected, copy.nullity, copy._joints, copy._is_driven = collected, nullity, joints, self._is_driven
+        return copy
+
+    @kept_interrupts()
+    def joint_space(self, turns: Mapping[str, int] | None = None) -> "System":
+        """The same system in coordinates of its joints: q, v, M, Q, and what rows of Phi and Psi are left.
+
+        A spanning tree of joints carries the bodies. Rows of joints that close loops stay. Bodies that no joint
+        carries, flexible bodies and particles keep their coordinates. `turns`, as in `JointSpace`, are rarely needed.
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> rod = mb.Body("rod", mass=3.0, inertia=1.0)
+        >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-1, 0))
+        >>> system = mb.System(rod, pin, mb.Torque("motor", rod, 8.0)).joint_space()
+        >>> system.q, system.v, system.Phi.numel()
+        (SX(pin.angle), SX(pin.angle_rate), 0)
+        """
+        if gated := self.collected.gated:
+            names = ", ".join(map(repr, gated))
+            raise DeclarationError(f"Coordinates of joints are not possible: {names} may open or close in a run.")
+        joints = JointSpace(self.collected, self.elements, turns or {})
+        return self._with(joints.collected, 0, joints)
+
+    @property
+    def joints(self) -> "JointSpace":
+        """The joints that carry the bodies of a `joint_space`."""
+        if self._joints is None:
+            raise DeclarationError("System: its coordinates are those of bodies, not of joint_space().")
+        return self._joints
+
+    @property
+    def bind(self) -> Binding:
+        """Converts expressions of the system's symbols (numbers, SX or SymPy) into SX."""
+        return self.collected.bind
+
+    @property
+    def inputs(self) -> dict[str, Symbol]:
+        """The symbols of the inputs that are no parameters, by name."""
+        inputs = [e for e in self.elements if isinstance(e, Input) and e.name not in self.parameters]
+        return {u.name: u.symbol for u in inputs}
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The declared bodies."""
+        return self.collected.bodies
+
+    @property
+    def p(self) -> ca.SX:
+        """Parameters, (n_p,)."""
+        return self.parameters.symbols
+
+    @property
+    def q(self) -> ca.SX:
+        """Coordinates, (n_q,) [m, rad, -]."""
+        return self.collected.q
+
+    @property
+    def v(self) -> ca.SX:
+        """Velocities, (n_v,) [m/s, rad/s]."""
+        return self.collected.v
+
+    @property
+    def s(self) -> ca.SX:
+        """First-order states, (n_s,)."""
+        return ca.vertcat(*[s.sx for s in self.collected.states]) if self.collected.states else ca.SX(0, 1)
+
+    @cached_property
+    def s_rate(self) -> ca.SX:
+        """Rates of the first-order states, (n_s,)."""
+        if self._is_driven:
+            return self._driven("s_rate")
+        states = self.collected.states
+        return ca.vertcat(*[s.rate for s in states]) if states else ca.SX(0, 1)
+
+    @cached_property
+    def lam(self) -> Multipliers:
+        """Multipliers, (n_c + n_psi,) [N, N m]; `lam("elbow")` those of one joint."""
+        names = self.collected.row_names
+        lam = Multipliers(ca.vertcat(*[ca.SX.sym(n) for n in names]) if names else ca.SX(0, 1))
+        lam.rows = self.collected.rows
+        return lam
+
+    @cached_property
+    def vdot(self) -> ca.SX:
+        """Accelerations as symbols for outputs, (n_v,) [m/s^2, rad/s^2]."""
+        return ca.vertcat(*[ca.SX.sym(f"{name}.rate") for name in self.collected.v_names])
+
+    @cached_property
+    def solved_hashes(self) -> frozenset[int]:
+        """Hashes of multipliers and accelerations: they identify outputs that contain some."""
+        return frozenset(s.element_hash() for s in ca.vertsplit(ca.vertcat(ca.SX(self.lam), self.vdot)))
+
+    def ddt(self, expression: Expr) -> ca.SX:
+        """Rate of an expression of coordinates, velocities, first-order states and `t`, for outputs: d/dt f(q, v, t).
+
+        Unlike `symmb.ddt` it takes velocities, whose rates are accelerations: `system.ddt(ram.vx)`.
+
+        Raises
+        ------
+        DeclarationError
+            If a symbol is unknown, or a multiplier
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
+        >>> mb.System(rod).ddt(rod.omega**2)
+        SX(((2.*rod.omega)*rod.omega.rate))
+        """
+        c = self.collected
+        accelerations = dict(
+            zip((v.element_hash() for v in ca.vertsplit(self.v)), ca.vertsplit(self.vdot), strict=True)
+        )
+        accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.decoupled}  # untouched: it moves uniformly
+        return rate(self.bind(expression, "ddt", any_size=True), accelerations)
+
+    @property
+    def M(self) -> ca.SX:
+        """Mass matrix, (n_v, n_v), block-diagonal by body [kg, kg m^2]."""
+        return self.collected.M if self._joints is None else self._joints.M
+
+    def inertial(self, a: ca.SX) -> ca.SX:
+        """M a (n_v,), the forces that accelerations a (n_v,) need."""
+        return self.M @ a if self._joints is None else self._joints.inertial(a)
+
+    @property
+    def Q(self) -> ca.SX:
+        """Generalised forces with gyroscopic terms, (n_v,) [N, N m], in which inputs are symbols, as in other parts."""
+        return self._driven("Q")
+
+    @property
+    def Phi(self) -> ca.SX:
+        """Position constraints, (n_c,)."""
+        return self._driven("Phi")
+
+    @property
+    def Psi(self) -> ca.SX:
+        """Velocity-only constraints, (n_psi,)."""
+        return self._driven("Psi")
+
+    @cached_property
+    def qdot(self) -> ca.SX:
+        """Rates of the coordinates N v, (n_q,)."""
+        return self.collected.qdot
+
+    @cached_property
+    def N(self) -> ca.SX:
+        """N(q) in q' = N v, (n_q, n_v)."""
+        return ca.jacobian(self.qdot, self.v)
+
+    @cached_property
+    def Phi_q(self) -> ca.SX:
+        """Jacobian of the position constraints, (n_c, n_q)."""
+        return ca.jacobian(self.Phi, self.q)
+
+    @cached_property
+    def Phi_t(self) -> ca.SX:
+        """Partial derivative of the position constraints with respect to time, (n_c,); no entries without drives."""
+        return ca.sparsify(ca.jacobian(self.Phi, t))
+
+    @cached_property
+    def Phi_dot(self) -> ca.SX:
+        """Rates of all rows, [Phi_v v + Phi_s s' + Phi_t; Psi], (n_c + n_psi,)."""
+        x, rates = ca.vertcat(self.q, self.s), ca.vertcat(self.qdot, self.s_rate)
+        return ca.densify(ca.vertcat(ca.jtimes(self.Phi, x, rates) + self.Phi_t, self.Psi))
+
+    @cached_property
+    def G(self) -> ca.SX:
+        """Velocity Jacobian of all rows, [Phi_v; Psi_v], (n_c + n_psi, n_v)."""
+        return ca.sparsify(ca.jacobian(self.Phi_dot, self.v))
+
+    @cached_property
+    def gamma(self) -> ca.SX:
+        """Right side of G v' = gamma, (n_c + n_psi,): minus the change of the rows' rates without accelerations."""
+        x, rates = ca.vertcat(self.q, self.s), ca.vertcat(self.qdot, self.s_rate)
+        return ca.densify(-(ca.jtimes(self.Phi_dot, x, rates) + ca.jacobian(self.Phi_dot, t)))
+
+    @cached_property
+    def block_sizes(self) -> tuple[int, ...]:
+        """Velocities of each body, the sizes of the blocks of M."""
+        return self.collected.block_sizes
+
+    @cached_property
+    def solve(self) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
+        """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g, factorised once (see `saddle_solver`)."""
+        if self._joints is not None and not self.G.shape[0]:
+            return self._joints.solve
+        coupled = any(body.nearly_singular for body in self.bodies)
+        c = self.collected
+        return saddle_solver(self.M, self.G, self.block_sizes, coupled, self.nullity, c.gates, 1 / c.units)
+
+    @cached_property
+    def accelerations(self) -> ca.SX:
+        """Accelerations (n_v,) that satisfy all rows [m/s^2, rad/s^2]."""
+        if self._joints is not None and not self.G.shape[0] and not self._is_driven:
+            return self._joints.accelerations
+        return self.solve(self.Q, self.gamma)[0]
+
+    def retract(self, delta: ca.SX) -> ca.SX:
+        """Coordinates (n_q,) after a small displacement (n_v,), a velocity times a time. Quaternions keep norm 1."""
+        return self.collected.retract(delta) if self._joints is None else self._joints.retract(self.q, delta)
+
+    @property
+    def kinetic_energy(self) -> ca.SX:
+        """v' M v / 2 [J]."""
+        return 0.5 * ca.dot(self.v, self.inertial(self.v))
+
+    @property
+    def potential_energy(self) -> ca.SX:
+        """Potential of gravity and springs [J]."""
+        return self._driven("potential")
+
+    @cached_property
+    def power(self) -> ca.SX:
+        """Power of forces without potential, of drives, and of mass that joins or leaves [W], in q, v, s, lam, p, t.
+
+        Mass that joins a body, or leaves it, has the velocity of the body, so that M v' = Q holds.
+        """
+        at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
+        of_forces = self.collected.power if self._joints is None else self._joints.power
+        return of_forces + ca.dot(ca.SX(self.lam), at_rest)
+
+    def reaction(self, name: str) -> Reaction:
+        """Reaction of the joint of that name on its second body at the joint's point, in world axes [N], [N m].
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such joint between two bodies
+        """
+        return reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
+
+    def force(self, name: str) -> ca.SX:
+        """Force of the element of that name [N], [N m]: pull of a spring or a rope, push of a contact, law of a motor.
+
+        For a contact at several places it is the sum, without friction.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such element, or its force is not one number
+        """
+        name = normal(name)
+        forces = {key: force for key, force in self.collected.forces.items() if force is not None}
+        if isinstance(name, str) and name in self.lam.rows and name not in forces:
+            raise DeclarationError(f"system.force: {name!r} is held by multipliers. Use system.lam({name!r}).")
+        require_name("system.force", "element with a force", name, forces)
+        return forces[name]
+
+    @cached_property
+    def positive(self) -> tuple[tuple[str, ...], ca.Function]:
+        """Masses and lengths, which must be above 0: names (n,) and a Function p -> values (n,)."""
+        names, values = zip(*self.collected.positive, strict=True) if self.collected.positive else ((), ())
+        return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(*values) if values else ca.SX(0, 1)])
+
+    def sign_faults(self, box: Box) -> list[str]:
+        """Masses and lengths that are not positive at a corner of the box."""
+        return sign_faults(*self.positive, self.parameters, box)
+
+    @property
+    def names(self) -> dict[str, ca.SX]:
+        """All symbols by name: parameters, coordinates, velocities, states, multipliers and time."""
+        c = self.collected
+        names = (*self.parameters, *c.q_names, *c.v_names, *(s.name for s in c.states), *c.row_names, "t")
+        inputs = {name: symbol.sx for name, symbol in self.inputs.items()}
+        symbols = ca.vertsplit(ca.vertcat(self.p, self.q, self.v, self.s, self.lam, t))
+        return dict(zip(names, symbols, strict=True)) | inputs
+
+    @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """Which of M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma the scene has."""
+        has = {
+            "M": self.v.numel() > 0,
+            "N": self.q.numel() > self.v.numel(),
+            "Q": self.v.numel() > 0,
+            "Phi": self.Phi.numel() > 0,
+            "Phi_q": self.Phi.numel() > 0,
+            "Phi_t": not is_zero(self.Phi_t),
+            "Psi": self.Psi.numel() > 0,
+            "gamma": self.G.shape[0] > 0,
+        }
+        return tuple(name for name, there in has.items() if there)
+
+    def to_sympy(self, *names: str) -> dict:
+        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for.
+
+        Entries are simplified where this takes few operations, as `equations()` prints them.
+        """
+        symbols = self.names
+        require_names("to_sympy", "part", names, self.parts)
+        of = [*symbols.values()], [*symbols]
+        parts = {name: with_si_symbols(self.parameters, getattr(self, name)) for name in names or self.parts}
+        short = {name: simplified(part, *of) for name, part in parts.items()}
+        return {name: to_sympy(parts[name], *of) if part is None else part for name, part in short.items()}
+
+    @cached_property
+    def _as_read(self) -> Equations:
+        return equations_of(self)
+
+    def equations(self) -> str:
+        """The equations to read: the equation of motion, its unknowns, and M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma.
+
+        Parts are matrices, simplified where this takes few operations. If a matrix is wide, its nonzero entries are
+        listed one per line, and common subexpressions get names. `latex()` has the same content.
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> p = mb.Parameters(m=1.0, l=1.0)
+        >>> rod = mb.Body("rod", mass=p.m, inertia=p.m * p.l**2 / 12)
+        >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, p.l / 2))
+        >>> system = mb.System(rod, pin, mb.Gravity(0, -9.81), parameters=p)
+        >>> print(system.joint_space().equations())
+        M q̈ = Q
+        <BLANKLINE>
+        q = (q_pin)
+        q̇ = (q̇_pin)
+        <BLANKLINE>
+            ⎡ 2  ⎤
+            ⎢l ⋅m⎥
+        M = ⎢────⎥
+            ⎣ 3  ⎦
+        <BLANKLINE>
+        Q = [-4.905⋅l⋅m⋅sin(q_pin)]
+        """
+        return self._as_read.text
+
+    def latex(self) -> str:
+        """The content of `equations()` in LaTeX, a display for each part."""
+        return "\n\n".join(rf"\[ {tex} \]" for tex in self._as_read.displays.values())
+
+    def _repr_html_(self) -> str:
+        displays = self._as_read.displays
+        formulas = {name: tex for name, tex in displays.items() if len(tex) <= _LONGEST}
+        large = ", ".join(name for name in displays if name not in formulas)
+        note = f"{large}: too large to be read here. system.equations() and system.latex() give all parts."
+        text = html.text(repr(self))
+        return html.page(text, *map(html.formula, formulas.values()), html.text(note if large else ""))
+
+    def __repr__(self) -> str:
+        of, sizes, is_own = (self.collected, self.elements, self.parameters), self.block_sizes, self._joints is not None
+        joints = self._joints or JointSpace(self.collected, self.elements)
+        parts = {"M": self.M, "Phi_t": self.Phi_t, "power": self.power}
+        return system_text(*of, **parts, block_sizes=sizes, joints=joints, in_joints=is_own)
+
+
+def _restored(
+    elements: tuple[Body | Element, ...],
+    parameters: Parameters,
+    lam: ca.SX,
+    vdot: ca.SX,
+    added: tuple[Symbol, ...],
+    is_driven: bool = False,
+) -> System:
+    """A system from its pickle, whose outputs may contain multipliers and accelerations."""
+    system = System(*elements, parameters=parameters)
+    system._is_driven = is_driven
+    rows, system.lam, system.vdot = system.lam.rows, Multipliers(lam), vdot
+    system.lam.rows = rows
+    return system.with_states(added) if added else system

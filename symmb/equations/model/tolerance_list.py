@@ -1,0 +1,298 @@
+"""Intervals from tolerances as drawings and tables tell them."""
+
+import csv
+import io
+import math
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, SupportsFloat
+
+from symmb._errors import DeclarationError, FileError, text_of
+from symmb._names import did_you_mean, normal
+from symmb._options import is_finite_number, numbers_of, shown
+from symmb._units import NUMBER, number_in, quantity, ratio_of, scaled
+from symmb.equations.model.iso_grades import sizes_of_grade
+from symmb.results.files import told
+
+Interval = tuple[float, float]
+_SAME = 1e-9
+"""Share by which a nominal value may differ from that of a table, or from the size told with a grade, by rounding."""
+_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+_SIGNS = str.maketrans(
+    {"\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "\N{NO-BREAK SPACE}": " "} | dict.fromkeys("Øø⌀", "")
+)
+"""Characters of texts from word processors, and the sign of a diameter, which says nothing about its tolerance."""
+_DEGREE = "\N{DEGREE SIGN}"
+_LENGTH, _ANGLE = {"m": 1e-3, "mm": 1.0}, {"rad": math.pi / 180, "deg": 1.0}
+"""Units of nominal values, over those of sizes in texts."""
+_UNIT, _DEVIATION = r" *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?|) *", r"([+-] *\d+(?:\.\d+)?|0(?:\.0+)?)"
+_SIZE = rf" *(?:({NUMBER}){_UNIT})?"
+_BOTH_SIDES = re.compile(_SIZE + rf"(?:±|\+ */ *-|\+-) *(\d+(?:\.\d+)?)(?: *(%) *|{_UNIT})")
+_EACH_SIDE = re.compile(
+    _SIZE + r"(?:(?<= )|(?=[+-]))" + _DEVIATION + _UNIT + r"(?:/ *|(?<= )|(?=[+-]))" + _DEVIATION + _UNIT
+)
+_LIKE_DEVIATIONS = re.compile(r" *-?\d.*[±+/]")
+"""Deviations of a drawing: to both sides, as 40 ±0.1 or 40 mm ±1%, to each side, as 40 +0.1/-0.2 mm, and what is meant
+so."""
+_COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
+
+
+class _Told(NamedTuple):
+    """What a text tells: a size and its ends, or deviations if the size is None, their unit, and a share, if any."""
+
+    size: float | None
+    ends: Interval
+    unit: str
+    percent: float | None = None
+
+
+def _told(owner: str, name: str, text: str) -> _Told | None:
+    """The deviations of a text, such as "235 mm ±0.5 mm", "2.5 N/mm ±10%", "±0.1 mm" or "40 +0.1/-0.2 mm"."""
+    plain, percent = text.translate(_SIGNS), None
+    if match := _BOTH_SIDES.fullmatch(plain):
+        size, unit, deviation, mark, other = match.groups()
+        deviations, percent = [(f"-{deviation}", other), (deviation, other)], float(deviation) if mark else None
+    elif match := _EACH_SIDE.fullmatch(plain):
+        size, unit, first, first_unit, second, other = match.groups()
+        deviations = [(first, first_unit or other), (second, other)]
+    else:
+        return None
+    begin, own = None if size is None else float(size.replace(" ", "")), unit or deviations[1][1] or ""
+    if percent is not None:
+        return None if begin is None else _Told(begin, _share(owner, name, begin, text, percent), own, percent)
+    what = f"the size of {name!r}"
+    numbers = [
+        number_in(owner, what, (float(n.replace(" ", "")), u or ""), own) + (begin or 0.0) for n, u in deviations
+    ]
+    return _Told(begin, (min(numbers), max(numbers)), own)
+
+
+def interval_with_unit(name: str, given: Any) -> tuple[Any, str]:
+    """An interval of a Box as two ends and their unit, '' if it has none."""
+    owner = f"Box: {name!r}"
+    if isinstance(given, str):
+        told = _told("Box", name, given)
+        if told is None or told.size is None:
+            raise DeclarationError(
+                f"{owner}: {shown(given)} is no interval. Write '235 mm ±0.5 mm', '2.5 N/mm ±10%' or (lower, upper); "
+                "Box.plus_minus(p, ...) takes deviations from nominal values."
+            )
+        given = [(end, told.unit) for end in told.ends]
+    elif isinstance(given, tuple | list) and len(given) == 3 and isinstance(given[2], str):
+        given = [(end, given[2]) for end in given[:2]]
+    if not isinstance(given, tuple | list) or not any(isinstance(end, str | tuple) for end in given):
+        return given, ""
+    ends = [quantity(f"{owner}:", end) for end in given]
+    unit = ends[0][1]
+    if len({bool(other) for _, other in ends}) > 1:
+        raise DeclarationError(f"{owner}: both ends need a unit, or none, got {shown(given)}.")
+    return [number_in(owner, "the other end", end, unit) for end in ends], unit
+
+
+def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: str = "") -> Interval:
+    """The interval around a nominal value in a unit by a tolerance of `Box.plus_minus`."""
+    if isinstance(tolerance, str):
+        return _of_text(owner, name, nominal, tolerance, unit)
+    if is_finite_number(tolerance):
+        if tolerance < 0:
+            raise DeclarationError(f"{owner}: the tolerance of {name!r} must be at least 0, got {shown(tolerance)}.")
+        return nominal - float(tolerance), nominal + float(tolerance)
+    ends = numbers_of(tolerance)
+    if ends is None or ends.shape != (2,) or not ends[0] <= ends[1] or not all(map(is_finite_number, ends)):
+        raise DeclarationError(
+            f"{owner}: the tolerance of {name!r} must be a number, a pair (lower, upper) of deviations such as "
+            f"(-1e-5, 3e-5), a share such as '1%', or a size with its deviations or grade such as '40 ±0.1' or "
+            f"'40 H7', got {shown(tolerance)}."
+        )
+    lower, upper = ends.tolist()
+    return nominal + lower, nominal + upper
+
+
+def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Interval:
+    told = _told(owner, name, text)
+    if told is None and text.strip().endswith("%"):
+        percent = _number_or_text(text.strip().removesuffix("%"))
+        if isinstance(percent, str):
+            raise DeclarationError(f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.")
+        return _share(owner, name, nominal, text, percent)
+    if told is None or not (own or told.size is not None or told.unit):
+        told = _of_grade(owner, name, text, "mm" if own else "")
+    if own:
+        ratio = ratio_of(owner, f"parameter {name!r}", told.unit or own, own)
+        low, high = (scaled(end, ratio) for end in told.ends)
+        if told.size is None:
+            return nominal + low, nominal + high
+        if abs(nominal - scaled(told.size, ratio)) > _SAME * abs(nominal):
+            raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")
+        return low, high
+    if told.size is None or told.unit not in ("", _DEGREE):
+        raise DeclarationError(f"{owner}: {name!r} has no unit, and {text!r} has one. Declare {name}=(..., 'mm').")
+    unit = _unit(owner, name, nominal, text, told.size)
+    if told.percent is not None:
+        return _share(owner, name, nominal, text, told.percent)
+    return unit * told.ends[0], unit * told.ends[1]
+
+
+def _of_grade(owner: str, name: str, text: str, unit: str) -> _Told:
+    """The size of a text with its grade, and its ends [mm]."""
+    plain = text.translate(_SIGNS)
+    if _LIKE_DEVIATIONS.match(plain):
+        comma = " Decimals have a point." if "," in text else ""
+        raise DeclarationError(
+            f"{owner}: {text!r} of {name!r} is no tolerance. Write a size with its deviations, such as '40 ±0.1', "
+            f"'40 ±1%' or '40 +0.1/-0.2'.{comma}"
+        )
+    if _DEGREE in text:
+        raise DeclarationError(f"{owner}: {text!r} of {name!r}: grades are known for lengths alone. Write '30° ±0.5°'.")
+    try:
+        size, lower, upper = sizes_of_grade(plain)
+    except DeclarationError as error:
+        raise DeclarationError(f"{owner}: {name!r}: {error}") from None
+    return _Told(size, (lower, upper), unit)
+
+
+def share_of(text: str) -> float | str:
+    """The share in a text such as "5%"; any other text as it is."""
+    percent = _number_or_text(text.strip().removesuffix("%"))
+    return percent / 100 if text.strip().endswith("%") and not isinstance(percent, str) else text
+
+
+def _share(owner: str, name: str, nominal: float, text: str, percent: float) -> Interval:
+    share = percent / 100
+    if not 0 <= share < 1 or not nominal:
+        raise DeclarationError(
+            f"{owner}: the share {text!r} of {name!r} must be from 0 % to below 100 % of a value that is not 0."
+        )
+    return nominal - abs(nominal) * share, nominal + abs(nominal) * share
+
+
+def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> float:
+    """The unit of a nominal value, m or mm, over that of its size in a text [mm]; of an angle rad or deg, over deg."""
+    units = _ANGLE if _DEGREE in text else _LENGTH
+    own, other = units
+    if size == 0:
+        raise DeclarationError(
+            f"{owner}: {text!r} of {name!r}: deviations from 0 may be in {own} or in {other}. Write a number, or a "
+            "pair of them."
+        )
+    for unit in units.values():
+        if abs(nominal - unit * size) <= _SAME * unit * abs(size):
+            return unit
+    signed = f" A value below 0 takes its deviations, as '-{size:g} ±0.5'." if nominal < 0 < size else ""
+    raise DeclarationError(
+        f"{owner}: {name!r} is {nominal:g}, and {text!r} is a tolerance of {size:g} {other}: the nominal value must be "
+        f"{units[own] * size:g} (in {own}) or {size:g} (in {other}).{signed}"
+    )
+
+
+def intervals_in_file(
+    path: Path, parameters: Mapping[str, SupportsFloat] | None, units: Mapping[str, str]
+) -> dict[str, Interval]:
+    """The intervals that a CSV or TOML table tells, in units of the parameters, whose nominal values must be those of
+    the parameters, if given."""
+    owner = f"Box.read: {path.name}"
+    read = {".csv": _rows_of_csv, ".toml": _rows_of_toml}.get(path.suffix.lower())
+    if read is None:
+        raise DeclarationError(f"{owner} must be a .csv or .toml file.")
+    try:
+        with told(path, "read"):
+            text = path.read_text(encoding="utf-8-sig")
+        rows = list(read(owner, text))
+    except (FileError, DeclarationError):
+        raise
+    except (ValueError, RecursionError, csv.Error) as error:  # text that is no UTF-8, long numbers, deep brackets
+        raise DeclarationError(f"{owner} is no table: {text_of(error)}.") from None
+    intervals: dict[str, Interval] = {}
+    for row in rows:
+        name = normal(row.get("name"))
+        if not isinstance(name, str) or not name:
+            raise DeclarationError(f"{owner}: each row needs the name of a parameter.")
+        if name in intervals:
+            raise DeclarationError(f"{owner}: {name!r} stands there twice.")
+        intervals[name] = _of_row(owner, name, row, parameters, units.get(name, ""))
+    if not intervals:
+        raise DeclarationError(f"{owner} has no rows.")
+    return intervals
+
+
+def _rows_of_csv(owner: str, text: str) -> Iterator[dict[str, Any]]:
+    lines = [line for line in csv.reader(io.StringIO(text, newline="")) if any(cell.strip() for cell in line)]
+    if comment := next((line for line in lines if line[0].lstrip().startswith("#")), None):
+        raise DeclarationError(f"{owner}: comments cannot be read. Remove the line {shown(','.join(comment))}.")
+    head = [cell.strip().lower() for cell in lines[0]] if lines else []
+    _require_columns(owner, head)
+    for line in lines[1:]:
+        if len(line) > len(head):
+            raise DeclarationError(f"{owner}: a row has {len(line)} cells and the head {len(head)}: {', '.join(line)}.")
+        yield {key: cell.strip() for key, cell in zip(head, line, strict=False) if cell.strip()}
+
+
+def _require_columns(owner: str, head: list[str]) -> None:
+    """DeclarationError if the head of a table is not cut at commas, or names a column twice."""
+    for mark, word in _SEPARATORS.items():
+        if len(head) == 1 and mark in head[0]:
+            raise DeclarationError(f"{owner}: cells are separated by {word} there, and must be by commas.")
+    if twice := [name for name, count in Counter(head).items() if name and count > 1]:
+        raise DeclarationError(f"{owner}: the column {twice[0]!r} stands there twice.")
+
+
+def _rows_of_toml(owner: str, text: str) -> Iterator[dict[str, Any]]:
+    for name, row in tomllib.loads(text).items():
+        if not isinstance(row, Mapping):
+            raise DeclarationError(f"{owner}: {name!r} must be a table with nominal, plus and minus, got {shown(row)}.")
+        yield {"name": name, **row}
+
+
+def _of_row(
+    owner: str, name: str, row: Mapping[str, Any], parameters: Mapping[str, SupportsFloat] | None, unit: str
+) -> Interval:
+    for key in row:
+        if key not in _COLUMNS:
+            raise DeclarationError(f"{owner}: no column {key!r} is read.{did_you_mean(key, _COLUMNS)}")
+    nominal = _number(owner, name, "nominal", row.get("nominal"), unit)
+    if parameters is not None:
+        _require_nominal(owner, name, nominal, parameters)
+    if "tolerance" in row:
+        if "plus" in row or "minus" in row:
+            raise DeclarationError(f"{owner}: {name!r} has a tolerance, and plus or minus: give one of both.")
+        return interval_of(owner, name, nominal, _number_or_text(row["tolerance"]), unit)
+    if "plus" not in row:
+        raise DeclarationError(f"{owner}: {name!r} needs plus and minus, or a tolerance.")
+    plus = _number(owner, name, "plus", row["plus"], unit)
+    minus = _number(owner, name, "minus", row.get("minus", plus), unit)
+    if plus < 0 or minus < 0:
+        raise DeclarationError(
+            f"{owner}: plus and minus of {name!r} are distances from the nominal value, and at least 0. If both ends "
+            "lie on one side, move the nominal value between them."
+        )
+    return interval_of(owner, name, nominal, (-minus, plus))
+
+
+def _require_nominal(owner: str, name: str, nominal: float, parameters: Mapping[str, SupportsFloat]) -> None:
+    """DeclarationError if the nominal value of a table is not that of the parameter."""
+    if name not in parameters:
+        raise DeclarationError(f"{owner}: unknown parameter {name!r}.{did_you_mean(name, parameters)}")
+    own = float(parameters[name])
+    if not abs(own - nominal) <= _SAME * abs(nominal):
+        raise DeclarationError(
+            f"{owner}: the nominal value of {name!r} is {nominal:.12g} there, and {own:.12g} in the model."
+        )
+
+
+def _number(owner: str, name: str, column: str, value: Any, unit: str) -> float:
+    value = _number_or_text(value)
+    if unit and isinstance(value, str):
+        return number_in(f"{owner}: {column} of {name!r}", f"parameter {name!r}", value, unit)
+    if not is_finite_number(value):
+        raise DeclarationError(f"{owner}: {column} of {name!r} must be a number, got {shown(value)}.")
+    return float(value)
+
+
+def _number_or_text(value: Any) -> Any:
+    try:
+        return float(value) if isinstance(value, str) and "_" not in value else value
+    except ValueError:
+        return value

@@ -1,0 +1,175 @@
+"""Units of outputs, as far as they follow from the expressions."""
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import casadi as ca
+
+from symmb._units import unit_of, units_of_parameters
+from symmb.declare.mechanics import ForceElement, Joint, OwnState
+from symmb.declare.symbolic import Kind, interpret, is_time, lookup, symbols_in
+from symmb.equations.model.system import System
+
+Unit = tuple[Fraction, ...]
+"""Powers of m, kg, s and rad."""
+
+
+def _unit(m: int = 0, kg: int = 0, s: int = 0, rad: int = 0) -> Unit:
+    return Fraction(m), Fraction(kg), Fraction(s), Fraction(rad)
+
+
+_NONE, _TIME, _ANGLE = _unit(), _unit(s=1), _unit(rad=1)
+_POSITION = {"x": _unit(m=1), "y": _unit(m=1), "z": _unit(m=1), "theta": _ANGLE, "angle": _ANGLE}
+_VELOCITY = {name: _unit(m=1, s=-1) for name in ("vx", "vy", "vz")}
+_VELOCITY |= {name: _unit(s=-1, rad=1) for name in ("omega", "omega_x", "omega_y", "omega_z")}
+_HANDLES = {"angle_rate": _unit(s=-1, rad=1), "displacement": _unit(m=1), "displacement_rate": _unit(m=1, s=-1)}
+"""Handles of joints, expressions whose units do not follow from numbers in axes."""
+_RATE = ".rate"
+"""End of the names of accelerations, which are symbols in outputs only."""
+_FORCE, _ENERGY, _POWER = _unit(m=1, kg=1, s=-2), _unit(m=2, kg=1, s=-2), _unit(m=2, kg=1, s=-3)
+_TEXTS = {
+    _unit(m=1): "m",
+    _unit(m=1, s=-1): "m/s",
+    _unit(m=1, s=-2): "m/s^2",
+    _ANGLE: "rad",
+    _unit(s=-1, rad=1): "rad/s",
+    _unit(s=-2, rad=1): "rad/s^2",
+    _TIME: "s",
+    _unit(m=2): "m^2",
+    _unit(m=3): "m^3",
+    _unit(m=2, s=-2): "m^2/s^2",
+    _FORCE: "N",
+    _unit(kg=1, s=-2): "N/m",
+    _ENERGY: "N m",
+    _POWER: "W",
+}
+_SAME = frozenset((ca.OP_NEG, ca.OP_FABS, ca.OP_ASSIGN, ca.OP_COPYSIGN, ca.OP_FMOD))
+_SUM = frozenset((ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX, ca.OP_HYPOT))
+_ANGLES = frozenset((ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN, ca.OP_ATAN2))
+
+
+def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
+    """Units of expressions (n_y,) of a system, '' where they are not known.
+
+    Coordinates, velocities, accelerations, handles of joints, multipliers and the time have units. Sums, differences,
+    products, powers and roots of them have others, and so have parameters with units. Numbers and other parameters may
+    have any unit, so that products with them have none that is known. Terms of a sum have the unit of those among them
+    that have one; lengths have precedence over angles: x + l sin(theta) has the unit of x.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
+    >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
+    >>> system = mb.System(rod, hinge)
+    >>> units_of(system, ca.vertcat(rod.point(0.5, 0).vx, rod.x**2, 1000 * rod.x, system.reaction("hinge").fx))
+    ('m/s', 'm^2', '', 'N')
+    """
+    hashes = {symbol.element_hash() for symbol in symbols_in(y)}
+    known: dict[int, Unit | None] = {}
+    n_c, rows = system.Phi.numel(), ca.vertcat(system.Phi, system.Psi)
+    for i, multiplier in enumerate(ca.vertsplit(ca.SX(system.lam)) if rows.numel() else ()):
+        if multiplier.element_hash() in hashes:  # a multiplier times its row is an energy, or a power
+            (unit,) = _worked_out(rows[i], {})
+            known[multiplier.element_hash()] = _product(_ENERGY if i < n_c else _POWER, unit, -1) if unit else None
+    handles = [*_of_parameters(system), *_handles(system), *_forces(system, y)]
+    laws = {element.name: law for element, law in system.collected.sampled}
+    for state in (e for e in system.elements if isinstance(e, OwnState)):
+        if state.value.element_hash() in hashes:
+            law = laws.get(state.name)
+            (unit,) = _worked_out(ca.SX(state.symbols[0].rate if law is None else law), {}, handles)
+            known[state.value.element_hash()] = unit if unit is None or law is not None else _product(unit, _TIME)
+    return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known, handles))
+
+
+def _of_parameters(system: System) -> list[tuple[ca.SX, Unit]]:
+    """The parameters with mechanical units, as they stand in expressions."""
+    p, units = system.parameters, units_of_parameters(system.parameters)
+    powers = ((name, unit_of(name, text).powers) for name, text in units.items())
+    known = ((name, _product(tuple(map(Fraction, of[:4])), _NONE)) for name, of in powers if not any(of[4:]))
+    return [(getattr(p, name), unit) for name, unit in known if unit]
+
+
+def _handles(system: System) -> list[tuple[ca.SX, Unit]]:
+    """The handles of joints that expressions may contain, with their units. Those that nobody has read do not exist."""
+    joints = [e for e in system.elements if isinstance(e, Joint)]
+    return [(vars(j)[name], unit) for j in joints for name, unit in _HANDLES.items() if name in vars(j)]
+
+
+def _forces(system: System, y: ca.SX) -> list[tuple[ca.SX, Unit]]:
+    """The forces of elements among expressions (n_y,), with their units, which those of stiffnesses do not tell."""
+    forces, whole = system.collected.forces, {entry.element_hash() for entry in ca.vertsplit(ca.SX(y))}
+    torques = {e.name for e in system.elements if isinstance(e, ForceElement) and e.turns}
+    return [
+        (force, _ENERGY if name in torques else _FORCE)
+        for name, force in forces.items()
+        if force is not None and force.element_hash() in whole
+    ]
+
+
+def _worked_out(y: ca.SX, known: dict[int, Unit | None], parts: Sequence[tuple[ca.SX, Unit]] = ()) -> list[Unit | None]:
+    """Units of expressions (n,), None where they are not known.
+
+    Known are those of some symbols, by their hashes, and of parts of the expressions.
+    """
+    if not symbols_in(y):
+        return [None] * y.numel()
+    expressions = [*(part for part, _ in parts), ca.densify(y)]
+    symbols = symbols_in(ca.vertcat(*expressions))
+    f = ca.Function("y", [ca.vertcat(*symbols)], expressions)
+    units = [known[s.element_hash()] if s.element_hash() in known else _of_symbol(s) for s in symbols]
+    return interpret(f, [units], _operation, _literal, dict(enumerate(unit for _, unit in parts)))[-1]
+
+
+def _of_symbol(symbol: ca.SX) -> Unit | None:
+    record, name = lookup(symbol), symbol.name()
+    if is_time(symbol):
+        return _TIME
+    if record is None:
+        rate = _VELOCITY.get(name.removesuffix(_RATE).rpartition(".")[2]) if name.endswith(_RATE) else None
+        return _product(rate, _TIME, -1) if rate else None
+    if record.kind is Kind.COORDINATE:
+        return _POSITION.get(record.name.rpartition(".")[2])
+    if record.kind is Kind.VELOCITY:
+        return _VELOCITY.get(record.name.rpartition(".")[2])
+    if record.kind is Kind.STATE and record.value.numel():
+        return _worked_out(record.value, {})[0]
+    return None
+
+
+def _literal(value: float) -> None:
+    """A number may have any unit."""
+
+
+def _operation(code: int, arguments: Sequence[Unit | None]) -> Unit | None:
+    first, second = (*arguments, None, None)[:2]
+    if code in _SUM:
+        return _sum(first, second)
+    if code in _SAME:
+        return first
+    if code == ca.OP_IF_ELSE_ZERO:
+        return second
+    if code in _ANGLES:
+        return _ANGLE
+    if first and code == ca.OP_SQ:
+        return _product(first, first)
+    if first and code == ca.OP_SQRT:
+        return tuple(power / 2 for power in first)
+    if first and second and code in (ca.OP_MUL, ca.OP_DIV):
+        return _product(first, second, 1 if code == ca.OP_MUL else -1)
+    return None
+
+
+def _sum(first: Unit | None, second: Unit | None) -> Unit | None:
+    if not first or not second or first == second:
+        return first or second
+    straight = [unit for unit in (first, second) if not unit[3]]  # a radius of 1 is not seen
+    return straight[0] if len(straight) == 1 else None
+
+
+def _product(first: Unit, second: Unit, sign: int = 1) -> Unit | None:
+    """An angle times a length is a length. A quotient without unit may stand for anything times 1."""
+    unit = tuple(a + sign * b for a, b in zip(first, second, strict=True))
+    if unit[0]:
+        unit = (*unit[:3], Fraction(0))
+    return unit if any(unit) else None

@@ -1,0 +1,30 @@
+"""Parameters on which nothing of a scene depends."""
+
+from collections.abc import Iterable
+
+import casadi as ca
+
+from symmb.equations.model.scene import Scene
+
+
+def unused_parameters(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
+    """Those of the named parameters that stand in no equation, start value, guess or output of the scene."""
+    used = scene.remembered(unused_parameters, lambda: _used(scene))
+    return tuple(name for name in names if name not in used)
+
+
+def _used(scene: Scene) -> frozenset[str]:
+    c, prescribed, guessed = scene.system.collected, scene.prescribed, scene.guessed
+    expressions = [ca.vec(c.M), c.Q, c.potential, c.Phi, c.Psi, c.qdot, c.assembly_cosines, scene.curves.y]
+    expressions += [value for _, value in c.positive]
+    expressions += [part for state in c.states for part in (state.rate, state.value)]
+    expressions += [law for _, law in c.sampled]
+    expressions += [part for _, *law in c.impacts for part in law]
+    expressions += [margin for _, margin in c.joint_events]
+    for listed in (prescribed, guessed):
+        for values in (listed.q, listed.v, listed.drift, listed.states):
+            expressions += values.values()
+        expressions += [value.value for value in listed.joints]
+    symbols = {symbol.element_hash() for symbol in ca.symvar(ca.veccat(*expressions))}
+    own = zip(scene.system.parameters, ca.vertsplit(scene.system.p), strict=True) if scene.system.parameters else ()
+    return frozenset(name for name, symbol in own if symbol.element_hash() in symbols)

@@ -1,0 +1,269 @@
+"""Checks of a declaration. Each function returns the faults of one kind, or raises those of one element."""
+
+import itertools
+from collections.abc import Collection, Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import name_fault
+from symmb._options import number_text, shown
+from symmb._types import Array
+from symmb.declare.mechanics import (
+    RESTITUTION,
+    AbstractBody,
+    Action,
+    Body,
+    Constraint,
+    Element,
+    Ground,
+    Impact,
+    Input,
+    JointEvent,
+    OwnState,
+    Parameters,
+    Particle,
+    Sampled,
+    as_matrix,
+    inertia_matrix,
+    law_value,
+)
+from symmb.declare.symbolic import is_zero, margin_of
+from symmb.equations.model.binding import Binding
+from symmb.equations.model.box import Box
+from symmb.equations.model.multipliers import joint_reaction
+
+
+def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]:
+    """Arguments that are no elements, and names that are invalid or used twice, those of states by parameters too."""
+    faults, names = [], set()
+    own = [e.title for e in elements if isinstance(e, OwnState) and e.name in (*parameters, "t")]
+    for u in (e for e in elements if isinstance(e, Input)):
+        is_parameter = u.name in parameters and getattr(parameters, u.name).element_hash() == u.value.element_hash()
+        own += [u.title] if u.name in (*parameters, "t") and not is_parameter else []
+    faults += [f"{title}: a parameter or the time has this name. Choose another." for title in own]
+    for e in elements:
+        if not isinstance(e, Body | Element):
+            faults.append(
+                f"System: {shown(e)} is neither a body, a constraint nor a force. Name parameters as parameters=p."
+            )
+            continue
+        fault = name_fault(e.name, without=".[] ")
+        if fault:
+            faults.append(f"{_kind(e)} {shown(e.name)}: {fault}")
+        elif e.name in names and isinstance(e, JointEvent):
+            faults.append(f"{e.title}: there are two. Join their conditions by casadi.logic_or.")
+        elif e.name in names:
+            faults.append(f"{_kind(e)} {shown(e.name)}: the name is used twice. Choose another.")
+        else:
+            names.add(e.name)
+    return faults
+
+
+def _kind(part: Body | Element) -> str:
+    return part.kind if isinstance(part, Element) else type(part).__name__
+
+
+def membership_faults(element: Element, known: Collection[int]) -> list[str]:
+    """Faults of an element on bodies or elements that are not part of the system, whose `id`s are known."""
+    try:
+        attached = element.bodies()
+    except AttributeError:  # a wrong kind of point, which is one of the element's own faults
+        return []
+    owners = [body.owner for body in attached if isinstance(body, AbstractBody)]
+    missing = [f"body {owner.name!r}" for owner in owners if isinstance(owner, Body) and id(owner) not in known]
+    missing += [part.title for part in element.parts() if isinstance(part, Element) and id(part) not in known]
+    return [f"{element.title}: {what} is not part of the System. Add it to System(...)." for what in missing]
+
+
+def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+    """Mass (scalar) and inertia (3, 3) of a body as SX; all their faults are raised at once."""
+    mass = bind(body.mass, f"Body {body.name!r}: mass")
+    bind.check(body.laws, f"Body {body.name!r}: stiffness or damping")
+    J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
+    faults = _inertia_faults(body, "mass", mass, parameters) + _inertia_faults(body, "inertia", ca.diag(J), parameters)
+    skew, size = _nominal(ca.vec(J - J.T), parameters), _nominal(ca.vec(J), parameters)
+    if skew is not None and size is not None and skew.any():
+        if np.abs(skew).max() > _ASYMMETRY * np.abs(size).max():
+            faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
+        J = (J + J.T) / 2
+    v_like = [s for s in ca.symvar(ca.vertcat(mass, ca.vec(J))) if bind.is_velocity(s)]
+    if v_like:
+        faults.append(f"Body {body.name!r}: mass and inertia must not depend on velocities ({v_like[0].name()}).")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return mass, J
+
+
+def _inertia_faults(body: Body, what: str, value: ca.SX, parameters: Parameters) -> list[str]:
+    """Masses or moments of inertia that are negative, or 0 although not declared so."""
+    nominal = _nominal(value, parameters)
+    if nominal is None:
+        return []
+    if np.any(nominal < 0):
+        return [f"Body {body.name!r}: {what} is negative at the nominal parameters. It must not be below 0."]
+    if any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
+        return [
+            f"Body {body.name!r}: {what} vanishes at the nominal parameters, not as declared. "
+            "Write 0 for a massless body, so that its equations are solved without dividing by it."
+        ]
+    return []
+
+
+_ASYMMETRY = 1e-9
+"""Difference of opposite entries of an inertia matrix, over the largest entry, that is rounding of a turned one."""
+
+
+def _nominal(value: ca.SX, parameters: Parameters) -> Array | None:
+    """Numbers at the nominal parameters; None if coordinates or time stand in the expression."""
+    f = ca.Function("f", [parameters.symbols], [ca.densify(value)], {"allow_free": True})
+    return None if f.has_free() else np.asarray(f(parameters.nominal)).ravel()
+
+
+def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca.SX]:
+    """The rows that are not zero. Each must depend on a coordinate."""
+    nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
+    faults = []
+    for row in nonzero:
+        bind.check(row, constraint.title)
+        if not any(bind.is_coordinate(s) for s in ca.symvar(row)):
+            faults.append(f"{constraint.title}: no coordinate can meet the row {row} = 0. Check points, axis and law.")
+        if any(bind.is_velocity(s) for s in ca.symvar(row)):
+            faults.append(f"{constraint.title}: a position row must not contain velocities. Use VelocityConstraint.")
+        faults += [f"{constraint.title}: {fault}" for fault in _state_faults(row, bind)]
+    if rows.numel() and not nonzero:
+        faults.append(f"{constraint.title}: all its rows vanish, nothing is left to constrain. Leave it out.")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return nonzero
+
+
+def _state_faults(row: ca.SX, bind: Binding) -> list[str]:
+    """Declared states in a position row whose rates contain velocities: the row's rate would have no Jacobian."""
+    states = [state for state in bind.states(row) if state.owner]
+    fast = [state for state in states if any(bind.is_velocity(s) for s in ca.symvar(state.rate))]
+    return [
+        f"the rate of {state.owner} contains velocities, so that no position can follow it. Use a force law."
+        for state in fast
+    ]
+
+
+def held_faults(sampled: Sampled, *kinds: Mapping[str, Sequence[ca.SX]]) -> list[str]:
+    """Constraints with a value that jumps, from the rows of all by name, of positions and of velocities."""
+    rows = [(name, row) for kind in kinds for name, own in kind.items() for row in own]
+    jumping = dict.fromkeys(name for name, row in rows if ca.depends_on(row, sampled.value))
+    return [
+        f"{name!r}: the value of {sampled.title} jumps, which a constraint cannot. Use an Actuator or a Force."
+        for name in jumping
+    ]
+
+
+def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
+    """The velocity-only rows that are not zero. Each must be linear in the velocities."""
+    rows = constraint.velocity_rows(bind)
+    nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
+    for row in nonzero:
+        bind.check(row, constraint.title)
+        velocities = [s for s in ca.symvar(row) if bind.is_velocity(s)]
+        linear = ca.jacobian(row, ca.vertcat(*velocities)) if velocities else None
+        if linear is None or any(bind.is_velocity(s) for s in ca.symvar(linear)):
+            raise DeclarationError(
+                f"{constraint.title}: expressions must be linear in the velocities, and contain some."
+            )
+    return nonzero
+
+
+def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+    """Gap and coefficient of restitution of an impact as SX scalars."""
+    gap = bind(impact.gap, f"{impact.title}: gap")
+    e = bind(impact.restitution, f"{impact.title}: restitution")
+    faults = []
+    for what, value in (("gap", gap), ("restitution", e)):
+        if value.numel() != 1:
+            faults.append(f"{impact.title}: {what} has {value.numel()} components. Give each its own Impact.")
+    if any(bind.is_velocity(s) for s in ca.symvar(gap)):
+        faults.append(f"{impact.title}: the gap must not contain velocities. Write a distance, such as ball.y - r.")
+    elif not any(bind.is_coordinate(s) for s in ca.symvar(gap)):
+        faults.append(f"{impact.title}: the gap {gap} contains no coordinate. Write a distance, such as ball.y - r.")
+    if any(not bind.is_parameter(s) for s in ca.symvar(e)):
+        faults.append(f"{impact.title}: restitution may depend on parameters only.")
+    nominal = None if faults else _nominal(e, parameters)
+    if nominal is not None and not 0 <= nominal[0] <= 1:
+        fault = RESTITUTION.format(number_text(nominal[0]))
+        faults.append(f"{impact.title}: {fault} at the nominal parameters. Give one that is.")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return gap, e
+
+
+def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.SX:
+    """The margin of the condition of the event of a joint with some rows as an SX scalar."""
+    condition, lam, what = event.condition, event.lam[: len(rows)], f"{event.title}: condition"
+    if callable(condition):
+        condition = law_value(condition, event.title, joint_reaction(event.joint, ca.vertcat(*rows), lam))
+    condition = bind(condition, what, {s.element_hash() for s in ca.vertsplit(lam)})
+    try:
+        value = margin_of(condition).value
+    except DeclarationError as error:
+        raise DeclarationError(f"{event.title}: {error}") from None
+    if all(bind.is_parameter(s) for s in ca.symvar(value)):
+        raise DeclarationError(
+            f"{event.title}: the condition never changes. Write a comparison of coordinates, velocities or mb.t, such "
+            "as arm.theta > 0.8."
+        )
+    return value
+
+
+def plane_faults(title: str, action: Action) -> list[str]:
+    """Loads that would push or turn a planar body out of its plane."""
+    faults = []
+    particle = next((load.body.name for load in action.loads if _is_particle(load.body)), None)
+    remedy = "Leave it out or use pose=Spatial()."
+    if particle is not None:
+        remedy = f"Particle {particle!r} may leave it: use pose=Planar() there, or pose=Spatial() for both."
+    for load in action.loads:
+        wrench = ca.vertcat(load.force, load.torque)
+        S = load.body.frame.S
+        if isinstance(load.body, Ground) or _is_particle(load.body):
+            continue
+        outside = [i for i in range(6) if is_zero(S[i, :]) and not is_zero(wrench[i])]
+        if outside:
+            i = outside[0]
+            text = str(wrench[i])
+            value = f" ({text})" if len(text) <= 40 else ""  # a longer one does not help
+            what = f"{'force along' if i < 3 else 'torque about'} {'xyzxyz'[i]}{value}"
+            faults.append(f"{title}: {what} leaves the plane of planar body {load.body.name!r}. {remedy}")
+    return faults
+
+
+def _is_particle(body: AbstractBody) -> bool:
+    return isinstance(body, Body) and isinstance(body.pose, Particle)
+
+
+def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
+    """DeclarationError if velocities have neither inertia, an entry of M (n_v, n_v), nor a row of G (n_r, n_v)."""
+    columns = ca.horzsplit(ca.vertcat(ca.DM(M, 1), ca.DM(G.sparsity(), 1)))
+    free = [name for name, column in zip(v_names, columns, strict=True) if not column.nnz()]
+    if free:
+        raise DeclarationError(
+            f"Nothing determines the acceleration of {', '.join(free)}. Give the body a mass or an inertia, or "
+            "add joints by which others carry it."
+        )
+
+
+_CORNERS = 10
+"""Parameters up to which all corners of the box are checked, about a thousand. With more, samples fail one by one."""
+
+
+def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
+    """Masses and lengths, by name, that the function of the parameters shows not to be positive at a corner."""
+    order, parts = list(parameters), {}
+    for corner in itertools.product(*box.bounds) if len(box) <= _CORNERS else ():
+        p = parameters.nominal
+        p[[order.index(name) for name in box.names]] = corner
+        for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
+            if not value > 0:
+                at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
+                parts.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
+    return list(parts.values())

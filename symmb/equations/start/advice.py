@@ -1,0 +1,81 @@
+"""Advice for assemblies that fail: only what has been tried is told."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import combinations, islice
+
+from symmb._types import Expr, Indices
+from symmb.declare.mechanics import Constraint, Joint, rotation
+from symmb.equations.model import DAE, Scene, is_linear
+from symmb.equations.start.labels import coordinate_of
+
+_TRIES = 300
+"""Scenes that are tried for each advice, times the number of velocities: large ones take longer to assemble."""
+_GUESSES = (0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 2.5, -2.5, 3.0, -3.0)
+"""Guesses that are tried [rad, share of the size]."""
+
+
+Assembles = Callable[[Scene], bool]
+"""Whether a scene assembles."""
+
+
+def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assembles: Assembles) -> str:
+    """Which listed coordinates to leave free, or which coordinate to guess, those of a joint's bodies first.
+
+    `free` are the numbers of displacements that are not listed, `size` [m] is that of the scene.
+    """
+    name, tries = joint.split(".")[0], max(_TRIES // max(dae.n_v, 1), 1)
+    joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
+    owners = {name, *(body.name for e in joints for body in e.bodies())}
+    listed = [k for k in scene.start if k not in dae.v_names and not k.endswith((".omega", "_rate"))]
+    near = [key for key in listed if key.split(".")[0] in owners]
+    others = [key for key in listed if key not in near]
+    parts = [*_to_free(scene, near, others, tries, assembles)]
+    displacements = sorted(reversed(free.tolist()), key=lambda i: is_linear(dae.v_names[i]))
+    displacements.sort(key=lambda i: dae.v_names[i].split(".")[0] not in owners)
+    for key, value, text in islice(_guesses(dae, displacements, size), tries):
+        if assembles(replace(scene, guess={**scene.guess, key: value})):
+            parts.append(f"give a better guess={text}")
+            break
+    if not parts:
+        return (
+            "Other guesses were tried, and listed coordinates were left free. Neither helps. "
+            "Check the points and lengths of this joint and of those close to it."
+        )
+    text = ", or ".join(parts)
+    return text[0].upper() + text[1:] + "."
+
+
+def reminder(scene: Scene, joint: str) -> str:
+    """What a joint holds beyond its name, as the axis of a PlanarJoint; '' if there is nothing."""
+    return "".join(
+        f" {e.also}" for e in scene.system.elements if isinstance(e, Joint) and e.name == joint.split(".")[0] and e.also
+    )
+
+
+def _to_free(scene: Scene, near: list[str], others: list[str], tries: int, assembles: Assembles) -> Iterator[str]:
+    """Listed coordinates without which the scene assembles: one of some, or two together."""
+
+    def helps(*keys: str) -> bool:
+        return assembles(replace(scene, start={k: v for k, v in scene.start.items() if k not in keys}))
+
+    helpful = [key for key in (near or others)[:tries] if helps(key)]
+    if helpful:
+        yield f"leave {'one of ' * (len(helpful) > 1)}{', '.join(helpful)} free"
+        return
+    pairs = islice(combinations([*near, *others], 2), tries)
+    yield from islice((f"leave {' and '.join(pair)} free" for pair in pairs if helps(*pair)), 1)
+
+
+def _guesses(dae: DAE, displacements: Iterable[int], size: float) -> Iterator[tuple[str, Expr, str]]:
+    """Guesses of coordinates: key, value and both as text."""
+    for i in displacements:
+        body, _, part = coordinate_of(dae, i).rpartition(".")
+        for share in _GUESSES:
+            if part.startswith("rotation_"):
+                axis = tuple(int(part.endswith(c)) for c in "xyz")
+                key = f"{body}.rotation"
+                yield key, rotation(axis, share), f"{{{key!r}: rotation({axis}, {share})}}"
+            elif part in ("theta", "x", "y", "z"):
+                value = share if part == "theta" else float(f"{share * size:.2g}")
+                yield f"{body}.{part}", value, f"{{'{body}.{part}': {value}}}"

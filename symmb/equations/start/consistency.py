@@ -1,0 +1,66 @@
+"""Checks of a start: velocities and accelerations that do not contradict each other."""
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import AssemblyError
+from symmb._types import Array
+from symmb.equations.start.labels import constraint_of_row
+from symmb.equations.start.rank import vanishing_combinations
+from symmb.equations.start.scales import rest_states
+from symmb.equations.start.start import Start
+from symmb.equations.start.tolerances import NEGLIGIBLE, VIOLATION
+
+
+def check_velocities(start: Start, p0: Array) -> None:
+    """Raise AssemblyError if no velocities at the nominal parameters (n_p,) satisfy the constraints."""
+    dae = start.dae
+    reason = start.states(p0[None])[1][0]
+    if not reason:
+        return
+    if "positive" in reason:
+        raise AssemblyError(f"Start at the nominal parameters: {reason}.")
+    q = start.q_nominal
+    if dae.Phi_dot is None:
+        raise AssemblyError("Start could not be solved for at the nominal parameters.")
+    v = np.asarray(start.velocities(q, p0)).ravel()
+    s = (rest_states(dae),) if dae.n_s else ()
+    r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
+    off = np.abs(start.joint_residuals(q, v, p0).full()).ravel() if start.joint_residuals is not None else np.zeros(1)
+    listed = ", ".join(start.listed_velocities)
+    opposed = f" {', '.join(map(repr, start.redundant))}" if start.redundant else ""
+    remedy = f"Leave one of {listed} free." if listed else f"None is listed in start: constraints{opposed} contradict."
+    if off.max() > r.max():
+        k = int(off.argmax())
+        others = _determining(start, k, q, v, p0, s)
+        asked = f" from what {', '.join(map(repr, others))} ask{'s' * (len(others) == 1)} for" if others else ""
+        what = f"{start.joint_values[k]} is off by {off.max():.2g}{asked}"
+    else:
+        what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
+    raise AssemblyError(f"Start velocities contradict the constraints: {what}. {remedy}")
+
+
+def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Array, ...]) -> list[str]:
+    """The constraints whose rates determine the listed value of a joint of this number."""
+    dae, f = start.dae, start.joint_residuals
+    if dae.G is None or f is None:
+        return []
+    symbols = f.sx_in()
+    slopes = ca.Function("slopes", symbols, [ca.jacobian(f(*symbols), symbols[1])])(q, v, p).full()[k]
+    G = dae.G(q, v, *s, p, start.t0).full()
+    shares = np.abs(np.linalg.lstsq(G.T, slopes, rcond=None)[0])
+    return [name for name, rows in dae.rows.items() if shares[rows].max(initial=0.0) > NEGLIGIBLE * shares.max()]
+
+
+def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
+    """Raise AssemblyError if redundant rows agree on positions and velocities, but not on accelerations."""
+    dae = start.dae
+    if not start.redundant or dae.gamma is None:  # gamma is derived at its first use
+        return
+    at = start.nominal()
+    x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], start.t0)
+    gamma = dae.gamma(*x).full().ravel() / sizes
+    contradiction = np.abs(vanishing_combinations(G / sizes[:, None], start.ranks[0]).T @ gamma)
+    if contradiction.max(initial=0.0) > VIOLATION * max(np.abs(gamma).max(initial=0.0), 1.0):
+        names = ", ".join(map(repr, start.redundant))
+        raise AssemblyError(f"The accelerations that {names} ask for at the start contradict each other.")

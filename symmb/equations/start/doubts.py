@@ -1,0 +1,102 @@
+"""What is doubtful about a start: mechanisms that cannot move, and unstable equilibria."""
+
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.declare.mechanics import Constraint, Weld
+from symmb.declare.symbolic import evaluated
+from symmb.declare.symbolic import t as time
+from symmb.equations.model import DAE, Scene
+from symmb.equations.start.equilibrium import is_stable
+from symmb.equations.start.rank import redundant_names, vanishing_combinations
+from symmb.equations.start.sparse_rows import normal_solver
+from symmb.equations.start.tolerances import NEGLIGIBLE, ROUNDING
+
+
+def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
+    """Doubts about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters.
+
+    `rows` are the numbers of independent rows of the constraints.
+    """
+    s = (dae.s_start(q, dae.p_nominal).full().ravel(),) if dae.s_start is not None else ()
+    if dae.sampling is not None:
+        s = (np.asarray(ca.evalf(dae.sampling.held(*map(ca.SX, (q, v, *s, dae.p_nominal, t0))))).ravel(),)
+    at = (q, v, *s, dae.p_nominal, t0)
+    G = np.zeros((0, dae.n_v))
+    if dae.G is not None:
+        G = evaluated(dae.G, *map(np.atleast_1d, at)) * dae.displacement_scales
+    yield from _open_outputs(scene, dae, at, G, len(rows))
+    driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
+    gated = any(scene.system.collected.gated.values())  # a joint that holds the mechanism may open
+    if not dae.n_v or len(scene.times) < 2 or v.any() or driven or gated:
+        return
+    if len(rows) == dae.n_v:
+        is_welded = all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint))
+        if not scene.system.collected.decoupled and not is_welded:
+            yield (
+                f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and nothing "
+                "drives them. Leave out a constraint if it should move."
+            )
+    elif _is_unstable(dae, at, G, rows):
+        yield (
+            "The start is an unstable equilibrium: all forces balance there, and only rounding decides where the "
+            "system moves. Start away from it."
+        )
+
+
+def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Array, rank: int) -> Iterator[str]:
+    """The doubt that outputs change as redundant rows of G (n_r, n_v) share their forces in another way."""
+    lam, y = ca.SX(scene.system.lam), scene.y
+    if rank == len(G) or not any(ca.which_depends(y, lam, 1, True)):
+        return
+    sizes = np.maximum(np.linalg.norm(G, axis=1, keepdims=True), ROUNDING)
+    shares = vanishing_combinations(G / sizes, rank)
+    shares = np.where(np.abs(shares) > NEGLIGIBLE, shares, 0.0) / sizes
+    system = scene.system
+    symbols = [*dae.arguments(ca.vertcat(system.q, system.v, system.s), system.p, time), lam, system.vdot]
+    slopes = ca.Function("slopes", symbols, [ca.jacobian(y, lam)])
+    some = np.cos(np.arange(1, len(G) + 1) ** 1.5)  # outputs need not be linear in the multipliers
+    J = slopes(*at, some, np.zeros(dae.n_v)).full()
+    is_open = (np.abs(J @ shares) > NEGLIGIBLE * (np.abs(J) @ np.abs(shares))).any(axis=1)
+    if is_open.any():
+        outputs = ", ".join(repr(name) for name, own in zip(scene.curve_names, is_open, strict=True) if own)
+        names = ", ".join(map(repr, redundant_names(G / sizes, rank, dae.rows)))
+        yield (
+            f"Outputs {outputs} depend on how the redundant constraints {names} share their load, which rigid bodies "
+            "do not determine. These reactions are the smallest ones. Put a Bushing instead of a joint that is "
+            "not stiff, "
+            "or a joint with fewer rows."
+        )
+
+
+def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:
+    """Whether forces balance at rest, but displacements on the constraints lead to forces that enlarge them."""
+    scales = dae.displacement_scales
+    forces = dae.Q(*at).full().ravel() * scales
+    lam = _multipliers(G[rows], forces)
+    terms = np.abs(forces) + np.abs(G[rows].T) @ np.abs(lam)
+    if np.abs(forces - G[rows].T @ lam).max() > ROUNDING * terms.max():
+        return False
+    delta, others = ca.SX.sym("delta", dae.n_v), [ca.SX(ca.DM(part)) for part in at[1:]]
+    moved = dae.retract(ca.SX(ca.DM(at[0])), ca.SX(ca.DM(scales)) * delta)
+    if dae.sampling is not None:  # held values follow displacements
+        s = ca.SX(ca.DM(at[2]))
+        for _, count in dae.sampling.states:
+            s[count] = 0
+        others[1] = dae.sampling.held(moved, others[0], s, *others[2:])
+    residual = ca.SX(ca.DM(scales)) * dae.Q(moved, *others)
+    if dae.G is not None and len(rows):
+        G_moved = dae.G(moved, *others)[rows.tolist(), :] @ ca.diag(ca.SX(ca.DM(scales)))
+        residual -= G_moved.T @ ca.SX(ca.DM(lam))
+    stiffness = ca.Function("stiffness", [delta], [ca.jacobian(residual, delta)])(np.zeros(dae.n_v)).full()
+    return bool(np.isfinite(stiffness).all()) and not is_stable(stiffness, G[rows])
+
+
+def _multipliers(G: Array, forces: Array) -> Array:
+    """Multipliers (n_r,) whose forces on the rows G (n_r, n_v) are closest to the given ones (n_v,)."""
+    if (solve := normal_solver(G)) is None:
+        return np.asarray(np.linalg.lstsq(G.T, forces, rcond=None)[0], dtype=np.float64) if len(G) else np.zeros(0)
+    return solve(G @ forces)

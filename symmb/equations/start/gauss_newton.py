@@ -1,0 +1,115 @@
+"""Gauss-Newton method with damping: coordinates on the constraints, moved least from where they are."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.equations.model import DAE
+from symmb.equations.start.labels import constraint_of_row
+from symmb.equations.start.scales import rest_states
+from symmb.equations.start.sparse_rows import least_step
+
+_ITERATIONS, _HALVINGS, _DECREASE = 50, 12, 1e-2
+"""Steps, halvings of a step that does not reduce the violation, and the share of the step by which it must be reduced:
+the condition of Armijo (1966), Pacific J. Math. 16(1)."""
+_TURN = 2 * np.pi
+
+
+class FailedAssembly(Exception):
+    """An assembly that fails: a sentence that says why, and the joint to blame."""
+
+    def __init__(self, text: str, joint: str) -> None:
+        self.joint = joint
+        super().__init__(text)
+
+
+@dataclass(frozen=True, eq=False)
+class PositionRows:
+    """The position rows of a DAE at rest at the time t0 and the nominal parameters, over the DAE's scales.
+
+    `angles` are the numbers of the states that count the turns of angles in the rows.
+    """
+
+    dae: DAE
+    angles: Indices
+    t0: float
+
+    @cached_property
+    def _scales(self) -> Array:
+        return self.dae.row_scales[: self.dae.n_c]
+
+    def violation(self, q: Array, s: Array) -> Array:
+        """Phi (n_c,) at coordinates q and states s."""
+        return self._evaluate(self.dae.Phi, q, s).full().ravel() / self._scales
+
+    def _evaluate(self, f: ca.Function | None, q: Array, s: Array) -> ca.DM:
+        states = (s,) if self.dae.n_s else ()
+        return cast(ca.Function, f)(q, np.zeros(self.dae.n_v), *states, self.dae.p_nominal, self.t0)
+
+    def _counted(self, q: Array, s: Array) -> Array:
+        """States s next to which the angles count the turns that they have at coordinates q next to states s."""
+        if self.dae.s_start is None or not self.angles.size:
+            return s
+        angle, counted = self.dae.s_start(q, self.dae.p_nominal).full().ravel()[self.angles], s.copy()
+        counted[self.angles] = angle + _TURN * np.floor((s[self.angles] - angle) / _TURN + 0.5)
+        return counted
+
+    def turned(self, q: Array) -> Array:
+        """States with as many turns of each angle as reduce the violation most."""
+        every = np.arange(len(self.violation(q, rest_states(self.dae))))
+        return self.with_turns_of(every, q, self._counted(q, rest_states(self.dae)))
+
+    def with_turns_of(self, rows: Indices, q: Array, s: Array) -> Array:
+        """States s with as many turns of each angle as reduce the violation of some rows most."""
+        s = s.copy()
+        for k in self.angles:
+            more = s.copy()
+            more[k] += _TURN
+            r = self.violation(q, s)[rows]
+            change = self.violation(q, more)[rows] - r
+            if change.any():
+                s[k] -= _TURN * np.round(change @ r / (change @ change))
+        return s
+
+    def size(self, q: Array) -> float:
+        """The size of the scene at coordinates q, by which violations are judged."""
+        coordinates = float(np.abs(q / self.dae.coordinate_scales).max(initial=0.0))
+        r = self.violation(q, rest_states(self.dae))
+        return max(coordinates, float(np.abs(r).max(initial=0.0)), 1e-300)
+
+    def reach(self, q: Array, s: Array, free: Indices, is_damped: bool = True) -> tuple[Array, Array, Array]:
+        """Coordinates, states and violations after the free displacements are moved least until the rows hold.
+
+        Angles count turns next to states s. Damped steps reduce the violation. Full steps may leave a place where none
+        does. FailedAssembly if rows are not finite.
+        """
+        units, rounding = self.dae.displacement_scales[free], 1e-15 * self.size(q)
+        s = self._counted(q, s)
+        r = self.violation(q, s)
+        for _ in range(_ITERATIONS if free.size else 0):
+            if np.abs(r).max(initial=0.0) <= rounding:
+                break
+            J = self._evaluate(self.dae.G, q, s)[: self.dae.n_c, free.tolist()].full() * units / self._scales[:, None]
+            irregular = ~(np.isfinite(J).all(axis=1) & np.isfinite(r))
+            if irregular.any():
+                joint = constraint_of_row(self.dae, int(irregular.argmax()))
+                raise FailedAssembly(
+                    f"Joint {joint!r} is singular at the guess: its rows are not finite there, as those of a Distance "
+                    "whose points coincide.",
+                    joint,
+                )
+            delta = np.zeros(self.dae.n_v)
+            delta[free] = least_step(J, -r) * units
+            for damping in 0.5 ** np.arange(_HALVINGS):
+                q_new = np.asarray(self.dae.retract(q, damping * delta)).ravel()
+                r_new = self.violation(q_new, s)
+                if not is_damped or np.linalg.norm(r_new) < (1 - _DECREASE * damping) * np.linalg.norm(r):
+                    break
+            else:
+                break
+            q, r, s = q_new, r_new, self._counted(q_new, s)
+        return q, s, r

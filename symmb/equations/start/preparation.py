@@ -1,0 +1,253 @@
+"""The start of a scene at the nominal parameters, and the decision on the unknowns of every sample."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import AssemblyError
+from symmb._types import Array, Indices, Mask
+from symmb.declare.mechanics import Constraint, FlexibleBody
+from symmb.declare.symbolic import batch, shared
+from symmb.equations.model import DAE, Scene
+from symmb.equations.start.assembly import assemble, listed_coordinates
+from symmb.equations.start.consistency import check_accelerations, check_velocities
+from symmb.equations.start.doubts import start_doubts
+from symmb.equations.start.equilibrium import find_equilibrium, imbalance
+from symmb.equations.start.implicit_function import ImplicitMap
+from symmb.equations.start.joint_values import (
+    of_positions,
+    of_rates,
+    residuals,
+    with_position_rows,
+    with_rate_rows,
+    with_states,
+)
+from symmb.equations.start.labels import coordinate_of, coordinate_with_value
+from symmb.equations.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
+from symmb.equations.start.scales import evaluate_at_rest, general_entries, resting, row_sizes, with_coarse_scales
+from symmb.equations.start.start import Start, start_functions
+from symmb.equations.start.tolerances import NEGLIGIBLE, VIOLATION
+from symmb.equations.start.velocities import start_velocities
+
+_PROBED = 1e-2
+"""Relative distance of parameters at which decisions on velocities must hold as well. A listed speed that is a
+parameter may vanish at its nominal value."""
+
+
+def prepare_start(scene: Scene, dae: DAE) -> Start:
+    """Solve for the start at the nominal parameters, and decide on the unknowns of every sample.
+
+    AssemblyError if listed values contradict the constraints, no assembly is found near the guess, a joint is assembled
+    the wrong way round, or the start is a singular position.
+    """
+    prescribed, system = scene.prescribed, scene.system
+    t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
+    begin = t0 if scene.restart is None else scene.restart.first_instant
+    dae = dae if dae.sampling is None else replace(dae, sampling=replace(dae.sampling, begin=begin))
+    reference = listed_coordinates(scene, dae)
+    free = np.setdiff1d(np.arange(dae.n_v), list(prescribed.displacements)).astype(np.intp)
+    q0, s0 = assemble(scene, dae, t0)
+    rows = _Rows(with_coarse_scales(with_states(scene, dae, s0), q0, t0), q0, t0)
+    dae = rows.dae
+    try:
+        independent = independent_rows(dae, q0, t0, rows.sizes)
+    except AssemblyError as error:
+        raise AssemblyError(" ".join(_unstretched(scene)) or str(error)) from None
+    placed = rows.extended(with_position_rows(system, dae, of_positions(prescribed)))
+    moved = rows.extended(with_rate_rows(system, dae, of_rates(prescribed)))
+    positions = _solve_positions(scene, placed, reference, free)
+    velocities = start_velocities(scene, moved.dae, prescribed.v, _probes(positions, p0), t0)
+    free_velocities = np.setdiff1d(np.arange(dae.n_v), list(prescribed.v)).astype(np.intp)
+    determined = independent_rows_and_columns(moved.G[:, free_velocities], moved.sizes)[1]
+    v0 = velocities(positions.q0, p0).full().ravel() + 0.0  # no minus before zeros
+    redundancy = _redundancy(rows, independent)
+    lost = _only_nominal(scene, rows, positions, redundancy["redundant"], len(independent))
+    of_joints = residuals(scene)
+    v = velocities(positions.q, system.p)
+    state, holds = start_functions(dae, t0, positions.unknowns, positions.q, v, of_joints, ca.SX(0, 1))
+    start = Start(
+        dae,
+        t0,
+        positions.q0,
+        reference,
+        positions.position,
+        state,
+        holds,
+        velocities,
+        listed=tuple(scene.start),
+        listed_velocities=(*(dae.v_names[i] for i in prescribed.v), *(value.name for value in of_rates(prescribed))),
+        joint_residuals=of_joints,
+        joint_values=tuple(value.name for value in prescribed.joints),
+        solved=tuple(coordinate_of(dae, i) for i in positions.solved),
+        free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
+        solved_velocities=tuple(dae.v_names[i] for i in free_velocities[determined]),
+        free_velocities=tuple(f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.delete(free_velocities, determined)),
+        is_equilibrium=scene.equilibrium,
+        doubts=(*start_doubts(scene, dae, positions.q0, v0, t0, independent), *lost),
+        held=tuple(np.setdiff1d(np.arange(dae.n_v), positions.solved).tolist()),
+        **redundancy,
+    )
+    check_velocities(start, p0)
+    check_accelerations(start, rows.G, rows.sizes)
+    return start
+
+
+def with_gated_rows(start: Start, dae: DAE, gated: Collection[str]) -> Start:
+    """A start with the equations of all rows, of which those of the joints `gated` may leave or enter in a run.
+
+    The rows that are kept are these, and independent ones of the others: those of a gated joint may depend on them.
+    """
+    own = start.dae
+    dae = replace(dae, s_rest=own.s_rest, s_start=own.s_start, sampling=own.sampling)
+    rows = _Rows(with_coarse_scales(dae, start.q_nominal, start.t0), start.q_nominal, start.t0)
+    lasting = [k for name, at in dae.rows.items() if name not in gated for k in range(at.start, at.stop)]
+    kept, _ = independent_rows_and_columns(rows.G[lasting])
+    every = np.setdiff1d(np.arange(dae.n_r), np.delete(lasting, kept))
+    return replace(start, dae=rows.dae, rows=tuple(every.tolist()), nullities=(0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The rows of a DAE at coordinates q (n_q,) and the time t0."""
+
+    dae: DAE
+    q: Array
+    t0: float
+
+    def extended(self, dae: DAE) -> "_Rows":
+        """Those of a DAE that may have more rows."""
+        return self if dae is self.dae else _Rows(with_coarse_scales(dae, self.q, self.t0), self.q, self.t0)
+
+    @cached_property
+    def general(self) -> Array:
+        """Sizes of the entries of the velocity Jacobian in general, (n_r, n_v)."""
+        return general_entries(self.dae, self.q, self.t0)
+
+    @cached_property
+    def G(self) -> Array:
+        """The velocity Jacobian in the scales of displacements, (n_r, n_v)."""
+        if self.dae.G is None:
+            return np.zeros((0, self.dae.n_v))
+        return evaluate_at_rest(self.dae.G, self.dae, self.q, self.t0) * self.dae.displacement_scales
+
+    @cached_property
+    def sizes(self) -> Array:
+        """The sizes of the rows of G, (n_r,)."""
+        return row_sizes(self.G, self.general * self.dae.displacement_scales)
+
+
+def _unstretched(scene: Scene) -> Iterator[str]:
+    """Sentences on flexible bodies that joints hold at two nodes between which no mode stretches them."""
+    joints = [element for element in scene.system.elements if isinstance(element, Constraint)]
+    for body in scene.system.bodies:
+        if not isinstance(body, FlexibleBody) or not len(body.modes.stiffness):
+            continue
+        carriers = [carrier for joint in joints for carrier in joint.bodies()]
+        held = sorted({n for carrier in carriers if (n := body.number_of(carrier)) is not None})
+        shapes, places = body.modes.shapes, body.modes.positions
+        for a, b in combinations(held, 2):
+            line = (places[b] - places[a]) / max(float(np.linalg.norm(places[b] - places[a])), 1e-300)
+            if np.abs(line @ (shapes[b] - shapes[a])).max() <= NEGLIGIBLE * np.abs(shapes).max():
+                yield (
+                    f"FlexibleBody {body.name!r}: joints hold its nodes {a} and {b}, and none of its modes changes "
+                    f"their distance. Compute its modes with interfaces=[{a}, {b}], except a clamped one, and with "
+                    "all shapes of these."
+                )
+                break
+
+
+def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:
+    """What `Start` tells of rows that depend on each other."""
+    dae, rank = rows.dae, len(independent)
+    if rank == dae.n_r:
+        return {"ranks": (rank, dae.n_c), "rows": None, "nullities": (0, 0), "redundant": ()}
+    position_rows, _ = independent_rows_and_columns(rows.G[: dae.n_c], rows.sizes[: dae.n_c])
+    sufficient, nullities = lasting_rows(dae, rows.q, rows.t0, independent, rows.general)
+    return {
+        "ranks": (rank, len(position_rows)),
+        "rows": tuple(sufficient.tolist()),
+        "nullities": nullities,
+        "redundant": redundant_names(rows.G / rows.sizes[:, None], rank, dae.rows),
+    }
+
+
+def _only_nominal(scene: Scene, at: _Rows, positions: "_Positions", names: tuple[str, ...], rank: int) -> Iterator[str]:
+    """The doubt that constraints of these names are redundant at the nominal parameters, but not all over the box."""
+    dae = at.dae
+    if not names or scene.box is None or dae.Phi is None:
+        return
+    p, bounds = dae.p_nominal.copy(), np.array(scene.box.bounds)
+    varied = [dae.p_names.index(name) for name in scene.box.names]
+    p[varied] = bounds[:, 0] + np.random.default_rng(0).uniform(size=len(varied)) * (bounds[:, 1] - bounds[:, 0])
+    (q,), (is_solved,) = positions.at(p[None])
+    if not is_solved:
+        return
+    there = _Rows(replace(dae, p_nominal=p), q, at.t0)
+    state = [ca.SX(ca.DM(part)) for part in (q, p)]
+    r = np.asarray(ca.evalf(dae.Phi(*resting(dae, *state), state[1], at.t0))).ravel() / dae.row_scales[: dae.n_c]
+    limit = VIOLATION * max(float(np.abs(q / dae.coordinate_scales).max(initial=0.0)), 1.0)
+    if np.abs(r).max(initial=0.0) > limit:
+        then = "there they contradict each other, and runs do not start"
+    elif len(independent_rows_and_columns(there.G, there.sizes)[0]) > rank:
+        then = "there they leave fewer motions free, which runs miss"
+    else:
+        return
+    where = ", ".join(f"{dae.p_names[k]} = {p[k]:.6g}" for k in varied)
+    yield (
+        f"Constraints {', '.join(map(repr, names))} are redundant at the nominal parameters, but not at {where}: "
+        f"{then}. Leave one of them out, or give points and axes that fit for all parameters."
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Positions:
+    """Coordinates q0 (n_q,), the displacements that are solved for, and coordinates q (n_q,) in unknowns u and p."""
+
+    q0: Array
+    solved: Indices
+    unknowns: tuple[ca.SX, ca.SX]
+    q: ca.SX
+    position: ImplicitMap
+
+    def at(self, P: Array) -> tuple[Array, Mask]:
+        """Coordinates (N, n_q) for parameters P (N, n_p), and whether they are solved for."""
+        u, ok = self.position.solve(P)
+        return batch(ca.Function("place", [*self.unknowns], [self.q]), u, P)[0], ok
+
+
+def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
+    """Coordinates (k, n_q) at the start for the nominal parameters and others close to them, (k, n_p)."""
+    near = np.random.default_rng(0).uniform(-_PROBED, _PROBED, p0.shape) * np.where(p0 != 0, p0, 1.0)
+    P = np.stack([p0, p0 + near]) if p0.size else p0[None]
+    q, ok = positions.at(P)
+    ok[0] = True  # checks that come later tell what is wrong there
+    return q[ok], P[ok]
+
+
+def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
+    """Which displacements every sample solves for: as many as independent rows, or all free ones in equilibrium."""
+    p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
+    rows, columns = independent_rows_and_columns(at.G[: dae.n_c, free], at.sizes[: dae.n_c])
+    solved, lam0, stiffness = free[columns], np.empty(0), 1.0
+    if scene.equilibrium:
+        solved = free
+        q0, lam0, stiffness = find_equilibrium(dae, q0, t0, free, rows)
+    u = ca.SX.sym("u", len(solved))
+    places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
+    delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
+    (q,) = shared([dae.retract(reference(p, ca.DM(q0)), delta)])
+    if scene.equilibrium:
+        # Multipliers as shares of the stiffness are as small as displacements, by which Newton's method ends.
+        share = ca.SX.sym("share", len(rows))
+        z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
+        residual = imbalance(dae, q, lam, p, t0, free, rows)
+    else:
+        z, residual = u, ca.SX(0, 1)
+        if len(solved) and dae.Phi is not None:
+            residual = (dae.Phi(*resting(dae, q, p), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
+    return _Positions(q0, solved, (z, p), q, ImplicitMap.of(residual, z, p))

@@ -1,0 +1,183 @@
+"""The rank of the constraint rows: decided at the start, and the joints whose rows depend on each other."""
+
+from collections.abc import Iterator, Mapping
+from typing import cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import AssemblyError
+from symmb._types import Array, Indices
+from symmb.equations.model import DAE
+from symmb.equations.start.scales import above_zero, evaluate_at_rest, own_scales, resting, row_sizes
+from symmb.equations.start.sparse_rows import LARGE, determining_columns, least_step
+from symmb.equations.start.tolerances import NEGLIGIBLE, ROUNDING
+
+_NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
+"""Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
+onto the constraints there. tests/start/test_start.py"""
+_WALKS, _STRIDES, _STRIDE, _PERSISTENCE = 2, 15, 0.3, 3.0
+"""Random walks over the positions of a redundant mechanism, their steps [rad, share of the size], and how much more a
+step follows the one before than chance: two turns to and fro of a mechanism with one degree of freedom."""
+_AS_INDEPENDENT = 0.3
+"""Least singular value of the rows that are kept, over that of all rows at the same rank, that is enough for them: it
+stays above 0.5 in planar loops of spatial bodies, and falls to 0 in Bricard's mechanism. test_redundancy.py"""
+
+
+def independent_rows_and_columns(
+    A: Array, sizes: Array | None = None, rank: int | None = None
+) -> tuple[Indices, Indices]:
+    """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix.
+
+    `sizes` (m,) are those of the rows, by default their norms. The `rank` is counted unless it is known.
+    """
+    if not A.size:
+        return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
+    scaled = A / above_zero(np.linalg.norm(A, axis=1) if sizes is None else sizes)[:, None]
+    if min(A.shape) > LARGE and (columns := determining_columns(scaled)) is not None:
+        return np.arange(len(A), dtype=np.intp), columns
+    if rank is None:
+        rank = int(np.linalg.matrix_rank(scaled, tol=ROUNDING * max(A.shape)))
+    rows = np.arange(len(A), dtype=np.intp) if rank == len(A) else _pivots(scaled.T, rank)
+    return rows, _pivots(scaled[rows], rank)
+
+
+def strong_rows(A: Array, weakest: float) -> Indices:
+    """Rows of A, of norm 1 or less, that are independent: as many as there are singular values above `weakest`."""
+    if not A.size:
+        return np.arange(0, dtype=np.intp)
+    sigma = np.linalg.svd(A, compute_uv=False)
+    return _pivots(A.T, int((sigma > max(weakest, ROUNDING * max(A.shape))).sum()))
+
+
+def _pivots(B: Array, rank: int) -> Indices:
+    """Columns of B that are independent, in rising order: the largest one, then the rest made orthogonal to it.
+
+    The import of SciPy's pivoted QR takes longer than a whole study of a small scene.
+    """
+    remainder, pivots = B.copy(), []
+    for _ in range(rank):
+        k = int(np.einsum("ij,ij->j", remainder, remainder).argmax())
+        pivots.append(k)
+        q = remainder[:, k] / np.linalg.norm(remainder[:, k])
+        remainder -= np.outer(q, q @ remainder)
+        remainder[:, k] = 0.0
+    return np.sort(np.array(pivots, dtype=np.intp))
+
+
+def vanishing_combinations(G: Array, rank: int) -> Array:
+    """Orthonormal combinations (n_r, n_r - rank) of the rows of G that vanish."""
+    return np.linalg.svd(G)[0][:, rank:]
+
+
+def redundant_names(G: Array, rank: int, rows: Mapping[str, slice]) -> tuple[str, ...]:
+    """The constraints whose rows of G, in their sizes, depend on each other."""
+    involved = np.abs(vanishing_combinations(G, rank)).max(axis=1, initial=0.0) > NEGLIGIBLE
+    return tuple(name for name, where in rows.items() if involved[where].any())
+
+
+def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
+    """The decision on rank at the start: numbers of independent rows of the velocity Jacobian.
+
+    The Jacobian is measured in the DAE's scales, and its rows in `sizes` (n_r,). AssemblyError if rows depend on each
+    other at q (n_q,) but not close to it: a singular position.
+    """
+    if dae.G is None:
+        return np.arange(0, dtype=np.intp)
+    G = evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
+    rows, _ = independent_rows_and_columns(G, sizes)
+    if len(rows) == dae.n_r:
+        return rows
+    for position in _positions(dae, q, t0, sizes, len(rows), _NEIGHBOURS, 1, _DISTANCE):
+        there = evaluate_at_rest(dae.G, dae, position, t0) * dae.displacement_scales
+        rank = len(independent_rows_and_columns(there, sizes)[0])
+        if rank > len(rows):
+            names = ", ".join(map(repr, redundant_names(G / sizes[:, None], len(rows), dae.rows)))
+            raise AssemblyError(
+                "The start is a singular position, where the motion could go on in more than one way. The rows of "
+                f"{names} depend on each other: the rank of the {dae.n_r} constraint rows is {len(rows)} there, and "
+                f"{rank} close to it. Start away from it."
+            )
+    return rows
+
+
+def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -> tuple[Indices, tuple[int, int]]:
+    """Rows to keep, and how many combinations of them, and of the position rows among them, vanish.
+
+    They are the given independent rows where these stay as independent as all rows together wherever the system can
+    move from q (n_q,). Else they are all but those that can be left out there: each combination costs much. `general`
+    (n_r, n_v) are sizes of the entries of the Jacobian. A row has one size at all positions: there may be one at which
+    it vanishes.
+    """
+    scales, rank = own_scales(dae, q, t0), len(rows)
+    if not rank:
+        return rows, (0, 0)
+    usual = np.linalg.norm(general * scales, axis=1)
+    at = [q, *_positions(dae, q, t0, usual, rank, _WALKS, _STRIDES, _STRIDE)]
+    walked = np.stack([evaluate_at_rest(cast(ca.Function, dae.G), dae, position, t0) * scales for position in at])
+    walked /= row_sizes(walked, general * scales)[:, None]
+    if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
+        return rows, (0, 0)
+    vanishing = np.array([vanishing_combinations(G, rank) for G in walked])
+    sufficient = np.setdiff1d(np.arange(dae.n_r), _superfluous(vanishing))
+    of_positions = sufficient[sufficient < dae.n_c]
+    of_rank, _ = independent_rows_and_columns(walked[0, of_positions], np.ones(len(of_positions)))
+    return sufficient, (len(sufficient) - rank, len(of_positions) - len(of_rank))
+
+
+def _superfluous(N: Array) -> list[int]:
+    """Rows that can be left out together, from orthonormal combinations (n, n_r, k) that vanish at n positions.
+
+    Without them the least singular value falls by no more than the least one of their part of the combinations.
+    """
+    rows: list[int] = []
+    rest = N
+    while len(rows) < N.shape[2]:
+        lengths = np.linalg.norm(rest, axis=2).min(axis=0)
+        row = int(np.argmax(lengths))
+        if not np.linalg.svd(N[:, [*rows, row]], compute_uv=False)[:, -1].min() > _AS_INDEPENDENT:
+            break
+        rows.append(row)
+        along = rest[:, row] / np.linalg.norm(rest[:, row], axis=1, keepdims=True)
+        rest = rest - (rest @ along[:, :, None]) * along[:, None]
+    return rows
+
+
+def _least(G: Array, rank: int) -> float:
+    """The singular value of that number, the least one of a matrix of that rank."""
+    return float(np.linalg.svd(G, compute_uv=False)[rank - 1])
+
+
+def _positions(
+    dae: DAE, q: Array, t0: float, sizes: Array, rank: int, walks: int, steps: int, distance: float
+) -> Iterator[Array]:
+    """Positions on the constraints on random walks from q (n_q,) in steps of a distance [rad, share of the size].
+
+    `rank` is that of all rows in their sizes (n_r,). Drives do not hold the walks, as they move the system.
+    """
+    # Rows of drives ask for velocities of a system at rest.
+    symbols = ca.SX.sym("q", dae.n_q), ca.SX.sym("p", len(dae.p_nominal)), ca.SX.sym("t")
+    rates = ca.sparsify(cast(ca.Function, dae.Phi_dot)(*resting(dae, *symbols[:2]), *symbols[1:]))
+    held, scale = np.setdiff1d(np.arange(dae.n_r), rates.row()), own_scales(dae, q, t0)
+    own, of_positions = above_zero(sizes)[held, None], int((held < dae.n_c).sum())
+
+    def rows_at(position: Array) -> Array:
+        return evaluate_at_rest(cast(ca.Function, dae.G), dae, position, t0)[held] * scale / own
+
+    if len(held) < dae.n_r:
+        rank = len(independent_rows_and_columns(rows_at(q), np.ones(len(held)))[0])
+    random = np.random.default_rng(0)
+    for _ in range(walks):
+        position, step = q, np.zeros(dae.n_v)
+        for _ in range(steps):
+            free = np.linalg.svd(rows_at(position))[2][rank:]
+            if not len(free):
+                return
+            step = (_PERSISTENCE * (free @ step) + random.normal(size=len(free))) @ free
+            step /= np.abs(step).max()
+            position = np.asarray(dae.retract(position, distance * scale * step)).ravel()
+            for _ in range(_NEWTON_STEPS if of_positions else 0):
+                r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()[held[:of_positions]]
+                back = least_step(rows_at(position)[:of_positions], -r / own[:of_positions, 0])
+                position = np.asarray(dae.retract(position, scale * back)).ravel()
+            yield position

@@ -1,0 +1,101 @@
+"""Singular positions of a motion, where constraint rows that are independent elsewhere depend on each other."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.declare.symbolic import evaluated, nonzeros, pattern, rotation_matrix
+from symmb.equations.model import DAE
+
+NEARLY_SINGULAR = 1e-2
+"""Least over largest singular value of unit rows below which a position counts as nearly singular."""
+_BLAMED = 0.1
+"""Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
+_ROUNDING = 1e-12
+"""Rounding of the squared distance of two matrices over the number of their rows, which have norm 1."""
+
+
+@dataclass(frozen=True)
+class Singularity:
+    """The time at which rows are closest to dependent [s], least over largest singular value, constraints."""
+
+    time: float
+    ratio: float
+    names: tuple[str, ...]
+
+    def __str__(self) -> str:
+        joints = ", ".join(repr(name) for name in self.names)
+        return f"near t = {self.time:g} s rows of {joints} nearly depend on each other ({self.ratio:.0e})"
+
+
+def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
+    """The position closest to a singular one among states X (m, n_x), if one is close.
+
+    Rows of joints that open and close do not count.
+    """
+    lasting = dae.lasting
+    if dae.G is None or not len(X) or not lasting.size:
+        return None
+    rank = dae.rank + lasting.size - dae.n_r
+    k = _closest(dae, X, p, times)
+    if k is None:
+        return None
+    cuts = [dae.n_q, dae.n_q + dae.n_v] if dae.n_s else [dae.n_q]
+    G = evaluated(dae.G, *np.split(X[k], cuts), p, times[k : k + 1])[lasting] * dae.displacement_scales
+    scale = np.linalg.norm(G, axis=1, keepdims=True)
+    U, sigma, _ = np.linalg.svd(G / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    share = np.zeros(dae.n_r)
+    share[lasting] = np.abs(U[:, rank - 1])
+    shares = {name: float(share[where].max()) for name, where in dae.rows.items()}
+    names = tuple(name for name, share in shares.items() if share > _BLAMED)
+    return Singularity(float(times[k]), float(sigma[rank - 1] / sigma[0]), names)
+
+
+def _unit_rows(dae: DAE, _: Array) -> tuple[ca.Function, Mask]:
+    """The Jacobian (n_r, n_v) in scales of displacements, with rows of norm 1 and rotations about the world's axes.
+
+    Its singular values are those with rotations about axes of the bodies, but a wheel that spins does not change it.
+    A function of x, p and t computes its entries, which stand row by row in its pattern.
+    """
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    turned = ca.diag(ca.SX(ca.DM(dae.displacement_scales)))
+    for i, name in enumerate(dae.q_names):
+        if name.endswith(".e0"):
+            k = dae.v_names.index(f"{name.removesuffix('e0')}omega_x")
+            turned[k : k + 3, k : k + 3] = rotation_matrix(x[i : i + 4]).T
+    rows = ca.sparsify(cast(ca.Function, dae.G)(*dae.arguments(x, p, t))[dae.lasting.tolist(), :] @ turned)
+    lengths = ca.sqrt(ca.sum2(rows**2))
+    rows = ca.diag(1 / ca.densify(lengths + (lengths == 0))) @ rows
+    return ca.Function("unit_rows", [x, p, t], [rows.T]), pattern(rows.sparsity())
+
+
+def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
+    """At which of the states X (m, n_x) unit rows are closest to dependent; None if they are nearly so nowhere.
+
+    Singular values change by no more than the matrix does (Weyl), which is no more than the root of the sum of squares
+    of its entries. So a matrix is left out that is too close to one whose singular values are known to have a ratio
+    below that of a singular position, and below the smallest one so far.
+    """
+    rows, where = dae.remembered(_unit_rows)
+    entries, rank = nonzeros(rows, X, p, times[:, None]).T, dae.rank + dae.lasting.size - dae.n_r  # (n, m)
+    squares = np.einsum("nm,nm->m", entries, entries)
+    closest, smallest, count = None, NEARLY_SINGULAR, 1
+    rest: Indices = np.arange(len(X), dtype=np.intp)
+    while len(rest):
+        step = -(-len(rest) // count)
+        asked = rest[::step]
+        matrices = np.zeros((len(asked), *where.shape))
+        matrices[:, where] = entries[:, asked].T
+        least, largest = np.linalg.svd(matrices, compute_uv=False)[:, [rank - 1, 0]].T
+        k = int((least / largest).argmin())
+        if least[k] < smallest * largest[k]:
+            closest, smallest = int(asked[k]), float(least[k] / largest[k])
+        rest = np.delete(rest, slice(None, None, step))
+        products = entries[:, rest].T @ entries[:, asked]
+        apart = np.maximum(squares[rest, None] + squares[asked] - 2 * products, 0.0) + _ROUNDING * len(matrices[0])
+        distance = np.sqrt(apart)
+        rest, count = rest[(least - distance < smallest * (largest + distance)).all(axis=1)], 2 * count
+    return closest

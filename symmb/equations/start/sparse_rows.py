@@ -1,0 +1,84 @@
+"""Rows of large scenes by sparse factors: which columns determine them, and least-norm solutions."""
+
+from collections import defaultdict
+from collections.abc import Callable
+from heapq import heapify, heappop, heappush
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.equations.start.tolerances import ROUNDING
+
+LARGE = 150
+"""Rows and columns from which on sparse factors take less time than dense ones. tests/benchmarks/scaling.py"""
+_CLEAR = 1e-5
+"""Pivot of a row of norm 1, or its reciprocal, beyond which elimination leaves doubt about rank."""
+_STRONG = 0.3
+"""Share of the largest entry of a row that a pivot has at least. Of such entries the one that fills fewest is taken."""
+_REGULAR = 1e-11
+"""Ratio of pivots of A A' above which the rows of A count as independent."""
+
+
+def determining_columns(A: Array) -> Indices | None:
+    """As many columns of A (m, n), with rows of norm 1, as determine its rows, in rising order.
+
+    Gaussian elimination takes the row with fewest entries next. None unless all rows are independent beyond doubt.
+    """
+    rows = {i: {int(k): float(row[k]) for k in np.flatnonzero(row)} for i, row in enumerate(A)}
+    holders: dict[int, set[int]] = defaultdict(set)
+    for i, row in rows.items():
+        for k in row:
+            holders[k].add(i)
+    queue = [(len(row), i) for i, row in rows.items()]
+    heapify(queue)
+    pivots = []
+    while rows:
+        count, i = heappop(queue)
+        if count != len(rows.get(i, ())):
+            continue
+        row = rows.pop(i)
+        for k in row:
+            holders[k].remove(i)
+        largest = max(map(abs, row.values()), default=0.0)
+        if not _CLEAR < largest < 1 / _CLEAR:
+            return None
+        strong = [k for k, a in row.items() if abs(a) >= _STRONG * largest]
+        pivot = min(strong, key=lambda k: (len(holders[k]), -abs(row[k])))
+        pivots.append(pivot)
+        for j in holders.pop(pivot):
+            other = rows[j]
+            factor = other.pop(pivot) / row[pivot]
+            for k, a in row.items():
+                if k != pivot:
+                    if k not in other:
+                        holders[k].add(j)
+                    other[k] = other.get(k, 0.0) - factor * a
+            heappush(queue, (len(other), j))
+    return np.sort(np.array(pivots, dtype=np.intp))
+
+
+def normal_solver(A: Array) -> Callable[[Array], Array] | None:
+    """Solver of A A' z = r for a large matrix A (m, n) with few entries; None unless its rows are independent."""
+    if not LARGE < A.shape[0] <= A.shape[1]:
+        return None
+    i, k = np.nonzero(A)
+    rows = ca.DM.triplet(i.tolist(), k.tolist(), ca.DM(A[i, k]), A.shape[0], A.shape[1])
+    D, L, order = ca.ldl(ca.mtimes(rows, rows.T), True)
+    pivots = D.full()
+    if not pivots.min() > _REGULAR * pivots.max():
+        return None
+
+    def solve(r: Array) -> Array:
+        z = ca.ldl_solve(ca.DM(r), D, L, order)
+        rest = ca.DM(r) - ca.mtimes(rows, ca.mtimes(rows.T, z))
+        return (z + ca.ldl_solve(rest, D, L, order)).full().ravel()
+
+    return solve
+
+
+def least_step(A: Array, r: Array) -> Array:
+    """The step (n,) of least norm with A step = r; of least residual where rows of A (m, n) depend on each other."""
+    if (solve := normal_solver(A)) is not None:
+        return np.asarray(A.T @ solve(r), dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(A, r, rcond=ROUNDING)[0], dtype=np.float64)

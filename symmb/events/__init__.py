@@ -1,8 +1,0 @@
-"""Impacts and the states after them, and switches of time and state.
-
-The solvers that use this are in `integrate`.
-"""
-
-from symmb.events.impulses import Event, event_doubts, events_of
-from symmb.events.switches import Kinks, Pulses, broken, kinks, longest_step, time_switches
-from symmb.events.time_switches import TimeSwitches

@@ -1,3 +1,0 @@
-"""Scenes for other programs: FMUs, and C source of runs."""
-
-from symmb.exchange.fmu import save_fmu, save_scene_c

@@ -1,5 +1,0 @@
-"""Machines from files: what URDF and MJCF files say, and the bodies and joints made of it."""
-
-from symmb.mechanics.robots.mjcf_file import load_mjcf
-from symmb.mechanics.robots.robot import LinkFrame, Robot
-from symmb.mechanics.robots.urdf_file import load_urdf

@@ -1,8 +1,0 @@
-"""Legendre and Chebyshev polynomials of several variables, and expansions in them.
-
-The ranges of expansions over the box are in `polynomials.ranges`.
-"""
-
-from symmb.polynomials.basis import Basis, HyperbolicCross, TensorDegree, TotalDegree
-from symmb.polynomials.expansion import Expansion, Moments, moments
-from symmb.polynomials.legendre import MultiIndices, basis_values, homogeneous, mean_squares

@@ -1,0 +1,167 @@
+"""Chebyshev polynomials at Chebyshev nodes, with bounds of rounding, of interpolation and of aliasing.
+
+A polynomial is an array of coefficients c of T_k0(s) T_k1(x1) ... T_kd(xd), with an axis for each variable.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.prove.rounding import U, above, of_sum
+
+FEW = 2
+"""Most parameters of which polynomials have all products of powers. Those of more have a total degree."""
+ENTRY = 8 * U
+"""Error of an entry of the matrices: an angle up to pi / 2 with relative error 3 U, and a cosine."""
+
+
+@cache
+def _cosines(m: int) -> Array:
+    """cos(pi r / (2 m)) for r = 0, ..., 4 m - 1, from angles up to pi / 2."""
+    r = np.arange(4 * m)
+    r = np.where(r > 2 * m, 4 * m - r, r)
+    folded = np.where(r > m, 2 * m - r, r)
+    values = np.where(folded == m, 0.0, np.cos(np.pi * folded / (2 * m)))
+    return np.where(r > m, -values, values)
+
+
+@cache
+def nodes(m: int) -> Array:
+    """(m,) Chebyshev nodes of the first kind, cos((2 j + 1) pi / (2 m))."""
+    return _cosines(m)[1 : 2 * m : 2]
+
+
+@cache
+def values_at_nodes(m: int, n: int) -> Array:
+    """(m, n) values of T_0, ..., T_(n-1) at m nodes."""
+    return _cosines(m)[np.outer(2 * np.arange(m) + 1, np.arange(n)) % (4 * m)]
+
+
+@cache
+def coefficients_from_nodes(m: int) -> Array:
+    """(m, m) matrix from values at m nodes to the coefficients of their interpolation."""
+    matrix = 2.0 / m * values_at_nodes(m, m).T
+    matrix[0] /= 2
+    return matrix
+
+
+@cache
+def integral(n: int) -> Array:
+    """(n + 1, n) matrix from coefficients to those of the integral from -1."""
+    matrix = np.zeros((n + 1, n))
+    for k in range(n):
+        matrix[k + 1, k] = 1.0 if k == 0 else 0.5 / (k + 1)
+        if k > 1:
+            matrix[k - 1, k] = -0.5 / (k - 1)
+    matrix[0] = -((-1.0) ** np.arange(1, n + 1)) @ matrix[1:]
+    return matrix
+
+
+def along(matrices: Sequence[Array | None], c: Array) -> Array:
+    """Matrices applied to the last axes of c, one each; None leaves an axis as it is."""
+    first = c.ndim - len(matrices)
+    for axis, matrix in enumerate(matrices, first):
+        if matrix is None:
+            continue
+        if axis == c.ndim - 1:
+            c = c @ matrix.T
+        elif matrix.dtype == c.dtype:
+            shape = c.shape
+            flat = matrix @ c.reshape(*shape[: axis + 1], math.prod(shape[axis + 1 :]))
+            c = flat.reshape(*shape[:axis], len(matrix), *shape[axis + 1 :])
+        else:
+            c = np.moveaxis(np.tensordot(matrix, c, (1, axis)), 0, axis)
+    return c
+
+
+def graded(c: Array, d: int) -> Array:
+    """Coefficients (..., N + 1, ...) of d parameters, of several ones without those of a total degree above N."""
+    if d <= FEW:
+        return c
+    lengths = c.shape[c.ndim - d :]
+    total = sum(np.arange(m).reshape([-1 if i == j else 1 for j in range(d)]) for i, m in enumerate(lengths))
+    return np.where(total < max(lengths), c, 0.0)
+
+
+def sums(c: Array, variables: int) -> Array:
+    """Sums of moduli over the last axes, which bound polynomials on [-1, 1]^d as |T_k| <= 1 there."""
+    return above(np.abs(c).sum(axis=tuple(range(c.ndim - variables, c.ndim))))
+
+
+def rounding_of(lengths: Sequence[int], entry: float = ENTRY) -> float:
+    """Error of `along` over the sum of moduli, for matrices with entries up to 1 whose errors are up to `entry`."""
+    return above(math.prod(1.0 + above(entry + of_sum(n + 2)) for n in lengths) - 1.0 + U)
+
+
+def values(c: Array, counts: Sequence[int]) -> tuple[Array, Array]:
+    """Polynomials (..., n0, ..., nd) at nodes (..., m0, ..., md), and bounds of the errors (...).
+
+    The constant terms are added last: their part has only the rounding of that sum.
+    """
+    d = len(counts)
+    lengths = c.shape[c.ndim - d :]
+    zero = (..., *(0,) * d)
+    rest = c.copy()
+    rest[zero] = 0.0
+    found = along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], rest)
+    error = sums(rest, d) * rounding_of(lengths)
+    found = found + c[zero][(..., *(None,) * d)]
+    return found, above(error + U * largest(found, d))
+
+
+def largest(a: Array, variables: int) -> Array:
+    """Largest moduli over the last axes."""
+    axes = tuple(range(a.ndim - variables, a.ndim))
+    return np.maximum(a.max(axis=axes), -a.min(axis=axes)) if axes else np.abs(a)
+
+
+def bound_of_samples(samples: Array, errors: Array, variables: int) -> Array:
+    """Bounds (...) of the interpolations of values (..., m0, ..., md) whose errors are up to `errors` (...).
+
+    The interpolation is at most the sum of the moduli of its coefficients, and at most the largest value times the
+    product of the Lebesgue constants 2 / pi log(m) + 1 of m nodes.
+
+    Source: Trefethen (2013), Approximation Theory and Approximation Practice, theorem 15.2 (Brutman).
+    """
+    counts = samples.shape[samples.ndim - variables :]
+    lebesgue = above(math.prod(2.0 / math.pi * math.log(m) + 1.0 for m in counts))
+    peak = largest(samples, variables)
+    c = along([coefficients_from_nodes(m) for m in counts], samples)
+    lost = above(2.0**variables * math.prod(counts) * rounding_of(counts, 2 * ENTRY))
+    return above(np.minimum(sums(c, variables) + lost * peak, lebesgue * peak) + lebesgue * errors)
+
+
+def product_bound(C: Array, B: Array, B_error: Array, minus: Array) -> Array:
+    """Bounds (n, n) of C B - minus for matrices (n, n, n0, ...) of polynomials, where B errs by at most B_error (n, n).
+
+    The product is a polynomial, whose interpolation in enough nodes is exact.
+    """
+    n, k = len(C), C.ndim - 2
+    counts = tuple(a + b - 1 for a, b in zip(B.shape[2:], C.shape[2:], strict=True))
+    (C, C_errors), (B, B_errors) = values(C, counts), values(B, counts)
+    B_errors = above(B_errors + B_error)
+    C_most, B_most = largest(C, k), largest(B, k)
+    found = np.einsum("ij...,jk...->ik...", C, B) - minus[(..., *(None,) * k)]
+    errors = C_most @ B_errors + C_errors @ (B_most + B_errors) + of_sum(n + 2) * (C_most @ B_most + np.abs(minus))
+    return bound_of_samples(found, above(errors), k)
+
+
+def aliasing(rho: Sequence[float], counts: Sequence[int]) -> float:
+    """Largest error of the interpolation at nodes, over the bound M of the function on the polyellipse.
+
+    A function that is analytic in the ellipses of parameters rho_i > 1, and at most M there, has coefficients of at
+    most 2^j M prod rho_i^-k_i, where j counts the k_i > 0. Interpolation in m_i nodes replaces T_k with k_i >= m_i for
+    some i by plus or minus a polynomial of lower degree (aliasing), so that it errs by twice the moduli of their
+    coefficients.
+
+    Source: Trefethen (2013), Approximation Theory and Approximation Practice, theorems 4.1 and 8.1.
+    """
+    left, product = 0.0, 1.0  # sums over the k outside the grid, and over all k
+    for r, m in zip(rho, counts, strict=True):
+        terms = 1.0 + 2.0 / (r - 1.0)
+        left = left * terms + product * 2.0 * r**-m / (1.0 - 1.0 / r)
+        product *= terms
+    return above(2.0 * left)

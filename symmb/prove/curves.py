@@ -1,0 +1,134 @@
+"""A step: polynomials of the motion and of its frame, and their values as numbers with bounds of errors."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.prove import chebyshev as ch
+from symmb.prove import discs, points
+from symmb.prove.errors import ProofError
+from symmb.prove.flow import Curve, parameters_at
+from symmb.prove.patches import Patches
+from symmb.prove.problem import Problem
+from symmb.prove.rounding import U, above, of_sum
+
+
+@dataclass(frozen=True, eq=False)
+class TimeStep:
+    """A step from t0 over h.
+
+    Attributes
+    ----------
+    x : the motion, n polynomials
+    B : the frame, n n polynomials, row by row
+    C : (n, n, ...) coefficients of polynomials, about the inverse of the frame
+    """
+
+    problem: Problem
+    t0: float
+    h: float
+    x: Curve
+    B: Curve
+    C: Array
+
+    @property
+    def degrees(self) -> list[int]:
+        """Highest degrees of the motion in time and in the parameters."""
+        return [m - 1 for m in self.x.c.shape[1:]]
+
+    @cached_property
+    def B_largest(self) -> Array:
+        """Bounds (n, n) of the frame."""
+        n = self.problem.n
+        return above(ch.sums(self.B.c, self.B.c.ndim - 1) + self.B.error).reshape(n, n)
+
+    @cached_property
+    def C_largest(self) -> Array:
+        """Bounds (n, n) of C."""
+        return ch.sums(self.C, self.C.ndim - 2)
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """The motion at times (n_t,) as polynomials of the parameters (n, n_t, N + 1, ...), and their errors (n, n_t).
+
+        An error of the time changes T_k by k^2 of it at most. Constant terms are added last: their part has only the
+        rounding of that sum.
+        """
+        c = self.x.c
+        k = np.arange(1, c.shape[1])
+        s = np.clip(2.0 * (times - self.t0) / self.h - 1.0, -1.0, 1.0)
+        matrix = np.cos(np.outer(np.arccos(s), k))
+        entries = k * k * (6.0 * U * (1.0 + (np.abs(times).max() + abs(self.t0)) / self.h)) + 16.0 * U * (k + 1)
+        moved, d = np.abs(c[:, 1:]).sum(axis=tuple(range(2, c.ndim))), c.ndim - 2
+        motion = c[:, :1] + ch.along([matrix, *[None] * d], c[:, 1:])
+        error = above(moved @ (above(entries) + of_sum(len(k) + 2)) + self.x.error + U * ch.sums(motion, d).max(axis=1))
+        return motion, np.broadcast_to(error[:, None], motion.shape[:2])
+
+    @cached_property
+    def room(self) -> Array:
+        """Changes of the states (n,) that change the rates about as much as the rates are, at least their scales."""
+        problem, n = self.problem, self.problem.n
+        x = self.x.c[(slice(None), *(0,) * (self.x.c.ndim - 1))]
+        p = [float(middle) for middle in problem.middle]
+        inputs = [list(x), p, [self.t0 + 0.5 * self.h]]
+        rates, slopes = problem.jacobian_tape.run(points.PLAIN, points.plain, inputs)
+        A = np.abs(np.array(slopes, dtype=float).reshape(n, n).T)
+        with np.errstate(all="ignore"):
+            room = 1.0 / (A / np.abs(np.array(rates, dtype=float))[:, None]).max(axis=0, initial=0.0)
+        return np.maximum(problem.scales, np.where(np.isfinite(room), room, 0.0))
+
+    def on_patches(self, patches: Patches, radius: Array | None = None) -> list[list[discs.Disc]]:
+        """States, parameters and time over patches, the states in discs that are larger by `radius` (n,).
+
+        The discs hold the exact motion, which differs from its computed coefficients by a polynomial that is small on
+        [-1, 1] and grows with the ellipses. Errors of parameters are constants, the same everywhere.
+        """
+        problem, rounded = self.problem, self.x.error_on(patches.rho)
+        more = rounded if radius is None else rounded + radius
+        x = [discs.wider(own, m) for own, m in zip(patches.discs(self.x.c), more, strict=True)]
+        errors = np.broadcast_to(problem.errors, problem.middle.shape)
+        p = [
+            discs.disc(float(m)) if j < 0 else patches.linear(m, r, 1 + j, error)
+            for m, r, j, error in zip(problem.middle, problem.radius, problem.variables, errors, strict=True)
+        ]
+        return [x, p, [patches.linear(self.t0 + 0.5 * self.h, 0.5 * self.h, 0)]]
+
+    def at_nodes(self, counts: tuple[int, ...]) -> list[list[points.Point]]:
+        """States, parameters and time at nodes, with bounds of errors."""
+        x, errors = ch.values(self.x.c, counts)
+        errors = above(errors + self.x.error)
+        states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
+        t = (self.t0 + 0.5 * self.h * (1.0 + ch.nodes(counts[0]))).reshape(-1, *(1,) * (len(counts) - 1))
+        time = points.point(t, 4.0 * U * (abs(self.t0) + self.h) + self.h * ch.ENTRY)
+        return [states, parameter_points(self.problem, counts[1:], 1), [time]]
+
+    def inverse_times(self, y: Array) -> Array:
+        """Bounds of |B^-1 y| (n,) for |y| <= y (n,)."""
+        return self.solved(above(self.C_largest @ y))
+
+    def solved(self, v: Array) -> Array:
+        """Bounds of |B^-1 y| (n,) for |C y| <= v (n,), as B^-1 = (sum of (I - C B)^k) C."""
+        E, eta = self.inverse_defect
+        return above(v + E @ np.full(len(v), v.max() / (1.0 - eta)))
+
+    @cached_property
+    def inverse_defect(self) -> tuple[Array, float]:
+        """Bounds (n, n) of I - C B, and the largest sum of a row; ProofError if this is not below a half."""
+        n = self.problem.n
+        B = self.B.c.reshape(n, n, *self.B.c.shape[1:])
+        E = ch.product_bound(self.C, B, self.B.error.reshape(n, n), np.eye(n))
+        eta = above(float(E.sum(axis=1).max()))
+        if not eta < 0.5:
+            raise ProofError("deviations from the polynomials grow too differently over the box")
+        return E, eta
+
+
+def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:
+    """Parameters at nodes, with bounds of errors."""
+    values = parameters_at(problem, [ch.nodes(m) for m in counts], leading)
+    errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY + problem.errors
+    return [
+        points.point(value, float(error) if isinstance(value, np.ndarray) else 0.0)
+        for value, error in zip(values, errors, strict=True)
+    ]

@@ -1,0 +1,412 @@
+"""Arithmetic on discs in the complex plane: analytic functions on a polyellipse, bounded from its boundary.
+
+A number is a disc for each patch of the distinguished boundary of a polyellipse. Its centre moves linearly with the
+place in the patch, so that radii stay small where terms cancel. By induction over the instructions, each number is an
+analytic function on the polyellipse whose values at each place of a patch are in the disc there. Operations that are
+not entire ask that all discs lie where the operation is analytic, in a half plane, a strip or the unit disc. Real and
+imaginary parts and moduli of analytic functions take their extremes on the distinguished boundary, so that then all
+values on the polyellipse are there (maximum principle, in each variable). What cannot be shown to be analytic gets an
+infinite radius.
+
+Radii follow from majorants: the Taylor coefficients of a function about a centre are at most those of another one in
+modulus, and the sum of the others' terms is known.
+
+References
+----------
+Gargantini and Henrici, Numerische Mathematik 18 (1972), circular arithmetic. Krantz, Function Theory of Several
+Complex Variables (2001), section 1.2, the distinguished boundary. Neumaier, Reliable Computing 9 (2003), majorants of
+remainders.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.special import erf
+
+from symmb._types import Array, Mask
+from symmb.declare.symbolic import Entry
+from symmb.prove.rounding import COMPLEX, above
+
+
+@dataclass(frozen=True, eq=False)
+class Disc:
+    """Numbers centre + slopes . eps + r with real eps_j, |eps_j| <= 1, and |r| <= radius, one for each patch.
+
+    eps are the places in the patch, the same for all numbers. Slopes have an axis for them behind those of the patches.
+    """
+
+    centre: Any
+    slopes: Any
+    radius: Array
+
+    @cached_property
+    def size(self) -> Array:
+        """Modulus of the centre, or a little more."""
+        return _size(self.centre)
+
+    @cached_property
+    def slope(self) -> Array:
+        """Largest distance from the centre that the place in the patch makes."""
+        if self.slopes is _FLAT:
+            return _NO_SWING
+        sizes = _size(self.slopes)
+        return reduce(np.add, [sizes[..., j] for j in range(sizes.shape[-1])])  # faster than a sum over few
+
+    @property
+    def swing(self) -> Array:
+        """Largest distance from the centre."""
+        return self.slope + self.radius
+
+
+_FLAT, _NO_SWING = np.zeros(1), np.zeros(())
+"""Slopes of a constant, and how far they swing."""
+_FADDEEVA = 50.0
+"""Relative error of SciPy's complex error function over that of other operations: it aims at 1e-13 (Faddeeva)."""
+_SQUARE, _LARGE = 1e-300, 1e150
+"""A square beside which those that underflow are small, and a number whose inverse has a square that does not."""
+
+
+def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
+    """Discs about centres."""
+    return Disc(np.asarray(centres), _FLAT, above(np.asarray(radii, dtype=float)))
+
+
+def wider(a: Disc, radius: float) -> Disc:
+    """The discs with larger radii."""
+    return Disc(a.centre, a.slopes, above(a.radius + radius))
+
+
+def reach(a: Disc) -> Array:
+    """Largest modulus in each disc; infinite where it is not known."""
+    total = above(np.abs(a.centre) + a.swing)
+    return np.where(np.isnan(total), np.inf, total)
+
+
+def _size(z: Any) -> Array:
+    """Moduli, or a little more: NumPy's own are ten times slower, but do not overflow."""
+    if not np.iscomplexobj(z):
+        return np.abs(z)
+    size = np.sqrt(z.real * z.real + z.imag * z.imag + _SQUARE)
+    return size if np.all(size < np.inf) else np.abs(z)
+
+
+def _times(factor: Any, slopes: Any) -> Any:
+    return slopes if slopes is _FLAT else np.asarray(factor)[..., None] * slopes
+
+
+def _plus(a: Any, b: Any) -> Any:
+    return b if a is _FLAT else a if b is _FLAT else a + b
+
+
+def _rounded(centre: Any, slopes: Any, radius: Array, size: Array) -> Disc:
+    """The disc with a radius that holds the rounding of its parts, whose moduli are `size` in all."""
+    return Disc(centre, slopes, above(radius + COMPLEX * size))
+
+
+def _function(a: Disc, value: Any, slope: Any, rest: Array, size: Array, slope_size: Array | None = None) -> Disc:
+    """f(a) with the value and the slope of f at the centres, and what the line through them lacks in the discs.
+
+    Moduli that rounding is a share of are `size` for the value, and `slope_size` for the slope.
+    """
+    steepness = _size(slope)
+    rounded = size + (steepness if slope_size is None else slope_size) * a.slope
+    return _rounded(value, _times(slope, a.slopes), steepness * a.radius + rest * (1.0 + COMPLEX), rounded)
+
+
+def _if(holds: Any, a: Disc) -> Disc:
+    """The discs, with infinite radii unless all patches are where the operation is analytic."""
+    return a if np.all(holds) else Disc(np.ones_like(a.centre), _FLAT, np.full(np.shape(a.radius), np.inf))
+
+
+def _add(a: Disc, b: Disc) -> Disc:
+    exact = Disc(a.centre + b.centre, _plus(a.slopes, b.slopes), a.radius + b.radius)
+    return _rounded(exact.centre, exact.slopes, exact.radius, exact.size + exact.slope)
+
+
+def _subtract(a: Disc, b: Disc) -> Disc:
+    return _add(a, _negative(b))
+
+
+def _negative(a: Disc) -> Disc:
+    return Disc(-a.centre, _times(-1.0, a.slopes), a.radius)
+
+
+def _multiply(a: Disc, b: Disc) -> Disc:
+    slopes = _plus(_times(a.centre, b.slopes), _times(b.centre, a.slopes))
+    radius = a.size * b.radius + b.size * a.radius + a.swing * b.swing
+    return _rounded(a.centre * b.centre, slopes, radius, a.size * (b.size + b.slope) + b.size * a.slope)
+
+
+def _square(a: Disc) -> Disc:
+    return _function(a, a.centre * a.centre, 2.0 * a.centre, a.swing**2, a.size**2)
+
+
+def _right(a: Disc) -> Mask:
+    """Whether discs are in the open right half plane, by more than rounding."""
+    across = 0.0 if a.slopes is _FLAT else np.abs(a.slopes.real).sum(axis=-1)
+    return above(across + a.radius) * (1.0 + COMPLEX) < a.centre.real
+
+
+def is_positive(a: Disc) -> bool:
+    """Whether all discs of a real number are above 0."""
+    return bool(np.all(_right(a)))
+
+
+def is_regular(a: Disc) -> bool:
+    """Whether all discs are on one side of 0."""
+    return bool(np.all(_right(a)) or np.all(_right(_negative(a))))
+
+
+def _gap(far: Array, near: Array) -> Array:
+    """A lower bound of far - near, where it is positive."""
+    return (far * (1.0 - COMPLEX) - near * (1.0 + COMPLEX)) * (1.0 - COMPLEX)
+
+
+def _inverse(a: Disc) -> Disc:
+    """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w)), with |w| < |c|: slopes may be longer beside 0."""
+    size, value = np.abs(a.centre), 1.0 / a.centre
+    share, gap = a.swing / size, _gap(size, a.swing)
+    is_known = (gap > 0.0) & (size < _LARGE)
+    rest = np.where(is_known, share * share / gap * (1.0 + COMPLEX), np.inf)
+    return _if(is_regular(a), _function(a, value, -value * value, rest, 1.0 / size))
+
+
+def _divide(a: Disc, b: Disc) -> Disc:
+    return _multiply(a, _inverse(b))
+
+
+def _share(a: Disc) -> Array:
+    """Distance over modulus of the centre, 1 where it is not below that."""
+    return np.minimum(above(a.swing / np.abs(a.centre)) * (1.0 + COMPLEX), 1.0)
+
+
+def _sqrt(a: Disc) -> Disc:
+    """The majorant of sqrt(1 - q) - 1 + q / 2 is q^2 / 2 / (1 + sqrt(1 - q))^2."""
+    root, q = np.sqrt(a.centre), _share(a)
+    size = np.abs(root)
+    rest = np.where(q < 1.0, size * 0.5 * q * q / (1.0 + np.sqrt(1.0 - q)) ** 2, np.inf)
+    return _if(np.all(_right(a)), _function(a, root, 0.5 / root, rest, size))
+
+
+def _log_part(a: Disc) -> Disc:
+    """The majorant of log(1 + q) - q is -log(1 - q) - q, at most q^2 / 2 / (1 - q)."""
+    value, q = np.log(a.centre), _share(a)
+    rest = np.minimum(above(-np.log1p(-q)), above(0.5 * q * q / (1.0 - q)))
+    return _function(a, value, 1.0 / a.centre, rest, np.abs(value) + 1.0)
+
+
+def _log(a: Disc) -> Disc:
+    return _if(np.all(_right(a)), _log_part(a))
+
+
+def _exp(a: Disc) -> Disc:
+    """exp(w) - 1 - w is at most |w|^2 / 2 exp|w|, which may be huge where the value at the centre underflows."""
+    value, swing = np.exp(a.centre), a.swing
+    size = above(np.abs(value))
+    return _function(a, value, value, size * 0.5 * swing**2 * np.exp(swing), size * (1.0 + np.abs(a.centre)))
+
+
+def _circular(f: Callable, slope: Callable) -> Callable[[Disc], Disc]:
+    """sin, cos, sinh or cosh: f(c + w) = f(c) C(w) + f'(c) S(w), |S(w) - w| <= |w|^3 / 6 cosh|w|."""
+
+    def operation(a: Disc) -> Disc:
+        value, own, swing = f(a.centre), slope(a.centre), a.swing
+        size, steepness = np.abs(value), np.abs(own)
+        rest = size * 2.0 * np.sinh(0.5 * swing) ** 2 + steepness * swing**3 / 6.0 * np.cosh(swing)
+        spread = (size + steepness) * (1.0 + np.abs(a.centre))
+        return _function(a, value, own, rest, spread, spread)
+
+    return operation
+
+
+_SIN, _COS = _circular(np.sin, np.cos), _circular(np.cos, lambda z: -np.sin(z))
+_SINH, _COSH = _circular(np.sinh, np.cosh), _circular(np.cosh, np.sinh)
+
+
+def _by_slope(value: Array, a: Disc, steepest: Array, analytic: bool | Mask) -> Disc:
+    """A function whose derivative has at most the modulus `steepest` in each disc, which is convex."""
+    usable = analytic and bool(np.all(np.isfinite(steepest) & (steepest >= 0)))
+    size = np.abs(value) + steepest * np.abs(a.centre)
+    return _if(usable, _rounded(value, _FLAT, a.swing * steepest * (1.0 + COMPLEX), size))
+
+
+def _tanh(a: Disc) -> Disc:
+    """1 / cosh^2, with |cosh z|^2 = sinh^2 x + cos^2 y for z = x + i y, in a half plane or a strip without poles."""
+    x = np.maximum(_gap(np.abs(np.real(a.centre)), a.swing), 0.0)
+    y = above(np.abs(np.imag(a.centre)) + a.swing)
+    least = np.sinh(x) ** 2 + np.where(y < _STRIP, np.cos(y) ** 2, 0.0)
+    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), is_regular(a) or bool(np.all(y < _STRIP)))
+
+
+_STRIP = 1.57
+"""Half the width of a strip in which tanh is analytic, so far below pi / 2 that a cosine has small relative errors."""
+
+
+def _in_unit_disc(a: Disc) -> bool:
+    return bool(np.all(reach(a) < 1.0))
+
+
+def _off_imaginary_cuts(a: Disc) -> bool:
+    return is_regular(a) or bool(np.all(above(np.abs(np.imag(a.centre)) + a.swing) < 1.0))
+
+
+def _arc(f: Callable, sign: float, root: Callable, is_analytic: Callable[[Disc], bool]) -> Callable[[Disc], Disc]:
+    """An inverse function, whose derivative has the modulus 1 / |1 + sign z^2|, or 1 over the root of that."""
+
+    def operation(a: Disc) -> Disc:
+        z, swing = a.centre, a.swing
+        rest = above(2.0 * np.abs(z) * swing + swing**2 + COMPLEX * (1.0 + np.abs(z) ** 2))
+        least = _gap(np.abs(1.0 + sign * z * z), rest)
+        return _by_slope(f(z), a, 1.0 / root(least), is_analytic(a))
+
+    return operation
+
+
+def _acosh(a: Disc) -> Disc:
+    below, beyond = (_gap(np.abs(a.centre + sign), a.swing) for sign in (-1.0, 1.0))
+    steepest = 1.0 / np.sqrt(below) / np.sqrt(beyond)
+    return _by_slope(np.arccosh(a.centre), a, steepest, bool(np.all(_right(_subtract(a, disc(1.0))))))
+
+
+def _erf(a: Disc) -> Disc:
+    """|erf'| = 2 / sqrt(pi) exp(-Re z^2). SciPy's complex values have relative errors up to 1e-13, near 0 more."""
+    z, swing = a.centre, a.swing
+    low = np.real(z * z) - 2.0 * np.abs(z) * swing - swing**2
+    value = erf(z)
+    found = _by_slope(value, a, 1.1284 * np.exp(-low), True)
+    return _rounded(value, _FLAT, found.radius, _FADDEEVA * np.abs(value) + 1.0)
+
+
+def _power(a: Disc, b: Disc) -> Disc:
+    if b.centre.size > 1 or not np.all(b.swing <= above(0.0)):
+        return _exp(_multiply(b, _log(a)))
+    n = float(np.real(b.centre))
+    if n == int(n) and n < 0:
+        return _inverse(_power(a, disc(-n)))
+    value, size, swing = a.centre**n, np.abs(a.centre), a.swing
+    if n in (0.0, 1.0):
+        return a if n else disc(value)
+    slope = n * a.centre ** (n - 1.0)
+    if n == int(n):
+        far = above(size + swing)
+        rest = 0.5 * n * (n - 1.0) * swing**2 * far ** (n - 2.0)
+        return _function(a, value, slope, rest, n * far**n, n * n * far ** (n - 1.0))
+    q = _share(a)
+    rest = above(np.abs(value)) * 0.5 * abs(n) * (abs(n) + 1.0) * q * q * np.exp(-(abs(n) + 2.0) * np.log1p(-q))
+    spread = np.abs(value) * (1.0 + abs(n) * np.abs(np.log(a.centre)))
+    return _if(np.all(_right(a)), _function(a, value, slope, rest, spread, (abs(n) + 1.0) * spread / size))
+
+
+def _arctan2(y: Disc, x: Disc) -> Disc:
+    """(log(x + i y) - log(x - i y)) / 2i where both are in the right half plane, else the same turned by pi / 2."""
+    turned = ((0.0, y, x), (0.5 * np.pi, _negative(x), y), (-0.5 * np.pi, x, _negative(y)))
+    for angle, s, c in turned:
+        plus, minus = (_add(c, _by_i(s, sign)) for sign in (1.0, -1.0))
+        if np.all(_right(plus)) and np.all(_right(minus)):
+            difference = _by_i(_subtract(_log_part(plus), _log_part(minus)), -0.5)
+            size = np.abs(difference.centre) + 2.0
+            return _rounded(angle + difference.centre, difference.slopes, difference.radius, size)
+    return _if(False, _add(x, y))
+
+
+def _by_i(a: Disc, factor: float) -> Disc:
+    """The discs times a number on the imaginary axis whose modulus is a power of 2."""
+    return Disc(1j * factor * a.centre, _times(1j * factor, a.slopes), abs(factor) * a.radius)
+
+
+def _sign(a: Disc) -> Disc:
+    side = 1.0 if np.all(_right(a)) else -1.0
+    return _if(is_regular(a), disc(side))
+
+
+def _choose(a: Disc, b: Disc, larger: bool) -> Disc:
+    side = _sign(_subtract(a, b))
+    if not np.all(np.isfinite(side.radius)):
+        return _if(False, _add(a, b))
+    return a if bool(np.real(side.centre) > 0) == larger else b
+
+
+def _truth(of: Callable[[float], float]) -> Callable[[Disc, Disc], Disc]:
+    """A comparison of a and b, from the sign of a - b."""
+
+    def operation(a: Disc, b: Disc) -> Disc:
+        side = _sign(_subtract(a, b))
+        return _if(np.isfinite(side.radius), disc(of(float(np.real(side.centre).flat[0]))))
+
+    return operation
+
+
+def _holds(condition: Disc) -> float:
+    """1 where a condition, which may be any number, is not 0, and 0 where it is; not a number where it is not known."""
+    if np.all(condition.centre == 0.0) and np.all(condition.swing <= above(0.0)):
+        return 0.0
+    return 1.0 if is_regular(condition) else np.nan
+
+
+def _decided(truth: float) -> Disc:
+    return _if(truth == truth, disc(truth))
+
+
+def _if_else_zero(condition: Disc, a: Disc) -> Disc:
+    truth = _holds(condition)
+    return _if(truth == truth, a if truth else disc(0.0))
+
+
+def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:  # if all patches are in one piece of a table
+    value, *knots = entry.between(*(float(np.real(a.centre).flat[0]) for a in (group, at)))
+    first, last = (disc(knot) for knot in np.clip(knots, -1e300, 1e300))
+    is_known = np.ptp(group.centre) == 0.0 and np.all(group.swing <= above(0.0))
+    return _if(is_known and is_positive(_subtract(at, first)) and is_positive(_subtract(last, at)), disc(value))
+
+
+OPERATIONS: dict[int, Callable[..., Disc]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: _add,
+    ca.OP_SUB: _subtract,
+    ca.OP_MUL: _multiply,
+    ca.OP_DIV: _divide,
+    ca.OP_NEG: _negative,
+    ca.OP_SQ: _square,
+    ca.OP_TWICE: lambda a: Disc(2.0 * a.centre, _times(2.0, a.slopes), 2.0 * a.radius),
+    ca.OP_INV: _inverse,
+    ca.OP_SQRT: _sqrt,
+    ca.OP_SIN: _SIN,
+    ca.OP_COS: _COS,
+    ca.OP_TAN: lambda a: _divide(_SIN(a), _COS(a)),
+    ca.OP_EXP: _exp,
+    ca.OP_LOG: _log,
+    ca.OP_SINH: _SINH,
+    ca.OP_COSH: _COSH,
+    ca.OP_TANH: _tanh,
+    ca.OP_ASIN: _arc(np.arcsin, -1.0, np.sqrt, _in_unit_disc),
+    ca.OP_ACOS: _arc(np.arccos, -1.0, np.sqrt, _in_unit_disc),
+    ca.OP_ATAN: _arc(np.arctan, 1.0, np.positive, _off_imaginary_cuts),
+    ca.OP_ASINH: _arc(np.arcsinh, 1.0, np.sqrt, _off_imaginary_cuts),
+    ca.OP_ACOSH: _acosh,
+    ca.OP_ATANH: _arc(np.arctanh, -1.0, np.positive, _in_unit_disc),
+    ca.OP_LOG1P: lambda a: _log(_add(disc(1.0), a)),
+    ca.OP_EXPM1: lambda a: _subtract(_exp(a), disc(1.0)),
+    ca.OP_ERF: _erf,
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_ATAN2: _arctan2,
+    ca.OP_HYPOT: lambda a, b: _sqrt(_add(_square(a), _square(b))),
+    ca.OP_FABS: lambda a: _if(is_regular(a), a if np.all(_right(a)) else _negative(a)),
+    ca.OP_SIGN: _sign,
+    ca.OP_FMIN: lambda a, b: _choose(a, b, larger=False),
+    ca.OP_FMAX: lambda a, b: _choose(a, b, larger=True),
+    ca.OP_LT: _truth(lambda side: float(side < 0)),
+    ca.OP_LE: _truth(lambda side: float(side < 0)),
+    ca.OP_EQ: _truth(lambda side: 0.0),
+    ca.OP_NE: _truth(lambda side: 1.0),
+    ca.OP_NOT: lambda a: _decided(1.0 - _holds(a)),
+    ca.OP_AND: lambda a, b: _decided(_holds(a) * _holds(b)),
+    ca.OP_OR: lambda a, b: _decided(float(np.maximum(_holds(a), _holds(b)))),
+    ca.OP_IF_ELSE_ZERO: _if_else_zero,
+    ca.OP_CALL: _entry,
+}
+"""Operations of CasADi on discs."""

@@ -1,0 +1,215 @@
+"""The choice of ellipses around the box, on which the equations are bounded, and of nodes for interpolations.
+
+Large ellipses make coefficients small that are cut, but bounds large. Any choice gives a proof.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from symmb._types import Array, Mask
+from symmb.prove import discs
+from symmb.prove.curves import TimeStep
+from symmb.prove.errors import not_smooth
+from symmb.prove.patches import Patches, largest_on
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How far states move on the ellipses of time and of the parameters, over their room, and patches of each."""
+
+    spread: tuple[float, float] = (0.5, 0.5)
+    patches: tuple[int, int] = (8, 1)
+
+    def turned(self, turn: int) -> "Choice":
+        """One of the eight neighbours."""
+        factor = 1.4 if turn % 2 else 1 / 1.4
+        which = turn // 2 % 4
+        (a, b), (k, m) = self.spread, self.patches
+        if which == 0:
+            return replace(self, spread=(a * factor, b))
+        if which == 1:
+            return replace(self, spread=(a, b * factor))
+        if which == 2:
+            return replace(self, patches=(max(_bounded(k * factor + 2 * (turn % 2)), _FEWEST), m))
+        return replace(self, patches=(k, _bounded(m * factor + 2 * (turn % 2))))
+
+
+def _bounded(count: float) -> int:
+    return 1 if count < _FEWEST - 1 else min(max(round(count), _FEWEST), _FINEST)
+
+
+_FEWEST, _FINEST = 4, 40
+"""Fewest and most patches of a variable that has more than one: two or three are no better than one."""
+
+
+@dataclass
+class Control:
+    """What is adapted from step to step.
+
+    Attributes
+    ----------
+    choice : ellipses and patches
+    h : length of the next step [s]
+    wanted : size of the defects of the last step, to which errors of their interpolation are compared
+    turn : which choices are compared next
+    rho : ellipse of time, for several parameters
+    rough : which outputs (n_y,) could not be shown to be smooth in the last step, however many patches were tried
+    """
+
+    choice: Choice
+    h: float
+    wanted: float = 1e-9
+    turn: int = 0
+    rho: float = 2.0
+    rough: Mask | bool = False
+
+
+def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
+    """Parameters of ellipses on which states and parameters move farther than on the box, by a share of their room."""
+    problem = step.problem
+    rows = np.abs(step.x.c) / step.room[(slice(None), *(None,) * (step.x.c.ndim - 1))]
+    if problem.d:  # parameters are linear polynomials of their variables
+        own = np.zeros((problem.d, *rows.shape[1:]))
+        for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
+            if j >= 0:
+                place = (j, 0, *(int(i == j) for i in range(problem.d)))
+                own[place] = _STIFFER * radius / max(abs(middle), radius)
+        rows = np.concatenate([rows, own])
+    rows[(slice(None), *(0,) * (rows.ndim - 1))] = 0.0
+    rho = []
+    for axis in range(1, rows.ndim):
+        c = rows.sum(axis=tuple(i for i in range(1, rows.ndim) if i != axis))
+        c[:, 0] = 0.0
+        own, most = c.sum(axis=1), spread[0 if axis == 1 else 1]
+        rho.append(
+            _largest_below(
+                lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most, _MOST
+            )
+        )
+    own, allowed = rows.sum(axis=tuple(range(1, rows.ndim))), sum(spread)
+    share = _largest_below(
+        lambda r: (largest_on([max(s ** (r - 1.0), _LEAST) for s in rho], rows) - own).max(initial=0.0) <= allowed, 2.0
+    )
+    return [max(r ** (share - 1.0), _LEAST) for r in rho]
+
+
+def _largest_below(holds: Callable[[float], bool], top: float) -> float:
+    """About the largest number between 1 and `top` for which a condition holds."""
+    low, high = 1.0, top
+    if holds(top):
+        return top
+    for _ in range(20):
+        middle = 0.5 * (low + high) if high < 3.0 else math.sqrt(low * high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+_STIFFER = 3.0
+"""How much less parameters may move than states."""
+_LEAST, _MOST = 1.02, 1000.0
+"""Ellipses that are tried. With parameter 1000 an interpolation in six nodes errs by 1e-18."""
+
+
+def reaches(found: list[discs.Disc]) -> Array:
+    """Largest moduli of discs, (m,)."""
+    return np.array([float(discs.reach(a).max()) for a in found])
+
+
+def patches_on(step: TimeStep, rho: list[float], patches: tuple[int, int]) -> Patches:
+    """Patches of polyellipses: so many of time, and of each parameter."""
+    return Patches(rho, [patches[0], *[patches[1]] * (len(rho) - 1)], step.degrees)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on them, and what their use takes."""
+
+    choice: Choice
+    rho: list[float]
+    rates: Array
+    slopes: Array
+    cost: float
+    nodes: float
+
+
+def adapted(step: TimeStep, control: Control) -> Tried:
+    """Ellipses and patches, with bounds of the equations there.
+
+    Those of the last step are compared with others, of which the cheapest are taken. ProofError if the equations cannot
+    be shown to be analytic in any of them.
+    """
+    best = _first(step, control)
+    for trial in range(_MOST_COMPARED):
+        if trial >= _COMPARED and best.nodes <= _MANY:
+            break
+        control.turn += 1
+        other = _tried(step, best.choice.turned(control.turn), control.wanted)
+        best = min(best, other, key=lambda found: found.cost)
+    control.choice = best.choice
+    return best
+
+
+def _first(step: TimeStep, control: Control) -> Tried:
+    """The ellipses of the last step, or the largest on which the equations are analytic, with the fewest patches."""
+    choice = control.choice
+    for narrowing in range(_NARROWINGS):
+        for count in sorted({choice.patches[1], *_COUNTS[: 1 + narrowing // 2]}):
+            found = _tried(step, replace(choice, patches=(choice.patches[0], count)), control.wanted)
+            if np.isfinite(found.cost):
+                return found
+        choice = replace(choice, spread=(0.5 * choice.spread[0], 0.5 * choice.spread[1]))
+    inputs = step.on_patches(patches_on(step, ellipses(step, choice.spread), (choice.patches[0], 1)))
+    tape = step.problem.jacobian_tape
+    raise not_smooth(tape.first(discs.OPERATIONS, discs.disc, inputs, lambda a: not np.isfinite(discs.reach(a)).all()))
+
+
+_COUNTS = 1, 8, 24
+"""Patches of each parameter that are tried: more, the smaller the ellipses are already."""
+
+
+def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
+    n = step.problem.n
+    rho = ellipses(step, choice.spread)
+    count = choice.patches[0] * float(choice.patches[1]) ** step.problem.d
+    if count > TOO_MANY:
+        return Tried(choice, rho, np.empty(0), np.empty(0), np.inf, np.inf)
+    patches = patches_on(step, rho, choice.patches)
+    rates, slopes = (
+        reaches(found)
+        for found in step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(patches))
+    )
+    if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
+        return Tried(choice, rho, rates, slopes, np.inf, np.inf)
+    most = float((rates + largest_on(rho, step.x.rate)).max())
+    nodes = nodes_needed(rho, wanted / most)
+    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _PATCH * count, nodes)
+
+
+_NARROWINGS = 8
+"""Smaller ellipses that are tried where the equations cannot be shown to be analytic."""
+_COMPARED, _MOST_COMPARED = 2, 16
+"""Other choices that are compared in a step, and most of them where many nodes are needed."""
+_MANY = 1e5
+"""Nodes of a grid above which other choices are compared longer."""
+TOO_MANY = 3e4
+"""Patches that take seconds: a proof that needs more of them is given up, or a step is made shorter."""
+_PATCH = 20.0
+"""Time that a patch takes over that of a node: complex numbers, and the Jacobian beside the rates."""
+
+
+def nodes_needed(rho: list[float], ratio: float) -> float:
+    """About the nodes of a grid with which the aliasing is about a given share of the bound on the polyellipse."""
+    return math.prod(max(1.0, m) for m in _wanted(rho, ratio))
+
+
+def node_counts(rho: list[float], ratio: float, most: tuple[int, ...]) -> tuple[int, ...]:
+    """Nodes with which the aliasing is about a given share of the bound on the polyellipse."""
+    return tuple(int(min(top, max(2, math.ceil(m)))) for m, top in zip(_wanted(rho, ratio), most, strict=True))
+
+
+def _wanted(rho: list[float], ratio: float) -> list[float]:
+    product = math.prod(1.0 + 2.0 / (r - 1.0) for r in rho)
+    return [math.log(4.0 * len(rho) * product / (1.0 - 1.0 / r) / max(ratio, 1e-290)) / math.log(r) for r in rho]

@@ -1,0 +1,186 @@
+"""The approximate motion over a step, and its frame: polynomials that need not be exact.
+
+What they lack is bounded afterwards, in `step`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.prove import chebyshev as ch
+from symmb.prove.errors import ProofError
+from symmb.prove.patches import largest_on
+from symmb.prove.points import PLAIN, plain
+from symmb.prove.problem import Problem
+from symmb.prove.rounding import U, above, of_sum
+
+_ITERATIONS = 60
+"""Most iterations of Picard's: they halve the error at least, or the step is too long."""
+_SPARE = 2
+"""Nodes in each parameter beside the least number, so that cut terms alias little."""
+_DIVERGED = 1e3
+"""Growth of a state after the first iteration at which a step is too long."""
+_TOGETHER = 2**14
+"""States that are treated together: they stay in a cache."""
+_FIRST = 3
+"""Terms of several parameters with which the iteration begins."""
+_SETTLED = 2e-15
+"""Change over the size of a state at which the iteration ends: rounding."""
+
+_FRAME_SETTLED, _CLOSE = 1e-10, 1e-12
+"""The same for frames, which need not be as exact; and the change below which it ends where it no longer falls."""
+_NOISE, _FRAME_NOISE = 4e-16, 1e-11
+"""Coefficients over the largest one that are rounding, of rates and of frames. They would be large on ellipses."""
+
+
+def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1) -> list[Array | float]:
+    """Parameters for values of the variables, each (m_i,), on axes behind `leading` other ones."""
+    d = len(variables)
+    found: list[Array | float] = []
+    for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
+        if j < 0:
+            found.append(float(middle))
+        else:
+            shape = [-1 if i == leading + j else 1 for i in range(leading + d)]
+            found.append(middle + radius * variables[j].reshape(shape))
+    return found
+
+
+def fit(values: Array, lengths: Sequence[int]) -> Array:
+    """Coefficients (..., lengths) of values at nodes (..., m0, m1, ...), cut after the interpolation."""
+    counts = values.shape[values.ndim - len(lengths) :]  # none without parameters
+    return ch.along([ch.coefficients_from_nodes(m)[:n] for m, n in zip(counts, lengths, strict=True)], values)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Polynomials (m, K + 1, N + 1, ...) of time and parameters.
+
+    They are begin + h / 2 times the integral of `rate` from s = -1 in exact arithmetic; `c` has the coefficients, with
+    which the polynomials err by at most `error` (m,) where all variables are in [-1, 1]. Each coefficient errs by at
+    most that of `rounded`, which has the shape of c; None where the coefficients are exact.
+    """
+
+    c: Array
+    error: Array
+    rate: Array
+    rounded: Array | None = None
+
+    def error_on(self, rho: Sequence[float]) -> Array:
+        """Bounds (m,) of the errors of the polynomials on a polyellipse.
+
+        The error is the polynomial whose coefficients are the errors of the coefficients. It is bounded on the ellipses
+        as all polynomials are: |T_k| <= cosh(k log rho) there, and 1 on [-1, 1], where this is `error`.
+        """
+        return np.zeros(len(self.c)) if self.rounded is None else largest_on(rho, self.rounded)
+
+
+def integrated(begin: Array, rate: Array, h: float) -> Curve:
+    """The curve from begin (m, N + 1, ...) with a rate (m, K, N + 1, ...), over a step h."""
+    matrix = ch.integral(rate.shape[1])
+    others = [None] * (rate.ndim - 2)
+    c = 0.5 * h * ch.along([matrix, *others], rate)
+    c[:, 0] += begin
+    d = rate.ndim - 1
+    terms = 0.5 * h * ch.along([np.abs(matrix), *others], np.abs(rate))
+    # Entries of the first row are differences, 1 / (k^2 - 1), whose relative errors are up to (k / 2 + 2) U.
+    rounded = above(of_sum(2 * len(matrix) + 4) * terms + 2 * U * np.abs(c))
+    return Curve(c, ch.sums(rounded, d), rate, rounded)
+
+
+def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curve:
+    """The motion from x0 (n, N + 1, ...) at t0 over a step h, with so many terms of its rate.
+
+    Picard's iteration at Chebyshev nodes of time and of the parameters, all at once.
+    """
+    lengths = x0.shape[1:]
+    few = problem.d <= ch.FEW
+    counts = [n + _SPARE if few else n for n in lengths]
+    begin = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
+    s = ch.nodes(terms)
+    p = parameters_at(problem, [ch.nodes(m) for m in counts])
+    t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
+    step = 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
+    x = np.repeat(begin[:, None], terms, axis=1)
+    if not few and max(lengths) > _FIRST:
+        part = (slice(None), *(slice(0, _FIRST),) * problem.d)
+        c = motion(problem, x0[part], t0, h, terms).c  # few terms of the parameters move alike
+        c[:, 0] -= x0[part]
+        x = x + ch.along(
+            [ch.values_at_nodes(m, size) for m, size in zip((terms, *counts), c.shape[1:], strict=True)], c
+        )
+    others = tuple(range(1, x.ndim))
+    size = np.maximum(problem.scales, np.abs(x).max(axis=others))
+    last, most = np.inf, None
+    for _ in range(_ITERATIONS):
+        f = rates_at(problem, x, p, t)
+        new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
+        difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
+        change = float((difference / size).max(initial=0.0))
+        x, most = new, _DIVERGED * moved if most is None else most
+        if not np.isfinite(change):
+            raise ProofError("the motion is not a number, or changes too fast for the shortest step")
+        if (moved > most).any():
+            raise ProofError("the motion changes too fast for the shortest step")
+        if change <= _SETTLED or (change > 0.5 * last and (difference < _CLOSE * moved).all()):
+            break
+        last = change
+    else:
+        raise ProofError("the motion changes too fast for the shortest step")
+    f = ch.graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
+    return integrated(x0, _without_noise(f, _NOISE), h)
+
+
+def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
+    """f at states (n, terms, ...), (n, terms, ...), at some times after the others where there are many states."""
+    if x[0].size > _TOGETHER and x.shape[1] > 1:
+        k = x.shape[1] // 2
+        return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)
+    found = problem.rate_tape.run(PLAIN, plain, [list(x), p, [t]])[0]
+    return np.stack([np.broadcast_to(value, x.shape[1:]) for value in found])
+
+
+def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int) -> tuple[Curve, Array]:
+    """B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
+
+    The motion has the coefficients x (n, K + 1, N + 1, ...).
+    """
+    n, lengths = problem.n, B0.shape[2:]
+    counts = [size + 1 for size in lengths]
+    p = parameters_at(problem, [ch.nodes(m) for m in counts])
+    s = ch.nodes(terms)
+    t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
+    at = [ch.values_at_nodes(m, size) for m, size in zip((terms, *counts), x.shape[1:], strict=True)]
+    states = ch.along(at, x)
+    found = problem.jacobian_tape.run(PLAIN, plain, [list(states), p, [t]])[1]
+    A = np.stack([np.broadcast_to(value, states.shape[1:]) for value in found], axis=-1)
+    A = A.reshape(*states.shape[1:], n, n).swapaxes(-1, -2)  # column-major
+    begin = ch.along([ch.values_at_nodes(m, size) for m, size in zip(counts, lengths, strict=True)], B0)
+    begin = np.moveaxis(begin, (0, 1), (-2, -1))
+    step = 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
+    B = np.repeat(begin[None], terms, axis=0)
+    last = np.inf
+    for _ in range(_ITERATIONS):
+        new = begin + np.tensordot(step, A @ B, (1, 0))
+        change = float(np.abs(new - B).max() / np.abs(new).max())
+        B = new
+        if not np.isfinite(change) or change > 1e3:
+            raise ProofError("deviations from the polynomials change too fast for the shortest step")
+        if change < _FRAME_SETTLED or (change < _CLOSE and change > 0.5 * last):
+            break
+        last = change
+    rate = ch.graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)
+    try:
+        inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
+    except np.linalg.LinAlgError:
+        raise ProofError("deviations from the polynomials grow too differently in a step") from None
+    rate = _without_noise(rate.reshape(n * n, terms, *lengths), _FRAME_NOISE)
+    C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _FRAME_NOISE)
+    return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
+
+
+def _without_noise(c: Array, share: float) -> Array:
+    """Polynomials (m, n0, ...) without the coefficients that are below a share of their largest one."""
+    return np.where(np.abs(c) < share * np.abs(c).max(axis=tuple(range(1, c.ndim)), keepdims=True), 0.0, c)

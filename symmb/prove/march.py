@@ -1,0 +1,406 @@
+"""Steps over the horizon, with their control."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.prove import chebyshev as ch
+from symmb.prove.curves import TimeStep
+from symmb.prove.ellipses import Choice, Control
+from symmb.prove.errors import ProofError
+from symmb.prove.flow import frame, motion
+from symmb.prove.front import Front, leaving, well_conditioned
+from symmb.prove.outputs import output_bounds
+from symmb.prove.pass_outputs import Part, bounds_about_pass
+from symmb.prove.passes import Crossing, Scaled, crossing, departure, off, window
+from symmb.prove.problem import Change, Problem
+from symmb.prove.rounding import above, grain_of
+from symmb.prove.start import first_front, still
+from symmb.prove.step import Proof, is_regular, on_motion, prove, unshown
+from symmb.prove.transitions import drifted, mapped, require_known
+
+TIME_TERMS, FRAME_TERMS = 20, 11
+"""Terms of the motion and of the frame in time."""
+_RESOLVED, _UNRESOLVED = 1e-14, 1e-12
+"""Last coefficients in time over the sizes of the states: those aimed at, and those with which a step is too long."""
+_SHORTEST = 2.0**-4
+"""Shortest step that is tried in vain, over the one aimed at."""
+_MUCH_SHORTER = 0.3
+"""A step over one that is too long for the motion."""
+_FIRST = 50
+"""Horizon over the first step that is tried."""
+_LOST, _CRAWL = 1e-2, 2.0**-6
+"""Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
+_NEAR = 8
+"""Shortest step that ends at a change of states, over the unit of times."""
+_AT = 4
+"""Distance of output times from an instant that are at it, over the error of the instant."""
+_BESIDE, _OF_SPREAD = 2.0**-6, 0.25
+"""Shares of a usual step, and of the spread of passes over the box, from which on the pass of a switch begins."""
+_NEARER, _NEAREST = 2.0**-6, 2.0**6
+"""How much nearer a pass may begin if it is not proved, and the least distance, in units of times."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A front, what is adapted from step to step there, and the problem in the phase that goes on there."""
+
+    front: Front
+    control: Control
+    problem: Problem
+
+
+@dataclass(eq=False)
+class Course:
+    """What is proved over a part of the box: bounds (n_t, n_y), infinite where there are none.
+
+    Attributes
+    ----------
+    remainder : (n_t, n_y) part of the bounds that is not the range of a polynomial
+    terms : (n_y,) largest sizes of the terms that make the outputs
+    until : time up to which the motion is proved, from the first one [s]
+    why : what ended the proof; empty if it can go on
+    end : the last place; None before the start
+    checkpoint : the last place where the remainder was small, or the first one
+    stored : output times up to there
+    steps : proved steps with bounds (n,) of |w|; None if they are not kept
+    """
+
+    lower: Array
+    upper: Array
+    remainder: Array
+    terms: Array
+    until: float = 0.0
+    why: str = ""
+    end: Place | None = None
+    checkpoint: Place | None = None
+    stored: int = 0
+    steps: list[tuple[TimeStep, Array]] | None = None
+
+    @classmethod
+    def empty(cls, problem: Problem) -> "Course":
+        """Nothing is proved."""
+        shape = len(problem.times), problem.outputs.numel_out(0)
+        return cls(np.full(shape, -np.inf), np.full(shape, np.inf), np.full(shape, np.inf), np.zeros(shape[1]))
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all output times have bounds, as far as outputs are smooth."""
+        return self.stored == len(self.lower)
+
+    def store(self, behind: int, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
+        """Store bounds of the outputs up to the number of an output time."""
+        part = slice(self.stored, behind)
+        self.lower[part], self.upper[part], self.remainder[part] = lower, upper, remainder
+        self.terms, self.stored = np.maximum(self.terms, terms), behind
+
+    def join(self, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
+        """Widen the bounds at the first time."""
+        self.lower[0], self.upper[0] = np.minimum(self.lower[0], lower[0]), np.maximum(self.upper[0], upper[0])
+        self.remainder[0], self.terms = np.maximum(self.remainder[0], remainder[0]), np.maximum(self.terms, terms)
+
+    def back_to(self, place: Place, times: Array) -> "Course":
+        """The course up to the time of a place, from which it goes on there; times (n_t,) are those of the outputs."""
+        stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
+        later = (np.arange(len(times)) >= stored)[:, None]
+        lower, upper, remainder = (
+            np.where(later, none, known)
+            for none, known in ((-np.inf, self.lower), (np.inf, self.upper), (np.inf, self.remainder))
+        )
+        return Course(lower, upper, remainder, self.terms, place.front.t, "", place, place, stored)
+
+
+def march(
+    problem: Problem, order: int, course: Course, small: float, largest: float, progress: Callable[[float], None]
+) -> None:
+    """Go on with a course over one box from its last place, or from the start.
+
+    Parameters
+    ----------
+    order : highest degree in each parameter
+    small : remainder, over the width of the states, up to which a place is a checkpoint
+    largest : the same above which the march stops
+    progress : called with the time that is reached
+    """
+    end = float(problem.times[-1])
+    if course.end is None:
+        try:
+            front = first_front(problem, order)
+            problem = _settled(problem, front)
+        except ProofError as error:
+            course.why = f"the start cannot be proved, because {error}"
+            return
+        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _FIRST), problem)
+    place, longest = course.end, 0.0
+    while not course.is_done:
+        try:
+            place, h = _next_place(course, place, grain_of(end))
+        except ProofError as error:
+            course.why = _why(place, str(error))
+            return
+        course.end, course.until = place, place.front.t
+        progress(course.until)
+        share, longest = place.front.share(), max(longest, h)
+        if share <= small:
+            course.checkpoint = place
+        if share > largest:
+            return
+        if share > _LOST and place.control.h < _CRAWL * longest:
+            course.why = _why(place, "the deviations from the polynomials grow too fast")
+            return
+
+
+def _why(place: Place, reason: str) -> str:
+    """Why a proof ends at a place: there may be a singular position ahead.
+
+    The text says if a determinant of the loops would be 0 soon, or a switch: the proof ends before it
+    only where slopes grow without bound there.
+    """
+    problem, front, phase = place.problem, place.front, place.problem.phase
+    if problem.regular is not None and problem.closing and problem.why_singular not in reason:
+        h, x, p = place.control.h, front.x.reshape(problem.n, -1)[:, 0], problem.middle
+        ahead = x + h * problem.rates(x, p, front.t).full().ravel()
+        now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
+        is_near = (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
+        reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
+    if phase is not None and problem.valid_tape is not None and not phase.names_any(reason):
+        sides = on_motion(still(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
+        near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > _SPREADS_AHEAD * a.swing).all()]
+        reason = f"{reason}; {phase.steep(near[0])}" if near else reason
+    return reason
+
+
+_STEPS_AHEAD, _SPREADS_AHEAD = 40, 3.0
+"""Steps become short before a singular position; they end before a kink with infinite slopes at some spreads of the
+box.
+"""
+
+
+def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
+    """The place behind a proved step or pass, and how long it is. The course stores bounds of the outputs."""
+    problem, front, control = place.problem, place.front, replace(place.control)
+    usual, left = control.h, _left(problem, front.t, grain)
+    control.h, others = min(usual, left), tuple[Problem, ...]()
+    try:
+        step, proof = _step(problem, front, grain, control)
+    except _AheadError as found:
+        control.h = usual
+        if front.t == 0.0 and found.ahead.first <= grain:
+            assert problem.phase is not None
+            try:
+                start = departure(problem, front, found.ahead.which, usual)
+            except ProofError as error:
+                raise ProofError(problem.phase.sentence(found.ahead.which[0], front.t, str(error))) from error
+            control.h = min(usual, left)
+            step, proof = _step(start.first, front, grain, control)
+            problem, others = start.after, start.both
+        else:
+            try:
+                passed = _passed(course, replace(place, control=control), found.ahead, grain)
+            except ProofError as error:
+                step, proof = _nearer(replace(place, control=control), found.ahead, grain, str(error))
+            else:
+                return _changed(passed, grain, course.is_done), passed.front.t - front.t
+    if course.steps is not None:
+        course.steps.append((step, proof.W))
+    front, times = leaving(step, proof.end), problem.times
+    late = _late(problem, front.t)
+    until = front.t if late is None else front.t - _AT * late  # at an instant, outputs have the new values
+    behind = int(np.searchsorted(times, until, side="right"))
+    if behind > course.stored:
+        course.store(behind, *output_bounds(step, proof.W, times[course.stored : behind], control))
+    for other in others:  # on a switch, outputs may be those of any side
+        course.join(*output_bounds(replace(step, problem=other), proof.W, times[:1], control))
+    if left < usual:
+        control.h = usual
+    return _changed(Place(front, control, problem), grain, course.is_done), step.h
+
+
+class _AheadError(Exception):
+    """A pass of a switch begins at the front of a step."""
+
+    def __init__(self, ahead: Crossing) -> None:
+        self.ahead = ahead
+
+
+def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[TimeStep, Proof]:
+    """A step and its proof that ends nearer to a pass that cannot be proved from a place, or ProofError."""
+    problem, phase = place.problem, place.problem.phase
+    if ahead.first > _NEAREST * grain:
+        try:
+            control = replace(place.control, h=(1.0 - _NEARER) * ahead.first)
+            return _step(replace(problem, phase=None), place.front, grain, control)
+        except ProofError:
+            pass
+    assert phase is not None
+    raise ProofError(phase.sentence(ahead.which[0], place.front.t + max(ahead.first, 0.0), why))
+
+
+def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Place:
+    """The place behind a pass that begins at a place. The course stores bounds of the outputs."""
+    problem, front, control = place.problem, place.front, place.control
+    if ahead.why or not ahead.first > 0:
+        raise ProofError(ahead.why or "it may be passed at this time itself")
+    begin, about = front.t, window(problem, ahead)
+    end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
+    if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
+        raise ProofError("values are sampled about then")
+    old, _ = _followed(replace(about.old, times=np.array([end])), front, control)
+
+    scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
+    to = scaled.problem(about.old, about.surface)
+    there, at_pass = _followed(to, replace(front, t=0.0), replace(control, h=h))
+    g = np.maximum(np.abs(there.lower), np.abs(there.upper))[-1]
+    late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
+    if not above(late) < ahead.first:
+        raise ProofError("it may be passed at this time itself")
+    back = scaled.problem(about.new, about.surface, is_back=True)
+    new_begin = replace(at_pass.front, t=0.0, x_error=above(at_pass.front.x_error + lost))
+    _, at_begin = _followed(back, new_begin, replace(control, h=h))
+    new, last = _followed(replace(about.new, times=np.array([end])), replace(at_begin.front, t=begin), control)
+
+    assert old.steps is not None and new.steps is not None and problem.phase is not None
+    behind = int(np.searchsorted(problem.times, end, side="right"))
+    if behind > course.stored:
+        passes = ahead.tau.copy()
+        passes[(0,) * passes.ndim] += begin
+        part = Part(old.steps, new.steps, passes, late + grain)  # the last term covers rounding
+        course.store(behind, *bounds_about_pass(part, problem.times[course.stored : behind], control))
+    phase = replace(problem.phase, sides=about.sides)
+    after = replace(last.problem, times=problem.times, phase=phase, change=problem.change)
+    return Place(last.front, replace(last.control, h=control.h), _settled(after, last.front))
+
+
+def _followed(problem: Problem, front: Front, control: Control) -> tuple[Course, Place]:
+    """The course of a problem from a front up to its last time, with its steps, of which one ends there; the place."""
+    end = float(problem.times[-1])
+    stop = Change(end, problem.rates, lambda time, problem: problem, late=0.0)
+    course = replace(Course.empty(problem), steps=[])
+    course.end = Place(front, replace(control), replace(problem, change=stop))
+    march(problem, 0, course, np.inf, np.inf, lambda time: None)
+    if course.why:
+        raise ProofError(course.why)
+    return course, course.end
+
+
+def _settled(problem: Problem, front: Front) -> Problem:
+    """The problem on the sides of its switches at a front."""
+    phase, d = problem.phase, problem.d
+    if phase is None:
+        return problem
+    place = front.x[(slice(None), *(0,) * d)], problem.middle, front.t
+    problem = problem.on_sides(phase.settled(*place, phase.sides), *place)
+    assert problem.valid is not None
+    require_known("the equations", problem.rates, problem.valid)
+    return problem
+
+
+def _left(problem: Problem, t: float, grain: float) -> float:
+    """Time to the next one at which a step must end, which may be infinite [s]."""
+    change = problem.change
+    if change is None or (change.late is None and change.time <= t + _NEAR * grain):
+        return np.inf
+    return change.time - t
+
+
+def _late(problem: Problem, t: float) -> float | None:
+    """The error of an instant at a time; None if there is none."""
+    change = problem.change
+    return None if change is None or t != change.time else change.late
+
+
+def _changed(place: Place, grain: float, is_done: bool) -> Place:
+    """The place behind a change of states, if it is due."""
+    problem, front = place.problem, place.front
+    change, late = problem.change, _late(problem, front.t)
+    is_ahead = change is None or (late is None and (change.late is not None or change.time > front.t + _NEAR * grain))
+    if is_done or change is None or is_ahead:
+        return place
+    if late is not None:
+        front = drifted(problem, front, late)
+    front, problem = mapped(problem, front, change.states), change.following(front.t, problem)
+    problem = _settled(problem, front)
+    return replace(place, front=front if late is None else drifted(problem, front, late), problem=problem)
+
+
+def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
+    """A proved step that begins at a front, and its proof.
+
+    What was adapted to earlier steps may be bad for this one, and its frame may differ too much over the box: before it
+    is given up, it is tried with the first choice, and with an orthogonal frame.
+    """
+    aim = control.h
+    for _ in range(2):
+        try:
+            return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
+        except ProofError:
+            control.choice, control.h = Choice(), aim
+    return _shortened(problem, well_conditioned(front, problem.scales, 0.0), grain, control)
+
+
+def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
+    """The same, as long as it can be proved with what is adapted so far."""
+    h = aim = usual = control.h
+    reason, change, is_cut = "", problem.change, False
+    while h >= _SHORTEST * aim and h > 4 * grain:
+        if change is None or change.late is None or h != change.time - front.t:
+            h = float(np.floor(h / grain)) * grain
+        try:
+            x = motion(problem, front.x, front.t, h, TIME_TERMS)
+        except ProofError as error:
+            reason, aim = str(error), _MUCH_SHORTER * h
+            h = aim
+            continue
+        last = ch.sums(x.c[:, -2:], problem.d).max(axis=1)
+        sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
+        tail = float((last / sizes).max(initial=0.0))
+        h_resolved = h * float(np.clip((_RESOLVED / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _MUCH_SHORTER, 1.5))
+        if tail > _UNRESOLVED:
+            aim = h = h_resolved
+            continue
+        step, before = None, _before_pass(problem, x.c, front.t, h, usual, grain)
+        if before < h:
+            aim = h = before
+            is_cut = True
+            continue
+        try:
+            B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
+            step = TimeStep(problem, front.t, h, x, B, C)
+            _require_valid(step, np.zeros(problem.n))
+            w = above(front.w + step.inverse_times(front.x_error + front.B_error @ front.w))
+            proof = prove(step, w, control)
+            _require_valid(step, above(step.B_largest @ proof.W))
+            control.h = max(h_resolved, usual) if is_cut else h_resolved
+            return step, proof
+        except ProofError as error:
+            reason, h = str(error), 0.5 * h
+            if step is not None and not is_regular(step, np.zeros(problem.n), Choice().patches):
+                reason = problem.why_singular
+    raise ProofError(reason or "the motion changes too fast for the shortest step")
+
+
+def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:
+    """How long a step over h with the motion x may be before a pass of a switch begins; _AheadError if at once."""
+    ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _NEAR * grain)
+    if ahead is None:
+        return np.inf
+    if ahead.why and ahead.first > _NEAREST * grain:
+        return float(np.floor((1.0 - _NEARER) * ahead.first / grain)) * grain
+    begin = _BESIDE * usual + _OF_SPREAD * (ahead.last - ahead.first)
+    if ahead.first <= 2.0 * begin:
+        raise _AheadError(ahead)
+    return float(np.floor((ahead.first - begin) / grain)) * grain
+
+
+def _require_valid(step: TimeStep, e: Array) -> None:
+    """ProofError unless the equations are shown to be those of the scene within e (n,) of the motion of a step."""
+    which = unshown(step, e)
+    if which is not None:
+        phase = step.problem.phase
+        raise ProofError(
+            "another one may be passed meanwhile, or it is not passed in one direction"
+            if phase is None
+            else phase.sentence(which, step.t0, "it may be touched, or be passed by a part of the box")
+        )

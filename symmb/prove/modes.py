@@ -1,0 +1,219 @@
+"""Frequencies, damping and stability limits as problems without motion, whose starting equations have eigenvectors.
+
+A mode is an eigenvalue lambda and a vector v of the Jacobian J of the equations of motion at the start:
+
+    J v = lambda v,   c' v = 1,
+
+where c is that of the nominal mode. Rows of loops add eigenvalues 0 alone, those of positions off the rows. A simple
+mode has one such solution close to it. So the proof of the starting equations follows it over the box.
+
+At a stability limit lambda is imaginary, or 0, and the critical parameter is an unknown in the place of its real part.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.declare.symbolic import batch, common
+from symmb.prove.independent_velocities import Equations
+from symmb.prove.problem import StartEquations
+
+_SAME = 1e-5
+"""Distance of eigenvalues over their sizes up to which they are the same: double ones move by the root of rounding."""
+_SINGULAR, _ON_AXIS = 1e-7, 1e-6
+"""Singular values over the largest one that are 0, and real parts over the largest eigenvalue: critical parameters have
+an error of rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearStart:
+    """The start of a scene, and the Jacobian of its equations there.
+
+    Attributes
+    ----------
+    start : of the states
+    equations : of motion
+    sizes : (n_x,) of the states
+    t : time of the start [s]
+    """
+
+    start: StartEquations
+    equations: Equations
+    sizes: Array
+    t: float
+
+    @cached_property
+    def jacobian(self) -> ca.Function:
+        """(x, p, t) -> (n_x, n_x), in sizes of the states [1/s]."""
+        rates = self.equations.rates
+        x, p, t = (ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt"))
+        scaled = ca.diag(1 / self.sizes) @ ca.jacobian(rates(x, p, t), x) @ ca.diag(self.sizes)
+        return common("jacobian", [x, p, t], [ca.densify(scaled)])
+
+    def solved(self, P: Array) -> tuple[Array, Array]:
+        """About the unknowns (N, n_u) of the start and the Jacobians (N, n_x, n_x) for parameters P (N, n_p)."""
+        u = self.start.solve(P)
+        states = batch(self.start.states, u, P)[0]
+        A = batch(self.jacobian, states, P, np.full((len(u), 1), self.t))[0]
+        A[np.isnan(u).any(axis=1)] = 0.0
+        return u, A
+
+    def at(self, u: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Residual (n_u,) of the start, and the Jacobian, as expressions."""
+        return self.start.residual(u, p, t), self.jacobian(self.start.states(u, p, t), p, t)
+
+    def has(self, P: Array, eigenvalues: Sequence[Array]) -> bool:
+        """Whether the Jacobians have given eigenvalues at parameters P (N, n_p).
+
+        A steady motion has others in coordinates that turn with its bodies.
+        """
+        own = np.linalg.eigvals(self.solved(P)[1])  # (N, n_x)
+        return all(
+            (np.abs(some[:, None] - values).min(axis=1) <= _SAME * np.abs(values).max()).all()
+            for some, values in zip(eigenvalues, own, strict=True)
+        )
+
+
+def with_modes(linear: LinearStart, modes: Array, p: Array) -> StartEquations:
+    """Starting equations whose states are 1 + a and b (2 m,) of eigenvalues a + i b, as shares of the sizes of modes.
+
+    Parameters
+    ----------
+    linear : start and Jacobian
+    modes : (m,) nominal eigenvalues [1/s]
+    p : (n_p,) nominal parameters
+    """
+    n = len(linear.sizes)
+    u, A = linear.solved(p[None])
+    values, vectors = np.linalg.eig(A[0])
+    own = [int(np.abs(values - mode).argmin()) for mode in modes]
+    shapes = list((vectors[:, own] / np.linalg.norm(vectors[:, own], axis=0)).T)
+    sizes = np.abs(modes).tolist()
+    nominal = [u[0]]
+    for shape, share in zip(shapes, values[own] / sizes, strict=True):
+        nominal += [shape.real, shape.imag, [share.real, share.imag]]
+
+    def equations(p: ca.SX, t: ca.SX, u: ca.SX, *blocks: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+        residual, J = linear.at(u, p, t)
+        rows, shares = [residual], []
+        for block, shape, size in zip(blocks, shapes, sizes, strict=True):
+            real, imag, a, b = ca.vertsplit(block, [0, n, 2 * n, 2 * n + 1, 2 * n + 2])
+            rows += _rows_of_mode(J / size, shape, real, imag, a, b)
+            shares += [1 + a, b]  # damping is small beside critical damping: its rounding is no looseness
+        return rows, shares
+
+    blocks = [len(u[0]), *[2 * n + 2] * len(modes)]
+    return _start_equations(
+        linear, equations, blocks, np.concatenate(nominal), p, "frequencies may cross or come close to each other"
+    )
+
+
+def with_limits(linear: LinearStart, number: int, width: float, values: Array, p: Array) -> StartEquations:
+    """Starting equations whose states are the critical values (m,) of a parameter, from the nominal ones on.
+
+    Parameters
+    ----------
+    linear : start and Jacobian
+    number : of the parameter among all parameters
+    width : of the range in which it is critical, which is the unit of the states
+    values : (m,) nominal critical values
+    p : (n_p - 1,) nominal values of the other parameters
+
+    Raises
+    ------
+    ValueError         if an eigenvalue at a limit is not simple
+    """
+    n, n_u = len(linear.sizes), linear.start.residual.numel_in(0)
+    nominal, shapes = [], []
+    for value in values:
+        u, A = linear.solved(np.insert(p, number, value)[None])
+        shape, size, oscillates = _critical_shape(A[0])
+        shapes.append((float(value), shape, size, oscillates))
+        nominal += [u[0], [0.0], shape.real, *([shape.imag, [1.0]] if oscillates else [])]
+
+    def equations(p: ca.SX, t: ca.SX, *blocks: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+        rows, states = [], []
+        for block, (value, shape, size, oscillates) in zip(blocks, shapes, strict=True):
+            u, m, vector = ca.vertsplit(block, [0, n_u, n_u + 1, block.numel()])
+            others = ca.vertsplit(p)
+            others.insert(number, value + width * m)
+            residual, J = linear.at(u, ca.vertcat(*others), t)
+            rows.append(residual)
+            states.append(m)
+            if oscillates:
+                real, imag, b = ca.vertsplit(vector, [0, n, 2 * n, 2 * n + 1])
+                rows += _rows_of_mode(J / size, shape, real, imag, ca.SX(0), b)
+            else:
+                rows += [J @ vector / size, ca.dot(shape, vector) - 1]
+        return rows, states
+
+    blocks = [n_u + 1 + (2 * n + 1 if oscillates else n) for *_, oscillates in shapes]
+    return _start_equations(linear, equations, blocks, np.concatenate(nominal), p, "limits may meet others")
+
+
+def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, samples: Array) -> Array:
+    """About the solutions u (N, n) of the residual at samples (N, n_p), on straight ways from the nominal one."""
+    arguments = [ca.SX.sym(name, residual.numel_in(i)) for i, name in enumerate("upt")]
+    rows = residual(*arguments)
+    both = common("newton", arguments, [rows, ca.densify(ca.jacobian(rows, arguments[0]))])
+    u = np.tile(nominal, (len(samples), 1))
+    for share in np.linspace(0, 1, _PARTS_OF_A_WAY + 1)[1:]:
+        for _ in range(_ITERATIONS):
+            r, J = batch(both, u, p + share * (samples - p), np.full((len(u), 1), t))
+            try:
+                u = u - np.linalg.solve(J, r[..., None])[..., 0]
+            except np.linalg.LinAlgError:  # what is no solution cannot be proved
+                return u
+    return u
+
+
+_PARTS_OF_A_WAY, _ITERATIONS = 8, 4
+"""Of Newton's iteration from one part of a way to the next: it is close to the solution from the second part on."""
+
+
+def _critical_shape(A: Array) -> tuple[Array, float, bool]:
+    """The vector (n,) of the eigenvalue of A (n, n) that is imaginary or 0, a size of it, and whether it oscillates.
+
+    ValueError if there is not one.
+    """
+    _, sizes, vectors = np.linalg.svd(A)
+    none = int(np.count_nonzero(sizes <= _SINGULAR * sizes[0]))
+    if none == 1:
+        return vectors[-1], float(sizes[0]), False
+    values, vectors = np.linalg.eig(A)
+    on_axis = (np.abs(np.real(values)) <= _ON_AXIS * np.abs(values).max()) & (np.imag(values) > 0)
+    if none or np.count_nonzero(on_axis) != 1:
+        raise ValueError
+    k = int(on_axis.argmax())
+    return vectors[:, k] / np.linalg.norm(vectors[:, k]), float(values[k].imag), True
+
+
+def _rows_of_mode(J: ca.SX, shape: Array, real: ca.SX, imag: ca.SX, a: ca.SX, b: ca.SX) -> list[ca.SX]:
+    """J v = (a + i b) v, and c' v = 1."""
+    return [
+        J @ real - a * real + b * imag,
+        J @ imag - a * imag - b * real,
+        ca.dot(np.real(shape), real) + ca.dot(np.imag(shape), imag) - 1,
+        ca.dot(np.real(shape), imag) - ca.dot(np.imag(shape), real),
+    ]
+
+
+def _start_equations(
+    linear: LinearStart,
+    equations: Callable[..., tuple[list[ca.SX], list[ca.SX]]],
+    sizes: Sequence[int],
+    nominal: Array,
+    p: Array,
+    unproved: str,
+) -> StartEquations:
+    """Starting equations (p, t, blocks) -> residuals and states of unknowns in blocks, from a nominal solution on."""
+    arguments = ca.SX.sym("u", int(sum(sizes))), ca.SX.sym("p", len(p)), ca.SX.sym("t")
+    u, *others = arguments
+    rows, states = equations(*others, *ca.vertsplit(u, [0, *np.cumsum(sizes).tolist()]))
+    residual = common("residual", [*arguments], [ca.densify(ca.vertcat(*rows))])
+    solve = partial(_continued, residual, nominal, p, linear.t)
+    return StartEquations(residual, common("states", [*arguments], [ca.densify(ca.vertcat(*states))]), solve, unproved)

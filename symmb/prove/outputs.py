@@ -1,0 +1,225 @@
+"""Bounds of the outputs at times of a step."""
+
+import math
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.prove import chebyshev as ch
+from symmb.prove import discs, points
+from symmb.prove.curves import TimeStep, parameter_points
+from symmb.prove.degrees import degrees_of_outputs
+from symmb.prove.ellipses import TOO_MANY, Choice, Control, ellipses, node_counts, nodes_needed, patches_on, reaches
+from symmb.prove.errors import ProofError
+from symmb.prove.ranges import cut, ranges
+from symmb.prove.rounding import U, above, of_sum
+from symmb.prove.several_parameters import monomials, on_step, parameter_models, run
+from symmb.prove.taylor_models import Model, basis_of, reach
+
+_PATCHES = 1, 8, 24, 64
+"""Patches of each parameter. More are tried where outputs cannot be shown to be smooth with fewer ones, or have large
+bounds: quotients of sums that are positive, such as reactions, may need many."""
+_SOME = 1
+"""Patches beyond which no more are tried for outputs that could not be shown to be smooth in the step before."""
+_MANY_NODES = 50
+"""Nodes of each parameter above which more patches are tried."""
+EXTRA_NODES = 4
+"""Nodes of each parameter that are taken first, beside the terms of the motion."""
+_FINEST, _LARGEST = 300, 3e6
+"""Most nodes of a variable, and of the grids of all times: their values take seconds."""
+SHARP = 1e-6
+"""Share of the width by which bounds may be off because ranges are searched no further."""
+_MORE = 2
+"""Degrees of Taylor models of outputs beyond those of the motion, for several parameters."""
+_NUMBERS = 1e5
+"""Most coefficients of the polynomial of an output at a time, whose range is sought."""
+
+
+def output_bounds(
+    step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SHARP
+) -> tuple[Array, Array, Array, Array]:
+    """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), and the remainder in them.
+
+    All have the shape (n_t, n_y). The last array (n_y,) has the sizes of the terms that make the outputs: those of the
+    states times the sensitivities, 0 where they are not known. The outputs y(u(xi, t), p, t) are interpolated in xi.
+    Their ranges are bounded, and widened by the aliasing, the rounding and the largest sensitivity dy/dx times the
+    largest B w. Outputs that cannot be shown to be smooth have infinite bounds, and the control keeps which these are.
+    """
+    problem, n_t = step.problem, len(times)
+    n_y = problem.outputs.numel_out(0)
+    if problem.n and problem.d > ch.FEW:
+        e = above(step.B_largest @ w)
+        with np.errstate(all="ignore"):
+            lower, upper, remainder, slopes = _model_bounds(step, e, times, sharp)
+        terms = slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
+        return lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
+    with np.errstate(all="ignore"):
+        e, smooth = above(step.B_largest @ w), np.zeros(n_y, dtype=bool)
+        is_refused = np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
+        for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= TOO_MANY):
+            rho, most, nodes = _ellipses(step, control.choice, patches)
+            real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
+            slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
+            slopes = reaches(slopes).reshape(problem.n, n_y).T
+            of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
+            smooth = np.isfinite(most) & np.isfinite(of_states)
+            is_hopeless = control.rough if patches > _SOME else False
+            if (smooth | is_refused | is_hopeless).all() and nodes <= _MANY_NODES**problem.d:
+                break
+        control.rough = ~smooth
+        good = np.flatnonzero(smooth)
+        lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
+        pending = [good] if len(good) else []
+        while pending:
+            part = pending.pop()
+            try:
+                low, high, rest = _good_bounds(
+                    step, times, tuple(part.tolist()), rho[1:], most[part], of_states[part], sharp
+                )
+            except ProofError:  # of one of them
+                pending += np.split(part, len(part)) if len(part) > 1 else []
+            else:
+                lower[:, part], upper[:, part], remainder[:, part] = -low, high, rest
+        return -lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
+
+
+def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float], Array, float]:
+    """Ellipses of the parameters, those of several choices that need the fewest nodes, and bounds of the outputs.
+
+    The last value is about the number of these nodes.
+    """
+    found = []
+    for factor in _FACTORS:
+        rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
+        on = patches_on(step, rho, (patches, max(patches, choice.patches[1])))
+        most = reaches(step.problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
+        smooth = most[np.isfinite(most)]
+        nodes = nodes_needed(rho[1:], SHARP / float(smooth.max(initial=1.0)))
+        found.append((len(smooth), -nodes, rho, most))
+    _, nodes, rho, most = max(found, key=lambda choice: choice[:2])
+    return rho, most, -nodes
+
+
+_FACTORS = (1.0, 0.3, 3.0, 10.0)
+"""Ellipses of the parameters that are tried, over those on which the rates are bounded."""
+
+
+def _good_bounds(
+    step: TimeStep, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, sharp: float
+) -> tuple[Array, Array, Array]:
+    """The same of some outputs, which are at most `most` on the ellipses rho of the parameters."""
+    d = len(rho)
+    degrees = degrees_of_outputs(step)[list(which)]
+    c, rest = interpolation(step, times, which, rho, most, of_states, sharp, degrees)
+    width = (ch.sums(c, d) - np.abs(c[(..., *(0,) * d)])).max(axis=1)
+    flat, gone = cut(c.reshape(-1, *c.shape[2:]), np.repeat(0.1 * sharp * width, len(times)))
+    rest = above(rest + of_states[:, None] + gone.reshape(rest.shape))
+    low, high = (bounds.reshape(rest.shape) for bounds in ranges(flat, sharp))
+    low, high = low - rest, high + rest
+    return (low - 4 * U * np.abs(low)).T, (high + 4 * U * np.abs(high)).T, rest.T
+
+
+def interpolation(
+    step: TimeStep,
+    times: Array,
+    which: tuple[int, ...],
+    rho: list[float],
+    most: Array,
+    blurred: Array,
+    sharp: float = SHARP,
+    degrees: Array | float = np.inf,
+) -> tuple[Array, Array]:
+    """Coefficients (m, n_t, n1, ...) of outputs in the parameters, and bounds (m, n_t) of the errors.
+
+    Parameters
+    ----------
+    rho : ellipses of the parameters
+    most : (m,) bounds of the outputs on them
+    blurred : (m,) errors beside which those of aliasing need not be smaller
+    sharp : share of the width up to which they may be larger
+    degrees : (m, d) of outputs that are polynomials, which more nodes interpolate exactly; infinite of others
+    """
+    d = len(rho)
+    lengths = step.x.c.shape[2:]
+    counts, top = tuple(m + EXTRA_NODES for m in lengths), (_FINEST,) * d
+    while True:
+        values, errors = _values(step, times, counts, which)
+        mean = values.mean(axis=tuple(range(2, values.ndim)))
+        moved = values - mean[(..., *(None,) * d)]
+        c = ch.along([ch.coefficients_from_nodes(m) for m in counts], moved)
+        width = ch.sums(c, d).max(axis=1)
+        if not np.isfinite(width).all():
+            raise ProofError("a value is too large")
+        is_exact = np.broadcast_to(degrees < np.array(counts), (len(most), d)).all(axis=1)
+        alias = np.where(is_exact, 0.0, above(ch.aliasing(rho, counts) * most))
+        allowed = 0.1 * (sharp * width + blurred) + errors
+        if (alias <= allowed).all():
+            break
+        wanted = node_counts(rho, float((allowed / most).min()), top)
+        finer = tuple(max(a, b) for a, b in zip(wanted, counts, strict=True))
+        if finer == counts or math.prod(finer) * len(times) > _LARGEST:
+            break
+        counts = finer
+    c[(..., *(0,) * d)] += mean
+    lost = 2.0**d * np.prod(counts, dtype=float) * ch.rounding_of(counts, 2 * ch.ENTRY) * ch.largest(moved, d)
+    lebesgue = np.prod([2.0 / np.pi * np.log(m) + 1.0 for m in counts])
+    peak = ch.largest(values, d)
+    return c, above(lost + lebesgue * (errors[:, None] + 2 * U * peak) + 2 * U * peak + alias[:, None])
+
+
+def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[int, ...]) -> tuple[Array, Array]:
+    """Outputs (m, n_t, *counts) at times and nodes of the parameters, and bounds of the errors (m,)."""
+    problem, d = step.problem, len(counts)
+    at = step.at(times)
+    x, errors = ch.values(at[0], counts)
+    errors = above(errors + at[1]).max(axis=1)
+    states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
+    p = parameter_points(problem, counts, 1)
+    t = [points.point(times.reshape(-1, *(1,) * d), U * np.abs(times).max())]  # differences from the first time
+    found = problem.tape_of_outputs(which).run(points.OPERATIONS, points.point, [states, p, t])[0]
+    shape = (len(times), *counts)
+    return np.stack([np.broadcast_to(a[0], shape) for a in found]), np.array([a[1] for a in found])
+
+
+def _model_bounds(step: TimeStep, e: Array, times: Array, sharp: float) -> tuple[Array, Array, Array, Array]:
+    """Lower and upper bounds of the outputs (n_t, n_y), the remainder in them, and sensitivities (n_y, n).
+
+    States are within e (n,) of the motion.
+    """
+    problem, n_t = step.problem, len(times)
+    n_y = problem.outputs.numel_out(0)
+    slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]]).reshape(problem.n, n_y).T
+    of_states = above(slopes @ e)
+    basis = basis_of(problem.d, step.x.c.shape[2] - 1 + _MORE)
+    at, errors = step.at(times)
+    c, lost = monomials(at, basis)
+    x = [Model(own.T, above(error + gone), basis) for own, error, gone in zip(c, errors, lost, strict=True)]
+    t = Model(times[None], np.full(1, U * np.abs(times).max()), basis)
+    lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
+    for k, found in enumerate(run(problem.output_tape, [x, parameter_models(step, basis), [t]])[0]):
+        if np.isfinite(reach(found)) and np.isfinite(of_states[k]):
+            low, high, rest = _range_of_model(found, of_states[k], n_t, sharp)
+            lower[:, k], upper[:, k], remainder[:, k] = -low, high, rest
+    return -lower, upper, remainder, slopes
+
+
+def _range_of_model(a: Model, beside: float, n_t: int, sharp: float) -> tuple[Array, Array, Array]:
+    """Bounds (n_t,) of an output, and the remainder in them.
+
+    The highest degrees are cut where they are a small share of the width, or too many.
+    """
+    basis, d = a.basis, a.basis.variables
+    c = np.broadcast_to(basis.to_chebyshev @ a.coefficients(), (basis.counts[-1], n_t))
+    sums = np.add.reduceat(np.abs(c), [0, *basis.counts[:-1]], axis=0)
+    tails = np.cumsum(sums[::-1], axis=0)[::-1]
+    degree = basis.degree
+    while degree > 1 and ((tails[degree] <= 0.1 * sharp * tails[1]).all() or (degree + 1.0) ** d > _NUMBERS):
+        degree -= 1
+    kept = basis.counts[degree]
+    gone = tails[degree + 1] if degree < basis.degree else np.zeros(n_t)
+    whole = np.zeros((n_t, *(degree + 1,) * d))
+    whole[(slice(None), *basis.exponents[:kept].T)] = c[:kept].T
+    rest = above(a.radius + gone + beside + of_sum(len(c) + 2) * a.norm)
+    low, high = ranges(whole, sharp)
+    low, high = low - rest, high + rest
+    return low - 4 * U * np.abs(low), high + 4 * U * np.abs(high), np.broadcast_to(rest, n_t)

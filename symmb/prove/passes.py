@@ -1,0 +1,380 @@
+"""Passes of switches: all parameters of the box pass one, or some at once, within a short window of time.
+
+The time from the begin t of a window to the pass is about a polynomial tau(p), which need not be exact. In scaled time
+the old equations lead from t to about the surface of the switch for all parameters at once, and the new ones lead from
+there back to t: a front from which the new equations go on as if they had always held. The states err by the time
+between tau and the true pass, which is |g| / |dg/dt| at most, times the difference of the rates on both sides.
+
+Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import combinations, product
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.declare.symbolic import common
+from symmb.prove import chebyshev as ch
+from symmb.prove import discs
+from symmb.prove.curves import TimeStep
+from symmb.prove.ellipses import reaches
+from symmb.prove.errors import ProofError
+from symmb.prove.flow import fit, motion, parameters_at
+from symmb.prove.front import Front
+from symmb.prove.patches import largest_on
+from symmb.prove.points import PLAIN, plain
+from symmb.prove.problem import Problem
+from symmb.prove.rounding import U, above
+from symmb.prove.start import still
+from symmb.prove.step import on_motion
+from symmb.prove.tape import Tape
+from symmb.prove.transitions import require_known
+
+_LOOKS = 33
+"""Times of a step at which the sides of switches are looked at."""
+_MOST = 16
+"""Steps within which all parameters must pass a switch."""
+_NEWTON = 8
+"""Iterations of Newton's method for the time of a pass."""
+_TOGETHER = 4
+"""Most switches that are passed at once: each doubles the equations between the first and the last of them."""
+_TRIALS = 12
+"""Candidates for the time between a pass and the polynomial."""
+_BEYOND = 1e-3
+"""Time after a pass at which parts of tables are read, over that from the begin of the window to the pass."""
+_SOME = 64
+"""About the patches of parameters on which a pass is proved."""
+_LITTLE, _NOTHING = 1e-280, 1e-250
+"""More than nothing, and bounds that are 0 but for numbers that are rounded up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """A pass that lies ahead of a front.
+
+    Attributes
+    ----------
+    which : numbers of the switches
+    tau : (N + 1, ...) coefficients of the times from the front to the pass
+    first, last : bounds of them [s]
+    place : the state (n,), the parameters (n_p,) and the time of one pass
+    why : a sentence that tells why it cannot be proved; empty if it may be
+    """
+
+    which: tuple[int, ...]
+    tau: Array
+    first: float
+    last: float
+    place: tuple[Array, Array, float] | None = None
+    why: str = ""
+
+
+def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: float) -> Crossing | None:
+    """The next pass, if a motion (n, K + 1, N + 1, ...) over a step h is seen to leave the sides of its phase.
+
+    Parameters
+    ----------
+    terms : of motions over further steps
+    same : time between passes that are one [s]
+    """
+    assert problem.valid is not None and problem.phase is not None
+    lengths = x.shape[2:]
+    counts = [n + 2 if problem.d <= ch.FEW else n for n in lengths]
+    p = [np.broadcast_to(a, counts).ravel() for a in parameters_at(problem, [ch.nodes(m) for m in counts], 0)]
+    tape, nodes = Tape(with_slopes(problem, problem.valid, problem.rates)), int(np.prod(counts))
+    found = np.full((problem.valid.numel_out(0), nodes), np.inf)
+    states, begin = np.zeros((problem.n, nodes)), t0
+    for number in range(_MOST):
+        own = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x)
+        own = own.reshape(*x.shape[:2], nodes)
+        _look(tape, own, p, begin, h, found, states)
+        if number == 0 and np.isinf(found).all():
+            return None
+        if np.isfinite(found.min(axis=0)).all():
+            break
+        begin, x = begin + h, motion(problem, x.sum(axis=1), begin + h, h, terms).c
+    else:
+        return _refused(found - t0, "a part of the box does not pass it soon")
+    earliest = found.min(axis=0)
+    which = np.flatnonzero((found - earliest <= same).all(axis=1))
+    if not 0 < len(which) <= _TOGETHER:
+        return _refused(found - t0, "others are passed about then")
+    tau = ch.graded(fit((found[which[0]] - t0).reshape(counts), lengths), problem.d)
+    place = states[:, 0], np.array([a[0] for a in p]), float(earliest[0])
+    middle, reach = float(tau.flat[0]), reach_of(problem, tau)
+    return Crossing(tuple(which.tolist()), tau, middle - reach, middle + reach, place)
+
+
+def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: Array, states: Array) -> None:
+    """Note times (m, P) at which conditions leave the positive numbers in a step, and the states (n, P) at the first.
+
+    The motion has the coefficients c (n, K + 1, P).
+    """
+
+    def at(s: Array, which: Indices | slice = slice(None)) -> tuple[Array, list[list[Array]]]:
+        """States (n, ..., P) at times s (..., P) of the step, conditions there, and their slopes."""
+        T = np.cos(np.arange(c.shape[1]) * np.arccos(np.clip(s, -1.0, 1.0))[..., None])
+        x = np.einsum("nkp,...pk->n...p", c[..., which], T)
+        time = begin + 0.5 * h * (1.0 + s)
+        found = tape.run(PLAIN, plain, [list(x), [own[which] for own in p], [time]])
+        return x, [[np.broadcast_to(a, s.shape) for a in part] for part in found]
+
+    s = -np.cos(np.linspace(0.0, np.pi, _LOOKS))
+    values = at(np.broadcast_to(s[:, None], (_LOOKS, c.shape[2])))[1][0]
+    for k, value in enumerate(values):
+        beyond = ~(value > 0)
+        own = np.flatnonzero(beyond.any(axis=0) & np.isinf(found[k]))
+        if not len(own):
+            continue
+        after = beyond.argmax(axis=0)[own]
+        before = np.maximum(after - 1, 0)
+        a, b = value[before, own], value[after, own]
+        with np.errstate(all="ignore"):
+            place = s[before] + np.where(a > b, a / (a - b), 0.0) * (s[after] - s[before])
+            for _ in range(_NEWTON):
+                _, (g, slope) = at(place, own)
+                place = np.clip(np.nan_to_num(place - 2.0 / h * g[k] / slope[k]), s[before], s[after])
+        time = begin + 0.5 * h * (1.0 + place)
+        is_first = time < found[:, own].min(axis=0)
+        states[:, own[is_first]] = at(place, own)[0][:, is_first]
+        found[k, own] = time
+
+
+def _refused(times: Array, why: str) -> Crossing:
+    first = float(times.min())
+    return Crossing((int(times.min(axis=1).argmin()),), np.array(first), first, first, None, why)
+
+
+def reach_of(problem: Problem, tau: Array) -> float:
+    """A bound of how far a polynomial is from its constant term, where parameters are rounded."""
+    errors = np.broadcast_to(problem.errors, problem.middle.shape)
+    rho = []
+    for j in range(problem.d):
+        k = problem.variables.index(j)
+        off = float(above(errors[k] / problem.radius[k]) + 8 * U)
+        rho.append(1.0 + off + np.sqrt(off * (2.0 + off)))  # an ellipse around [-1 - off, 1 + off]
+    moved = tau.copy()
+    moved[(0,) * problem.d] = 0.0
+    return float(largest_on(rho, moved[None])[0]) if problem.d else 0.0
+
+
+def with_slopes(problem: Problem, g: ca.Function, rates: ca.Function) -> ca.Function:
+    """(x, p, t) -> g, and dg/dt along rates."""
+    assert problem.phase is not None
+    x, p, t = arguments = problem.phase.symbols
+    value = ca.densify(g(x, p, t))
+    along = ca.jtimes(value, ca.vertcat(x, t), ca.vertcat(rates(x, p, t), 1))
+    return common("slopes", [*arguments], [value, ca.densify(along)])
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Equations on both sides of switches that are passed at once.
+
+    Attributes
+    ----------
+    old, new : the problems on both sides, valid as long as no other switch is passed, and as these are passed in the
+               direction of the pass
+    between : (x, p, t) -> rates, and -> conditions, on all combinations of sides
+    surface : (x, p, t) -> (m,), what is 0 at the passes, above 0 before
+    sides : of all switches behind the passes
+    """
+
+    old: Problem
+    new: Problem
+    between: tuple[tuple[ca.Function, ca.Function], ...]
+    surface: ca.Function
+    sides: Array
+
+
+def window(problem: Problem, ahead: Crossing) -> Window:
+    """The equations about a pass; ProofError if one of these switches depends on the others."""
+    phase, which = problem.phase, list(ahead.which)
+    assert phase is not None and problem.valid is not None and ahead.place is not None
+    x, p, t = arguments = phase.symbols
+    surface = common("surface", [*arguments], [problem.valid(x, p, t)[which]])
+    others = np.setdiff1d(np.arange(len(phase.sides)), which).tolist()
+    found, changed = [], np.zeros(len(phase.sides), dtype=bool)
+    for signs in product((1.0, -1.0), repeat=len(which)):
+        sides = phase.sides.copy()
+        sides[which] *= signs
+        if min(signs) < 0:
+            sides = phase.settled(*ahead.place, sides, ahead.which)
+        rates, place = phase.on(phase.rates, sides, *ahead.place), ahead.place
+        if max(signs) < 0:  # beyond: where a table has a narrow part there, its next knot counts
+            place = _moved(rates, place, _BEYOND * ahead.first)
+        conditions = phase.conditions(sides, *place)
+        toward = ca.vertcat(
+            with_slopes(problem, conditions, rates)(x, p, t)[1][which] if max(signs) < 0 else ca.SX(0, 1),
+            -with_slopes(problem, surface, rates)(x, p, t)[1],
+        )
+        values = ca.vertsplit(conditions(x, p, t))
+        valid = ca.vertcat(*(values[k] for k in others), toward)
+        found.append((sides, rates, common("valid", [*arguments], [ca.densify(valid)])))
+        require_known("the equations", *found[-1][1:])
+        changed |= sides != phase.sides
+    sides = ca.SX.sym("sides", len(changed))
+    own = phase.switches(x, p, t, sides)[which]
+    if ca.depends_on(own, sides[np.flatnonzero(changed).tolist()]):
+        raise ProofError("it depends on the side of another one that is passed with it")
+    (_, _, of_old), (new, _, of_new) = found[0], found[-1]
+    after = problem.on_sides(new, *ahead.place)
+    return Window(
+        replace(problem, phase=None, valid=of_old, change=None),
+        replace(after, phase=None, valid=of_new, change=None),
+        tuple((rates, valid) for _, rates, valid in found),
+        surface,
+        new,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Departure:
+    """A motion that begins on switches, which it leaves at once.
+
+    Attributes
+    ----------
+    first : the problem in the first step, valid as long as the rates of these switches are above 0 on their sides
+    after : the problem behind it
+    both : the problems on all combinations of sides of these switches
+    """
+
+    first: Problem
+    after: Problem
+    both: tuple[Problem, ...]
+
+
+def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> Departure:
+    """The problems of a motion that begins on some switches, and perhaps on others, of which a step of about h follows.
+
+    ProofError if the switches are not 0 for all of the box, or are not left in one direction.
+    """
+    phase = problem.phase
+    assert phase is not None and problem.valid is not None and problem.valid_tape is not None
+    x, p, t = arguments = phase.symbols
+    reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
+    begin = still(problem, front.t, front.x, _LITTLE)
+    which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, reach, (1, 1))) <= _NOTHING).tolist()
+    if not set(own) <= set(which) or len(which) > _TOGETHER:
+        raise ProofError("the motion may begin on it")
+    place = front.x[(slice(None), *(0,) * problem.d)], problem.middle, front.t
+    behind = _moved(problem.rates, place, _BEYOND * h)
+    both, left = [], []
+    for signs in product((1.0, -1.0), repeat=len(which)):
+        sides = phase.sides.copy()
+        sides[which] *= signs
+        both.append(problem.on_sides(phase.settled(*place, sides, tuple(which)), *behind))
+        rates = with_slopes(problem, both[-1].valid, both[-1].rates)
+        if (rates(*place)[1].full().ravel()[which] > 0).all():
+            left.append((both[-1], rates))
+    if len(left) != 1:
+        raise ProofError("the motion may begin on it")
+    [(after, rates)] = left
+    values, slopes = rates(x, p, t)
+    conditions = [(slopes if k in which else values)[k] for k in range(len(phase.sides))]
+    valid = common("valid", [*arguments], [ca.densify(ca.vertcat(*conditions))])
+    require_known("the equations", *(f for own in both for f in (own.rates, own.outputs)), valid)
+    return Departure(replace(after, phase=None, valid=valid), after, tuple(both))
+
+
+def _moved(rates: ca.Function, place: tuple[Array, Array, float], h: float) -> tuple[Array, Array, float]:
+    """About the place after a short time."""
+    x, p, t = place
+    return x + h * rates(*place).full().ravel(), p, t + h
+
+
+class Scaled:
+    """Functions (x, p, t) as those of a scaled time s, with t = begin + s tau(p)."""
+
+    def __init__(self, problem: Problem, begin: float, tau: Array) -> None:
+        self._n, self._p, self._begin = problem.n, ca.SX.sym("p", len(problem.middle)), begin
+        powers = []
+        for j, count in enumerate(tau.shape):
+            k = problem.variables.index(j)
+            xi = (self._p[k] - problem.middle[k]) / problem.radius[k]
+            T = [ca.SX(1), xi]
+            while len(T) < count:
+                T.append(2 * xi * T[-1] - T[-2])
+            powers.append(T)
+        self._tau = ca.SX(0)
+        for place in zip(*np.nonzero(tau), strict=True) if tau.ndim else [()]:
+            term = reduce(lambda a, b: a * b, (powers[j][k] for j, k in enumerate(place)), ca.SX(1))
+            self._tau += float(tau[place]) * term
+
+    def of(self, f: ca.Function, factor: float = 0.0, is_back: bool = False) -> ca.Function:
+        """f, or a factor times f tau, in scaled time, which may go back from the pass to the begin."""
+        x, s = ca.SX.sym("x", self._n), ca.SX.sym("s")
+        value = f(x, self._p, self._begin + (1 - s if is_back else s) * self._tau)
+        return common(f.name(), [x, self._p, s], [ca.densify(factor * self._tau * value if factor else value)])
+
+    def problem(self, problem: Problem, outputs: ca.Function, is_back: bool = False) -> Problem:
+        """A problem over the scaled time from 0 to 1."""
+        regular = problem.regular and self.of(problem.regular, is_back=is_back)
+        return replace(
+            problem,
+            rates=self.of(problem.rates, -1.0 if is_back else 1.0, is_back),
+            outputs=self.of(outputs, is_back=is_back),
+            regular=regular,
+            valid=None,
+            refused=(),
+            times=np.ones(1),
+        )
+
+
+def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: float, g: Array) -> tuple[float, Array]:
+    """How far the passes are from the polynomial [s], and the states (n,) from those of the new equations there.
+
+    The front is that of the old equations at the polynomial, where the switches are at most g (m,). All motions are
+    within a room about it, which they cannot leave in this time. The problem is the old one in scaled time, `first` a
+    lower bound of the polynomial [s]. ProofError if the rates of all sides do not pass the switches transversally.
+    """
+    tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
+    reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
+    late, room = 0.0, np.zeros(problem.n)
+    for _ in range(_TRIALS):
+        late, room = 2.0 * late + _LITTLE, 2.0 * room + _LITTLE
+        share = 2.0 * late / first + 1e-14
+        around = still(problem, 1.0 - share, front.x, 2.0 * share)
+        slowest, fastest, speed, apart, is_shown = _about_pass(around, above(reach + room), tapes, len(g))
+        new_late = above(float((g / slowest).max()))
+        if len(g) > 1:  # the first may be passed so much earlier, and the others then be approached more slowly
+            new_late = above(new_late * (2.0 + float((fastest / slowest).max())))
+        new_room = above(4.0 * new_late * speed)
+        if not (np.isfinite(new_room).all() and is_shown):
+            break
+        if new_late < late and (new_room < room).all():
+            return late, above((1.0 if len(g) == 1 else 2.0) * late * apart)
+        late, room = new_late, new_room
+    raise ProofError("it may be passed tangentially")
+
+
+def _about_pass(
+    step: TimeStep, e: Array, tapes: Sequence[tuple[Tape, ...]], own: int
+) -> tuple[Array, Array, Array, Array, bool]:
+    """What holds about a pass on all sides of its switches.
+
+    Slowest and fastest rates (m,) at which switches are approached, largest rates (n,) of the states, differences (n,)
+    of these between sides, and whether all conditions are shown.
+    """
+    d = max(step.problem.d, 1)
+    count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _SOME or m == 1)
+    each = [[on_motion(step, tape, e, (1, count)) for tape in pair] for pair in tapes]
+    toward = [conditions[len(conditions) - own :] for _, conditions in each]
+    subtract = discs.OPERATIONS[ca.OP_SUB]
+    apart = [reaches([*map(subtract, a, b)]) for (a, _), (b, _) in combinations(each, 2)]
+    return (
+        np.min([[_least(a) for a in part] for part in toward], axis=0),
+        np.max([reaches(part) for part in toward], axis=0),
+        np.max([reaches(rates) for rates, _ in each], axis=0),
+        np.max(apart, axis=0),
+        all(discs.is_positive(a) for _, conditions in each for a in conditions),
+    )
+
+
+def _least(a: discs.Disc) -> float:
+    """A lower bound of real numbers that are positive."""
+    return float((np.real(a.centre) - a.swing * (1.0 + 1e-9)).min()) * (1.0 - 1e-9)

@@ -1,0 +1,280 @@
+"""Arithmetic on values at many points with one bound of the rounding errors of all of them.
+
+A number is (values, error, lowest, highest): the exact value at each point is within the error of the computed one, and
+the computed ones are between lowest and highest.
+"""
+
+import math
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+from scipy.special import erf
+
+from symmb._types import Array
+from symmb.declare.symbolic import Entry
+from symmb.prove.errors import ProofError
+from symmb.prove.rounding import FUNCTION, U, above
+
+Point = tuple[Array | float, float, float, float]
+
+
+def point(values: Array | float, error: float = 0.0) -> Point:
+    """Values with a bound of their errors."""
+    if isinstance(values, np.ndarray):
+        lowest, highest = float(values.min()), float(values.max())
+    else:
+        lowest = highest = float(values)
+    if not (math.isfinite(lowest + highest + error)):
+        raise ProofError("a value is infinite, or not a number")
+    return values, above(error), lowest, highest
+
+
+def size(a: Point) -> float:
+    """Largest modulus of the computed values."""
+    return max(-a[2], a[3])
+
+
+def _rounded(values: Array | float, error: float, relative: float = U) -> Point:
+    """A result with the errors of its arguments, and its own."""
+    p = point(values, error)
+    return p[0], above(error + relative * size(p)), p[2], p[3]
+
+
+def _add(a: Point, b: Point) -> Point:
+    return _rounded(a[0] + b[0], a[1] + b[1])
+
+
+def _subtract(a: Point, b: Point) -> Point:
+    return _rounded(a[0] - b[0], a[1] + b[1])
+
+
+def _multiply(a: Point, b: Point) -> Point:
+    return _rounded(a[0] * b[0], size(a) * b[1] + a[1] * (size(b) + b[1]))
+
+
+def _square(a: Point) -> Point:
+    return _rounded(a[0] * a[0], a[1] * (2.0 * size(a) + a[1]))
+
+
+def _negative(a: Point) -> Point:
+    return -a[0], a[1], -a[3], -a[2]
+
+
+def _distance_from_zero(a: Point) -> float:
+    """A lower bound of the moduli of the exact values; they must have one sign."""
+    least = a[2] if a[2] > 0 else -a[3]
+    if not least * (1.0 - 4.0 * U) > a[1]:
+        raise ProofError("a denominator, a root's or a logarithm's argument, or the argument of a modulus may vanish")
+    return (least - a[1]) * (1.0 - 4.0 * U)
+
+
+def _inverse(a: Point) -> Point:
+    least = _distance_from_zero(a)
+    return _rounded(1.0 / a[0], a[1] / least / least)
+
+
+def _divide(a: Point, b: Point) -> Point:
+    return _multiply(a, _inverse(b))
+
+
+def _function(f: Callable[..., Array], slope: Callable[[float, float], float]) -> Callable[[Point], Point]:
+    """An elementary function, whose derivative is at most slope(low, high) in an interval."""
+
+    def operation(a: Point) -> Point:
+        low, high = math.nextafter(a[2] - 2.0 * a[1], -math.inf), math.nextafter(a[3] + 2.0 * a[1], math.inf)
+        try:
+            steepest = slope(low, high)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            raise ProofError(
+                f"an argument of {f.__name__} may be outside of its domain, or a value too large"
+            ) from None
+        return _rounded(f(a[0]), above(steepest * 1.001) * a[1], FUNCTION)
+
+    return operation
+
+
+def _largest(low: float, high: float) -> float:
+    return max(-low, high)
+
+
+def _least(low: float, high: float) -> float:
+    return 0.0 if low <= 0.0 <= high else min(abs(low), abs(high))
+
+
+def _steepest_sine(low: float, high: float) -> float:
+    """The largest derivative of the inverse sine, whose differences from 1 and -1 are exact."""
+    most = _largest(low, high)
+    return 1.0 / math.sqrt((1.0 - most) * (1.0 + most))
+
+
+def _constant_power(a: Point, exponent: Point) -> Point:
+    """The derivative n x^(n - 1) is taken as (n / x) x^n, which neither underflows nor overflows before x^n does."""
+    n, most = float(exponent[0]), size(a) + a[1]
+    if n == int(n) and n < 0:
+        return _inverse(_constant_power(a, point(-n)))
+    if n != int(n) and a[2] <= a[1]:
+        raise ProofError("the base of a power may vanish")
+    steepest = most if n == int(n) or n > 1 else _distance_from_zero(a)
+    try:
+        return _rounded(a[0] ** n, above(abs(n) * 1.001 * steepest**n) * (a[1] / steepest), FUNCTION)
+    except OverflowError:
+        raise ProofError("a power is too large") from None
+
+
+def _is_constant(a: Point) -> bool:
+    """Whether it is one number without an error, beside that which covers underflow."""
+    return a[1] <= above(0.0) and a[2] == a[3]
+
+
+def _power(a: Point, b: Point) -> Point:
+    if _is_constant(b):
+        return _constant_power(a, point(b[2]))
+    return _EXP(_multiply(b, _LOG(a)))
+
+
+def _arctan2(y: Point, x: Point) -> Point:
+    """The gradient has the length 1 / r."""
+    if x[2] > x[1]:
+        least = _distance_from_zero(x)
+    elif y[2] > y[1] or y[3] < -y[1]:
+        least = _distance_from_zero(y)
+    else:
+        raise ProofError("the argument of an angle (atan2) may cross the negative half axis")
+    return _rounded(np.arctan2(y[0], x[0]), above(1.001 * (x[1] + y[1])) / least, FUNCTION)
+
+
+def _sign(a: Point) -> Point:
+    _distance_from_zero(a)
+    return point(1.0 if a[2] > 0 else -1.0)
+
+
+def _less(a: Point, b: Point) -> Point:
+    return point(0.0 if _sign(_subtract(a, b))[0] > 0 else 1.0)
+
+
+def _holds(condition: Point) -> bool:
+    """Whether a condition, which may be any number, is not 0."""
+    return not (_is_constant(condition) and condition[2] == 0.0) and bool(_sign(condition)[0])
+
+
+def _entry(entry: Entry, group: Point, at: Point) -> Point:
+    """An entry of a table, if all points are in one piece."""
+    if not _is_constant(group):
+        raise ProofError("an argument of a table may be in two of its pieces")
+    value, before, behind = entry.between(group[2], at[2])
+    for knot, side in ((before, 1.0), (behind, -1.0)):
+        if math.isfinite(knot) and _sign(_subtract(at, point(knot)))[0] != side:
+            raise ProofError("an argument of a table may be in two of its pieces")
+    return point(value)
+
+
+_SQRT = _function(np.sqrt, lambda low, high: 0.5 / math.sqrt(low))
+_LOG = _function(np.log, lambda low, high: 1.0 / math.sqrt(low) ** 2)
+_EXP = _function(np.exp, lambda low, high: math.exp(high))
+_SIN = _function(np.sin, lambda low, high: 1.0)
+_COS = _function(np.cos, lambda low, high: 1.0)
+_SINH = _function(np.sinh, lambda low, high: math.cosh(_largest(low, high)))
+_COSH = _function(np.cosh, lambda low, high: math.cosh(_largest(low, high)))
+
+OPERATIONS: dict[int, Callable[..., Point]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: _add,
+    ca.OP_SUB: _subtract,
+    ca.OP_MUL: _multiply,
+    ca.OP_DIV: _divide,
+    ca.OP_NEG: _negative,
+    ca.OP_SQ: _square,
+    ca.OP_TWICE: lambda a: (2.0 * a[0], 2.0 * a[1], 2.0 * a[2], 2.0 * a[3]),
+    ca.OP_INV: _inverse,
+    ca.OP_SQRT: _SQRT,
+    ca.OP_SIN: _SIN,
+    ca.OP_COS: _COS,
+    ca.OP_TAN: lambda a: _divide(_SIN(a), _COS(a)),
+    ca.OP_EXP: _EXP,
+    ca.OP_LOG: _LOG,
+    ca.OP_SINH: _SINH,
+    ca.OP_COSH: _COSH,
+    ca.OP_TANH: _function(np.tanh, lambda low, high: 1.0),
+    ca.OP_ASIN: _function(np.arcsin, _steepest_sine),
+    ca.OP_ACOS: _function(np.arccos, _steepest_sine),
+    ca.OP_ATAN: _function(np.arctan, lambda low, high: 1.0 / (1.0 + _least(low, high) ** 2)),
+    ca.OP_ASINH: _function(np.arcsinh, lambda low, high: 1.0 / math.hypot(1.0, _least(low, high))),
+    ca.OP_ACOSH: _function(np.arccosh, lambda low, high: 1.0 / math.sqrt(low - 1.0) / math.sqrt(low + 1.0)),
+    ca.OP_ATANH: _function(np.arctanh, lambda low, high: _steepest_sine(low, high) ** 2),
+    ca.OP_LOG1P: _function(np.log1p, lambda low, high: 1.0 / math.sqrt(1.0 + low) ** 2),
+    ca.OP_EXPM1: _function(np.expm1, lambda low, high: math.exp(high)),
+    ca.OP_ERF: _function(erf, lambda low, high: 1.1284 * math.exp(-(_least(low, high) ** 2))),
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_ATAN2: _arctan2,
+    ca.OP_HYPOT: lambda a, b: _SQRT(_add(_square(a), _square(b))),
+    ca.OP_FABS: lambda a: a if _sign(a)[0] > 0 else _negative(a),
+    ca.OP_SIGN: _sign,
+    ca.OP_FMIN: lambda a, b: b if _sign(_subtract(a, b))[0] > 0 else a,
+    ca.OP_FMAX: lambda a, b: a if _sign(_subtract(a, b))[0] > 0 else b,
+    ca.OP_LT: _less,
+    ca.OP_LE: _less,
+    ca.OP_EQ: lambda a, b: point(0.0 * float(_sign(_subtract(a, b))[0])),
+    ca.OP_NE: lambda a, b: point(abs(float(_sign(_subtract(a, b))[0]))),
+    ca.OP_NOT: lambda a: point(float(not _holds(a))),
+    ca.OP_AND: lambda a, b: point(float(_holds(a) and _holds(b))),
+    ca.OP_OR: lambda a, b: point(float(_holds(a) or _holds(b))),
+    ca.OP_IF_ELSE_ZERO: lambda condition, a: a if _holds(condition) else point(0.0),
+    ca.OP_CALL: _entry,
+}
+"""Operations of CasADi on such numbers. Comparisons are decided where all points agree, and are 0 or 1."""
+
+
+def plain(values: Array | float) -> Array | float:
+    """A number of `PLAIN`: its values alone."""
+    return values
+
+
+PLAIN: dict[int, Callable[..., Array | float]] = {
+    ca.OP_ASSIGN: plain,
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.divide,
+    ca.OP_NEG: np.negative,
+    ca.OP_SQ: np.square,
+    ca.OP_TWICE: lambda a: a + a,
+    ca.OP_INV: lambda a: 1.0 / a,
+    ca.OP_SQRT: np.sqrt,
+    ca.OP_SIN: np.sin,
+    ca.OP_COS: np.cos,
+    ca.OP_TAN: np.tan,
+    ca.OP_EXP: np.exp,
+    ca.OP_LOG: np.log,
+    ca.OP_SINH: np.sinh,
+    ca.OP_COSH: np.cosh,
+    ca.OP_TANH: np.tanh,
+    ca.OP_ASIN: np.arcsin,
+    ca.OP_ACOS: np.arccos,
+    ca.OP_ATAN: np.arctan,
+    ca.OP_ASINH: np.arcsinh,
+    ca.OP_ACOSH: np.arccosh,
+    ca.OP_ATANH: np.arctanh,
+    ca.OP_LOG1P: np.log1p,
+    ca.OP_EXPM1: np.expm1,
+    ca.OP_ERF: erf,
+    ca.OP_POW: np.power,
+    ca.OP_CONSTPOW: np.power,
+    ca.OP_ATAN2: np.arctan2,
+    ca.OP_HYPOT: np.hypot,
+    ca.OP_FABS: np.abs,
+    ca.OP_SIGN: np.sign,
+    ca.OP_FMIN: np.minimum,
+    ca.OP_FMAX: np.maximum,
+    ca.OP_LT: lambda a, b: np.less(a, b) * 1.0,
+    ca.OP_LE: lambda a, b: np.less_equal(a, b) * 1.0,
+    ca.OP_EQ: lambda a, b: np.equal(a, b) * 1.0,
+    ca.OP_NE: lambda a, b: np.not_equal(a, b) * 1.0,
+    ca.OP_NOT: lambda a: np.equal(a, 0.0) * 1.0,
+    ca.OP_AND: lambda a, b: np.logical_and(a, b) * 1.0,
+    ca.OP_OR: lambda a, b: np.logical_or(a, b) * 1.0,
+    ca.OP_IF_ELSE_ZERO: lambda condition, a: np.where(condition, a, 0.0),
+    ca.OP_CALL: lambda entry, group, at: entry.pieces.read(group, at)[entry.column],
+}
+"""The same operations without bounds of errors."""

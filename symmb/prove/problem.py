@@ -1,0 +1,190 @@
+"""The initial value problem of a scene as expression graphs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.declare.symbolic import common
+from symmb.prove.phases import Phase
+from symmb.prove.rounding import U, above
+from symmb.prove.tape import Tape
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """x' = f(x, p, t) with outputs y(x, p, t), for parameters p_i = middle_i + radius_i xi_j, xi in [-1, 1]^d.
+
+    Attributes
+    ----------
+    rates : (x, p, t) -> x' (n_x,)
+    outputs : (x, p, t) -> y (n_y,)
+    start : the states at the first time
+    middle, radius : (n_p,) of all parameters
+    variables : number of the variable xi_j of each parameter, -1 where it is fixed
+    times : (n_t,) output times [s]
+    scales : (n_x,) sizes of the states
+    errors : (n_p,) of the middles of a part of the box, which are rounded
+    phase : the equations on all sides of their switches; None: they have none
+    valid : (x, p, t) -> (m,), all above 0 as long as the rates are those of the scene; None: always
+    regular : (x, p, t) -> (m,), none of which is 0 where the rates are those of the scene; None: everywhere
+    closing : names of the joints that close loops
+    refused : for each output the operations that have no remainder; its expression is then not a number
+    change : to other states; None: these serve to the end
+    """
+
+    rates: ca.Function
+    outputs: ca.Function
+    middle: Array
+    radius: Array
+    variables: tuple[int, ...]
+    times: Array
+    scales: Array
+    start: "StartEquations"
+    errors: Array | float = 0.0
+    phase: Phase | None = None
+    valid: ca.Function | None = None
+    regular: ca.Function | None = None
+    closing: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
+    change: "Change | None" = None
+
+    def over(self, variable: int, side: int) -> "Problem":
+        """The problem over the half of the box where a variable is negative (side -1) or positive (1)."""
+        mine = np.array(self.variables) == variable
+        radius = np.where(mine, 0.5 * self.radius, self.radius)
+        middle = np.where(mine, self.middle + side * radius, self.middle)
+        errors = np.where(mine, above(self.errors + U * np.abs(middle)), self.errors)
+        return self.with_fields(middle=middle, radius=radius, errors=errors)
+
+    def with_fields(self, **fields: Any) -> "Problem":
+        """The same equations with another box, or another change."""
+        other = replace(self, **fields)
+        other.__dict__.update({name: value for name, value in self.__dict__.items() if name in _GRAPHS})
+        return other
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.rates.numel_in(0)
+
+    @property
+    def d(self) -> int:
+        """Number of uncertain parameters."""
+        return max(self.variables, default=-1) + 1
+
+    @property
+    def why_singular(self) -> str:
+        """Why rows of loops may not determine velocities, with the names of the joints that close them."""
+        names = ", ".join(repr(name) for name in self.closing[:_NAMED]) + ", ..." * (len(self.closing) > _NAMED)
+        return f"{SINGULAR} of {names}" if names else SINGULAR
+
+    @cached_property
+    def rate_tape(self) -> Tape:
+        """(x, p, t) -> x'."""
+        return Tape(self.rates)
+
+    @cached_property
+    def jacobian_tape(self) -> Tape:
+        """(x, p, t) -> x', and its Jacobian (n, n) in column-major order."""
+        return with_jacobian(self.rates)
+
+    @cached_property
+    def output_tape(self) -> Tape:
+        """(x, p, t) -> y."""
+        return Tape(self.outputs)
+
+    @cached_property
+    def valid_tape(self) -> Tape | None:
+        """(x, p, t) -> what must be above 0."""
+        return None if self.valid is None else Tape(self.valid)
+
+    def on_sides(self, sides: Array, *place: Array | float) -> "Problem":
+        """The problem on some sides (m,) of its switches, which holds about one place x, p, t."""
+        phase = self.phase
+        assert phase is not None
+        return replace(
+            self,
+            phase=replace(phase, sides=sides),
+            rates=phase.on(phase.rates, sides, *place),
+            outputs=phase.on(phase.outputs, sides, *place),
+            valid=phase.conditions(sides, *place),
+        )
+
+    @cached_property
+    def regular_tape(self) -> Tape | None:
+        """(x, p, t) -> what must not be 0."""
+        return None if self.regular is None else Tape(self.regular)
+
+    def tape_of_outputs(self, which: tuple[int, ...]) -> Tape:
+        """(x, p, t) -> some outputs."""
+        if which not in self._tapes:
+            arguments = [ca.SX.sym(f"a{i}", self.outputs.numel_in(i)) for i in range(3)]
+            y = ca.densify(self.outputs(*arguments))[list(which)]
+            self._tapes[which] = Tape(common("some", arguments, [y]))
+        return self._tapes[which]
+
+    @cached_property
+    def _tapes(self) -> dict[tuple[int, ...], Tape]:
+        return {}
+
+    @cached_property
+    def sensitivity_tape(self) -> Tape:
+        """(x, p, t) -> y, and its Jacobian (n_y, n) in column-major order."""
+        return with_jacobian(self.outputs)
+
+
+SINGULAR = "a loop may come to a singular position, such as a dead centre"
+_NAMED = 4
+"""Joints that a sentence names."""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A change to other states at a time [s].
+
+    Attributes
+    ----------
+    states : (x, p, t) -> the other states
+    following : time, problem -> the problem of the others from then on, over the same box
+    late : error of the time, which is given [s]; None: any time about this one will do
+    """
+
+    time: float
+    states: ca.Function
+    following: Callable[[float, Problem], Problem]
+    late: float | None = None
+
+
+_GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "regular_tape", "_tapes")
+"""What does not depend on the box."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartEquations:
+    """The start x of the states: u solves residual(u, p) = 0, and x is given by u and p.
+
+    Attributes
+    ----------
+    residual : (u, p, t) -> (n_u,)
+    states : (u, p, t) -> x (n_x,)
+    solve : P (N, n_p) -> approximate u (N, n_u)
+    unproved : why a solution may not be proved, for the end of a sentence
+    """
+
+    residual: ca.Function
+    states: ca.Function
+    solve: Callable[[Array], Array]
+    unproved: str = "the solution of the starting equations cannot be proved"
+
+
+def with_jacobian(f: ca.Function) -> Tape:
+    """The tape of f(x, p, t) and of its Jacobian by x."""
+    arguments = [ca.SX.sym(f"a{i}", f.numel_in(i)) for i in range(f.n_in())]
+    value = ca.densify(f(*arguments))
+    jacobian = ca.densify(ca.jacobian(value, arguments[0]))
+    return Tape(common("with_jacobian", arguments, [value, ca.vec(jacobian)]))

@@ -1,0 +1,395 @@
+"""The initial value problem of a scene's simulator, or the reason why there is none."""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array, Indices
+from symmb.connect import Simulator
+from symmb.declare.symbolic import On, batch, branches, common
+from symmb.declare.symbolic import t as time_symbol
+from symmb.equations.model import DAE, Box
+from symmb.prove.discs import OPERATIONS
+from symmb.prove.independent_velocities import Equations, equations_of, start_states
+from symmb.prove.modes import LinearStart, with_limits, with_modes
+from symmb.prove.phases import Phase, label
+from symmb.prove.problem import Change, Problem, StartEquations
+from symmb.prove.rounding import U, fine_grain_of
+from symmb.prove.tape import Tape
+from symmb.run.events import kinks
+from symmb.run.formulations import Formulation
+from symmb.run.linear import CriticalSimulator, ModalSimulator
+from symmb.run.simulation import DAESimulator, prepare_equations
+
+
+def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
+    """The problem whose solutions a method encloses.
+
+    Raises
+    ------
+    PropagationError         if the scene has impacts, joints that open or close, or operations without a remainder in
+                             its equations or in all outputs
+    """
+    if isinstance(simulator, ModalSimulator):
+        return _modal_problem(method, simulator, box)
+    if isinstance(simulator, CriticalSimulator):
+        return _critical_problem(method, simulator, box)
+    # The attribute is read: from Python 3.12 on isinstance accepts a property that raises.
+    expression: ca.Function | None = getattr(simulator, "expression", None)
+    if not isinstance(simulator, DAESimulator) and expression is None:
+        raise PropagationError(
+            f"{method!r}: it needs the equations of a scene, or outputs that are plain expressions of parameters and "
+            f"time, but {simulator!r} gives values only. Use PolynomialChaos()."
+        )
+    times = np.asarray(simulator.times, dtype=float)
+    if isinstance(simulator, DAESimulator):
+        form = _formulation(method, simulator, box)
+        equations = equations_of(form, simulator.scene and simulator.scene.system, times)
+        return _of_equations(method, simulator, box, form, equations)
+    p, t = ca.SX.sym("p", len(simulator.parameters)), ca.SX.sym("t")
+    none = ca.SX.sym("x", 0)
+    rates = ca.Function("rates", [none, p, t], [ca.SX(0, 1)])
+    outputs = ca.Function("outputs", [none, p, t], [ca.densify(cast(ca.Function, expression)(p, t))])
+    outputs, refused = _with_remainders(method, outputs)
+    start = StartEquations(rates, rates, lambda P: np.zeros((len(P), 0)))
+    problem = Problem(rates, _later(outputs, times[0]), *_intervals(simulator, box), times - times[0], np.zeros(0),
+                      start, refused=refused)  # fmt: skip
+    _require_tapes(method, problem)
+    return problem
+
+
+def _of_equations(
+    method: object, simulator: DAESimulator, box: Box, form: Formulation, equations: Equations
+) -> Problem:
+    """The problem with the states of equations."""
+    times = np.asarray(simulator.times, dtype=float)
+    outputs, refused = _with_remainders(method, _outputs(simulator, form, equations))
+    rates, outputs, regular, change = equations.rates, _later(outputs, times[0]), equations.regular, None
+    rates = _later(rates, times[0])
+    if equations.following is not None:
+        other = equations.following()
+        x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+        states = common("states", [x, p, t], [equations.whole(x, p, t)[other.kept.tolist()]])
+        later = cache(lambda: _of_equations(method, simulator, box, form, other))
+
+        def following(time: float, problem: Problem) -> Problem:
+            return later().with_fields(middle=problem.middle, radius=problem.radius, errors=problem.errors)
+
+        change = Change(equations.until - times[0], _later(states, times[0]), following)
+    if form.dae.sampling is not None:
+        change = _sampled(form.dae, equations, times)
+    problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0],
+                      form.dae.state_sizes[equations.kept], _start(form, equations),
+                      phase=_phase(form.dae, rates, outputs, times, equations.kept),
+                      regular=regular and _later(regular, times[0]), refused=refused, change=change,
+                      closing=_joints(form.dae.row_names))  # fmt: skip
+    if problem.phase is not None:  # sides are those of the states, as soon as these are known
+        problem = problem.on_sides(problem.phase.sides, np.zeros(problem.n), problem.middle, 0.0)
+    _require_tapes(method, problem)
+    return problem
+
+
+def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
+    """The changes of the values that are held, from one instant after the first time to the next."""
+    sampling = dae.sampling
+    assert sampling is not None
+    instants, begin = sampling.instants(times), float(times[0])
+    instants = instants[np.diff(instants, prepend=-np.inf) > _TOGETHER * min(sampling.periods)]
+    grain = fine_grain_of(float(times[-1] - begin))
+    late = grain + 4 * U * float(np.abs(times).max())
+
+    def following(k: int) -> Change | None:
+        """The change at an instant by its number."""
+        if k == len(instants):
+            return None
+        x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+        q, v, s, *_ = dae.arguments(equations.whole(x, p, t), p, t)
+        for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
+            number = round((instants[k] - sampling.begin) / T)
+            own = sampling.begin + T * number
+            if abs(own - instants[k]) <= _TOGETHER * T:
+                s[value], s[count] = law(q, v, s, p, own), s[count] + 1
+        states = common("states", [x, p, t], [ca.densify(ca.vertcat(x[: x.numel() - dae.n_s], s))])
+        time = float(np.round((instants[k] - begin) / grain) * grain)
+        return Change(time, states, lambda time, problem: problem.with_fields(change=following(k + 1)), late)
+
+    return following(0)
+
+
+_TOGETHER = 1e-9
+"""Instants that are closer than this share of a period are one."""
+
+
+def _require_tapes(method: object, problem: Problem) -> None:
+    """Refuse operations without a remainder in equations, switches and the start."""
+    starts = [Tape(problem.start.residual), Tape(problem.start.states)]
+    of_switches = [] if problem.valid_tape is None else [problem.valid_tape]
+    for tape in (problem.jacobian_tape, problem.sensitivity_tape, *of_switches, *starts):
+        _require_remainders(method, ", ".join(tape.unknown(OPERATIONS)))
+
+
+def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Problem:
+    """Frequencies and damping: the starting equations have the modes, and nothing moves."""
+    linear, modes = _linear_start(method, simulator, box), simulator.eigenvalues
+    intervals = _intervals(simulator, box)
+    _require_fixed(method, linear, simulator, _points_of(*intervals[:2]))
+    start = with_modes(linear, modes, np.array([*simulator.parameters.values()]))
+    x = ca.SX.sym("x", 2 * len(modes))
+    a, b = x[::2] - 1, x[1::2]
+    share = ca.sqrt(a**2 + b**2)
+    outputs = ca.vertcat(share * np.abs(modes) / (2 * np.pi), -a / share)
+    return _still_problem(method, start, x, outputs, intervals)
+
+
+def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) -> Problem:
+    """Critical values of a parameter, at which an eigenvalue is imaginary or 0."""
+    linear, intervals = _linear_start(method, simulator, box), _intervals(simulator, box)
+    p, (low, high) = np.array([*simulator.parameters.values()]), simulator.range
+    values = simulator.run(p[None]).Y[0, 0]
+    try:
+        start = with_limits(linear, simulator.number, high - low, values, p)
+    except ValueError:
+        raise PropagationError(
+            f"{method!r}: at a critical {simulator.outputs[0]} more than one eigenvalue is imaginary or 0, which is "
+            "not proved. Use PolynomialChaos()."
+        ) from None
+    middle, inner = intervals[0], _points_of(*intervals[:2])
+    corners = middle + intervals[1] * np.sign(inner - middle)
+    samples = np.unique(np.vstack([inner[:_INNER], corners[:_CORNERS]]), axis=0)
+    followed = values + (high - low) * batch(start.states, start.solve(samples), samples)[0]
+    for k in range(len(values)):
+        _require_fixed(method, linear, simulator, np.insert(samples, simulator.number, followed[:, k], axis=1))
+    _require_first(method, simulator, samples, followed)
+    x = ca.SX.sym("x", len(values))
+    return _still_problem(method, start, x, values + (high - low) * x, intervals)
+
+
+def _require_first(method: object, simulator: CriticalSimulator, samples: Array, followed: Array) -> None:
+    """Refuse limits (N, m) that are followed over the box, where stability changes at others for some samples (N, n_p).
+
+    Another eigenvalue may become imaginary before. The one that is followed stays simple then.
+    """
+    low, high = simulator.range
+    is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= _SAME_LIMIT * (high - low)).all(axis=1)
+    if is_other.any():
+        p = samples[is_other.argmax()]
+        where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(simulator.parameters, p, strict=True))
+        raise PropagationError(
+            f"{method!r}: at {where}, stability changes at other values in the range than the proof follows from the "
+            "nominal ones. Use smaller intervals, or PolynomialChaos()."
+        )
+
+
+_INNER, _CORNERS, _SAME_LIMIT = 4, 8, 1e-6
+"""Samples at which critical values are compared, and the distance over the range up to which they are the same."""
+
+
+def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:
+    """Start and Jacobian of the scene of a simulator."""
+    runs = prepare_equations(simulator.scene)
+    form, t = _formulation(method, runs, box), float(runs.times[0])
+    equations = equations_of(form, runs.scene.system, runs.times[:1])
+    return LinearStart(_start(form, equations), equations, form.dae.state_sizes[equations.kept], t)
+
+
+def _require_fixed(
+    method: object, linear: LinearStart, simulator: ModalSimulator | CriticalSimulator, P: Array
+) -> None:
+    """Refuse steady motions in coordinates that turn, at which the Jacobian has other eigenvalues than the scene."""
+    P = P[np.isfinite(P).all(axis=1)]
+    P = P[np.isfinite(linear.start.solve(P)).all(axis=1)]
+    if not linear.has(P, [found.values for found, _ in simulator.family.eigen_of(P)]):
+        raise PropagationError(
+            f"{method!r}: {simulator.name} starts in a motion that is steady only in coordinates that turn, of which "
+            "it proves nothing. Use PolynomialChaos()."
+        )
+
+
+def _still_problem(
+    method: object, start: StartEquations, x: ca.SX, outputs: ca.SX, intervals: tuple[Array, Array, tuple[int, ...]]
+) -> Problem:
+    """Outputs of states that follow from their starting equations, and do not move."""
+    _require_remainders(method, ", ".join(Tape(start.residual).unknown(OPERATIONS)))
+    arguments = [x, ca.SX.sym("p", len(intervals[0])), ca.SX.sym("t")]
+    rates = ca.Function("rates", arguments, [ca.SX.zeros(x.numel())])
+    return Problem(rates, common("outputs", arguments, [outputs]), *intervals, np.zeros(1),
+                   _OF_A_MODE * np.ones(x.numel()), start, refused=("",) * outputs.numel())  # fmt: skip
+
+
+_OF_A_MODE = 0.1
+"""How far the shares of a mode, of size 1, may move on ellipses: frequencies are roots, which are not smooth at 0."""
+
+
+def _require_remainders(method: object, unknown: str) -> None:
+    if unknown:
+        raise PropagationError(f"{method!r}: it has no remainder of {unknown}. Use PolynomialChaos().")
+
+
+def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function, tuple[str, ...]]:
+    """The outputs, not a number where they have operations without a remainder, and these operations of each."""
+    if not Tape(outputs).unknown(OPERATIONS):
+        return outputs, ("",) * outputs.numel_out(0)
+    x, p, t = (ca.SX.sym(name, outputs.numel_in(i)) for i, name in enumerate("xpt"))
+    values = ca.vertsplit(outputs(x, p, t))
+    alone = (common("output", [x, p, t], [value]) for value in values)
+    refused = tuple(", ".join(Tape(f).unknown(OPERATIONS)) for f in alone)
+    if all(refused):
+        _require_remainders(method, ", ".join(dict.fromkeys(refused)))
+    known = [ca.SX(np.nan) if unknown else value for value, unknown in zip(values, refused, strict=True)]
+    return common(outputs.name(), [x, p, t], [ca.densify(ca.vertcat(*known))]), refused
+
+
+def _later(f: ca.Function, begin: float) -> ca.Function:
+    """f(x, p, begin + t)."""
+    if not begin:
+        return f
+    x, p, t = (ca.SX.sym(name, f.numel_in(i)) for i, name in enumerate("xpt"))
+    return common(f.name(), [x, p, t], [f(x, p, t + begin)])
+
+
+def _intervals(simulator: Simulator, box: Box) -> tuple[Array, Array, tuple[int, ...]]:
+    """Middles and radii of all parameters, and the numbers of their variables."""
+    names = list(simulator.parameters)
+    middle = np.array([float(value) for value in simulator.parameters.values()])
+    radius, variables = np.zeros(len(names)), [-1] * len(names)
+    for name, (low, high) in zip(box.names, box.bounds, strict=True):
+        k = names.index(name)
+        middle[k] = low
+        if low < high:
+            middle[k] = low + 0.5 * (high - low)
+            radius[k] = np.nextafter(max(high - middle[k], middle[k] - low), np.inf)
+            variables[k] = max(variables) + 1
+    return middle, radius, tuple(variables)
+
+
+def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulation:
+    """The formulation of a scene with the fewest rows of constraints, if its motion is smooth."""
+    form = simulator.least_constrained
+    if rows := _rows_that_may_bind(simulator, form, box):
+        raise PropagationError(
+            f"{method!r}: rows of constraints depend on others ({rows}), which is not proved. Use PolynomialChaos()."
+        )
+    if form.dae.impacts is not None:
+        what = "joints that open or close" if form.dae.impacts.joints is not None else "impacts"
+        raise PropagationError(
+            f"{method!r}: the scene has {what}, over which it proves nothing. Use PolynomialChaos()."
+        )
+    middle, radius, _ = _intervals(simulator, box)
+    if contradiction := _contradiction(form, _points_of(middle, radius)):
+        raise PropagationError(f"{method!r}: {contradiction}. Give a start that all parameters of the box allow.")
+    return form
+
+
+def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) -> str:
+    """The rows that are left out of a formulation, and do not vanish at random positions and parameters of the box.
+
+    An analytic function that vanishes at random points but for rounding vanishes everywhere.
+    """
+    if not form.start.redundant:
+        return ""
+    system, dae, rng = simulator.scene.system, form.dae, np.random.default_rng(0)
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), system.p, time_symbol
+    of_bodies = x if form.bodies is None else form.bodies.states()(x, p)
+    own = [system.q, system.v, system.s]
+    rows = ca.Function("rows", [*own, p, t], [ca.densify(ca.vertcat(system.Phi, system.Psi))])
+    parts = ca.vertsplit(of_bodies, [0, *np.cumsum([part.numel() for part in own]).tolist()])
+    f = ca.Function("rows", [x, p, t], [rows(*parts, p, t)])
+    middle, radius, _ = _intervals(simulator, box)
+    turned = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in rng.normal(size=(_POINTS, dae.n_v))]
+    X = np.hstack([turned, rng.normal(size=(_POINTS, dae.n_v + dae.n_s))])
+    P = _points_of(middle, radius)
+    instants = rng.uniform(float(simulator.times[0]), float(simulator.times[-1]), (_POINTS, 1))
+    residuals = np.abs(batch(f, X, P, instants)[0])
+    binds = residuals.max(axis=0) > _VANISHES * max(1.0, residuals.max())
+    names = system.collected.row_names
+    left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
+    return ", ".join(_joints(left))
+
+
+def _joints(rows: Sequence[str]) -> tuple[str, ...]:
+    """The names of the joints that rows belong to."""
+    return tuple(dict.fromkeys(name.rpartition(".")[0] for name in rows))
+
+
+def _points_of(middle: Array, radius: Array) -> Array:
+    """Random points (N, n_p) of a box."""
+    return middle + radius * np.random.default_rng(0).uniform(-1, 1, (_POINTS, len(middle)))
+
+
+_POINTS, _VANISHES = 20, 1e-13
+"""Random points, and rows over the largest one that are rounding there."""
+
+
+def _contradiction(form: Formulation, P: Array) -> str:
+    """Where the start is solved for, but what else is listed does not hold: at one of the parameters P (N, n_p)."""
+    u, ok = form.start.position.solve(P)
+    x = batch(form.start.state, u, P)[0]
+    broken = ok & ~(batch(form.start.holds, x, u, P)[0] > 0).all(axis=1)
+    if not broken.any():
+        return ""
+    k = int(broken.argmax())
+    moved = {name: P[k, i] for i, name in enumerate(form.dae.p_names) if P[k, i] != form.dae.p_nominal[i]}
+    where = ", ".join(f"{name} = {value:.6g}" for name, value in moved.items())
+    return f"the start contradicts the rows of constraints, or itself, at {where}"
+
+
+def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kept: Indices) -> Phase | None:
+    """Rates and outputs, functions of the time from the first one on, on sides of the switches that rates have."""
+    found = kinks(dae, times)
+    if found is None:
+        return None
+    x, p, t, none = (*(ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt")), ca.SX.sym("none"))
+    both = common("both", [x, p, t, none], [rates(x, p, t), outputs(x, p, t)])
+    branch = branches(both, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
+    own, needed = np.empty(0, dtype=np.intp), branch.outputs[0]
+    while len(other := np.flatnonzero(ca.which_depends(needed, branch.sides, 1, False) or [])) > len(own):
+        own, needed = other, ca.vertcat(branch.outputs[0], branch.switches[other.tolist()])
+    if not len(own):
+        return None
+    sides, switches = (ca.densify(every[own.tolist()]) for every in (branch.sides, branch.switches))
+    left = branch.sides[np.setdiff1d(np.arange(branch.sides.numel()), own).tolist()]
+    y = [
+        whole if ca.depends_on(smooth, left) else smooth  # others have switches of their own
+        for smooth, whole in zip(ca.vertsplit(branch.outputs[1]), ca.vertsplit(outputs(x, p, t)), strict=True)
+    ]
+    arguments, named = [x, p, t, sides], (*dae.q_names, *dae.v_names, *dae.s_names)
+    names = (ca.vertcat(*map(ca.SX.sym, own)) for own in ([named[k] for k in kept], dae.p_names))
+    f = ca.Function("switches", arguments, [switches])
+    texts = f(*names, time_symbol - times[0], sides)
+    return Phase(
+        ca.Function("rates", arguments, [ca.densify(branch.outputs[0])]),
+        ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*y))]),
+        f, np.ones(len(own)), tuple(map(label, ca.vertsplit(texts))), str(found), float(times[0]),
+    )  # fmt: skip
+
+
+def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:
+    """(x, p, t) -> y; a copy from a pickle, without its scene, has the multipliers and accelerations of runs."""
+    x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+    whole, symbols = equations.whole(x, p, t), form.declared.sx_in()
+    depends = any(ca.which_depends(form.declared(*symbols), ca.vertcat(*symbols[3:]), 1, True) or [])
+    if depends and simulator.scene is None:
+        y = form.y(whole, p, t)
+    else:  # values that are held change between steps
+        solved = equations.solved()(x, p, t) if depends else [ca.SX.zeros(s.shape) for s in symbols[3:]]
+        y = form.declared(whole, p, t, *solved)
+    return common("outputs", [x, p, t], [ca.densify(y)])
+
+
+def _start(form: Formulation, equations: Equations) -> StartEquations:
+    start, position = form.start, form.start.position
+    p, t = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t")
+    u = ca.SX.sym("u", start.state.numel_in(0))
+    residual, states = position.residual(u, p), start_states(form, u, p)[equations.kept.tolist()]
+
+    def solve(P: Array) -> Array:
+        found, ok = position.solve(P)
+        return np.where(ok[:, None], found, np.nan)
+
+    return StartEquations(
+        common("residual", [u, p, t], [ca.densify(residual)]), common("states", [u, p, t], [ca.densify(states)]), solve
+    )

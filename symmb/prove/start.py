@@ -1,0 +1,227 @@
+"""The states at the first time as a front: the starting equations are solved, and the solution is proved."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.prove import chebyshev as ch
+from symmb.prove import discs, points
+from symmb.prove.curves import TimeStep
+from symmb.prove.ellipses import TOO_MANY, ellipses, reaches
+from symmb.prove.errors import ProofError
+from symmb.prove.flow import Curve, fit, integrated, parameters_at
+from symmb.prove.front import Front
+from symmb.prove.outputs import SHARP, interpolation
+from symmb.prove.patches import Patches
+from symmb.prove.problem import Problem
+from symmb.prove.ranges import cut
+from symmb.prove.rounding import above, of_sum
+from symmb.prove.several_parameters import equations_at_nodes, on_step, run
+from symmb.prove.tape import Tape
+from symmb.prove.taylor_models import basis_of, reach
+
+_SHARE = 1e-17
+"""Share of a state below which coefficients of its start are cut."""
+
+_NOISE = 1e-15
+"""Coefficients of scaled unknowns that are rounding, and would be large on ellipses."""
+_COUNTS = (1, 8, 32, 128)
+"""Patches of each variable that are tried: a start solves equations whose pivots nearly cancel, and it is made once."""
+_PARTS, _MOST_PARTS = (1, 8, 32), 1024
+"""Parts of each variable with an inverse of their own, which are tried, and most of them in all: they take seconds."""
+
+NO_START = "there are parameters for which the scene cannot be started"
+"""Why no part of a box can be proved."""
+_SHORT = 1e-9
+"""Length of a step in which nothing moves [s]."""
+_NONE = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
+"""No frame."""
+
+
+@np.errstate(all="ignore")
+def first_front(problem: Problem, order: int) -> Front:
+    """The start of the states, with the frame of their scales; ProofError if it cannot be enclosed."""
+    start, n, d = problem.start, problem.n, problem.d
+    own = Problem(start.residual, start.states, problem.middle, problem.radius, problem.variables, np.zeros(1),
+                  np.ones(start.residual.numel_in(0)), start)  # fmt: skip
+    step = still(own, 0.0, _unknowns(own, order))
+    e = _distance(step)
+    x, lost = polynomials(step, np.arange(n), (order + 1,) * d)
+    slopes = bounds_of(own.sensitivity_tape, step, e)[1]
+    of_unknowns = above(slopes.reshape(len(e), n).T @ e) if len(e) else np.zeros(n)
+    frame_terms = max(2, order // 2) + 1
+    B = np.zeros((n, n, *(frame_terms,) * d))
+    B[(np.arange(n), np.arange(n), *(0,) * d)] = problem.scales
+    error = above(lost + of_unknowns)
+    if not np.isfinite(error).all():
+        raise ProofError("the starting values cannot be shown to be smooth over the box")
+    return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
+
+
+def still(problem: Problem, t: float, x: Array, h: float = _SHORT) -> TimeStep:
+    """A short step from a time, in which states (n, N + 1, ...) stay."""
+    return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NONE, _NONE.c)
+
+
+def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
+    """Coefficients (m, *lengths) of some outputs at the begin of a step, and bounds (m,) of the errors.
+
+    ProofError if they cannot be shown to be smooth.
+    """
+    some, begin = tuple(which.tolist()), np.array([step.t0])
+    if len(lengths) > ch.FEW:
+        c, rest = _modelled(step, step.problem.tape_of_outputs(some), max(lengths) - 1)
+    else:
+        rho, most = _largest(step, step.problem.output_tape)
+        c, rest = interpolation(step, begin, some, rho, most[which], np.zeros(len(which)), sharp)
+    c, part = c[:, 0], (slice(None), *(slice(0, terms) for terms in lengths))
+    kept, others = ch.graded(c[part], len(lengths)), c.copy()
+    others[part] -= kept
+    short, gone = cut(kept, _SHARE * ch.sums(kept, len(lengths)))
+    whole = np.zeros((len(which), *lengths))
+    whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
+    return whole, above(rest[:, 0] + ch.sums(others, len(lengths)) + gone)
+
+
+def nominal_front(problem: Problem, order: int) -> Array:
+    """Coefficients (n, order + 1, ...) of about the states at the first time, without a proof."""
+    counts = [order + 3] * problem.d
+    p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
+    u = _solutions(problem, p, counts)
+    with np.errstate(all="ignore"):
+        tape = Tape(problem.start.states)
+        found = tape.run(points.PLAIN, points.plain, [list(u), p, [0.0]])[0]
+    x = np.stack([np.broadcast_to(value, counts) for value in found])
+    if not np.isfinite(x).all():
+        raise ProofError(NO_START)
+    return fit(x, [order + 1] * problem.d)
+
+
+def _unknowns(problem: Problem, order: int) -> Array:
+    """Approximate solution u (n_u, order + 1, ...) of the starting equations as polynomials of the parameters."""
+    n_u, d = problem.n, problem.d
+    counts = [order + 3] * d
+    if not n_u:
+        return np.zeros((0, *(order + 1,) * d))
+    p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
+    c = fit(_solutions(problem, p, counts), [order + 1] * d)
+    return np.where(np.abs(c) < _NOISE, 0.0, c)
+
+
+def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:
+    """Approximate solutions u (n_u, *counts) of the starting equations at nodes; ProofError if one is lacking."""
+    P = np.stack([np.broadcast_to(value, counts).ravel() for value in p], axis=1)
+    u = problem.start.solve(P)
+    if not np.isfinite(u).all():
+        raise ProofError(NO_START)
+    return u.T.reshape(u.shape[1], *counts)
+
+
+def _patches(step: TimeStep, rho: list[float], count: int = 1) -> Patches:
+    return Patches(rho, [1, *[count] * (len(rho) - 1)], step.degrees)
+
+
+def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
+    """Ellipses of the parameters, and bounds of the outputs of a tape on them; ProofError if there are none."""
+    for count in _counts(step.problem.d):
+        for spread in (0.5, 0.1, 0.02):
+            rho = [1.0, *ellipses(step, (spread, spread))[1:]]
+            most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho, count)))[0])
+            if np.isfinite(most).all():
+                return rho[1:], most
+    raise ProofError("the starting values cannot be shown to be smooth over the box")
+
+
+def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
+    """Coefficients (m, 1, order + 1, ...) of the outputs of a tape at the begin of a step, and their errors (m, 1)."""
+    d = step.problem.d
+    basis = basis_of(d, order + _MORE)
+    x, p, _ = equations_at_nodes(step, 1, basis)
+    found = run(tape, [x, p, [basis.constant(step.t0)]])[0]
+    kept = basis.counts[order]
+    c, rest = np.zeros((len(found), 1, *(order + 1,) * d)), np.zeros((len(found), 1))
+    for k, a in enumerate(found):
+        own = basis.to_chebyshev @ a.coefficients()[:, 0]
+        c[(k, 0, *basis.exponents[:kept].T)] = own[:kept]
+        rest[k] = above(a.radius + np.abs(own[kept:]).sum() + of_sum(len(own) + 2) * a.norm).max()
+    return c, np.where(np.isnan(rest), np.inf, rest)
+
+
+_MORE = 3
+"""Degrees of Taylor models of a start beyond those of the motion."""
+
+
+def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
+    """Bounds of the outputs of a tape over the box and within e (n,) of the states."""
+    d = step.problem.d
+    if d > ch.FEW:
+        return [np.array([reach(a) for a in part]) for part in on_step(step, tape, e)]
+    found: list[Array] = []
+    for count in _counts(d):
+        real = step.on_patches(_patches(step, [1.0] * (d + 1), count), e)
+        found = [reaches(part) for part in tape.run(discs.OPERATIONS, discs.disc, real)]
+        if all(np.isfinite(part).all() for part in found):
+            break
+    return found
+
+
+def _counts(d: int) -> Iterator[int]:
+    """Patches of each of d variables that are tried."""
+    return (count for count in _COUNTS if count**d <= TOO_MANY)
+
+
+def _distance(step: TimeStep) -> Array:
+    """Bounds (n_u,) of the distance of the solution from the polynomials u.
+
+    With Y about the inverse of the Jacobian J in the middle of a part of the box, |Y r(u)| + |I - Y J(u + [-e, e])| e
+    < e proves one solution within e for all parameters of the part, the only one there.
+
+    Source: Krawczyk (1969); Neumaier (1990), Interval Methods for Systems of Equations, theorem 5.1.8.
+    """
+    problem, n = step.problem, step.problem.n
+    if not n:
+        return np.zeros(0)
+    d, same = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
+    if d > ch.FEW:
+        c, rest = _modelled(step, problem.rate_tape, step.degrees[1])
+    else:
+        rho, most = _largest(step, problem.rate_tape)
+        c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
+    off = above(ch.sums(c[:, 0], d) + rest[:, 0])
+    for count in (count for count in _PARTS if count**d <= _MOST_PARTS):
+        e = _contracted(step, off, _patches(step, [1.0] * (d + 1), count))
+        if e is not None:
+            return e
+    raise ProofError(problem.start.unproved)
+
+
+def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
+    """Bounds (n_u,) of the distance of a solution, where the residual is at most `off` (n_u,), if it is proved."""
+    n = step.problem.n
+
+    def jacobians(e: Array) -> tuple[Array, Array]:
+        """Middles and radii (k, n, n) on the parts, within e (n,)."""
+        slopes = step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(parts, e))[1]
+        shape = np.broadcast_shapes(*(np.shape(a.centre) for a in slopes))
+        J = np.stack([np.broadcast_to(np.real(a.centre), shape).ravel() for a in slopes], axis=-1)
+        R = np.stack([np.broadcast_to(a.swing, shape).ravel() for a in slopes], axis=-1)
+        J, R = (a.reshape(-1, n, n).swapaxes(1, 2) for a in (J, R))
+        return J, R
+
+    try:
+        Y = np.linalg.inv(jacobians(np.zeros(n))[0])
+    except np.linalg.LinAlgError:
+        return None
+    g = above(np.abs(Y) @ off)
+    e = above(2.0 * g.max(axis=0))
+    for _ in range(8):
+        J, R = jacobians(e)
+        D = np.abs(np.eye(n) - Y @ J) + np.abs(Y) @ (above(R) + of_sum(n + 3) * np.abs(J)) + of_sum(n + 3)
+        grown = above(D) @ e
+        new = above(g + grown).max(axis=0)
+        if (new < e).all():
+            return new
+        e = above(1.5 * new)
+    return None

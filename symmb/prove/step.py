@@ -1,0 +1,169 @@
+"""What a step proves: the distance of the true motion from the polynomials, in the coordinates of a frame.
+
+With x = u + B w, where u and B are polynomials of time and parameters, and C is about the inverse of B,
+
+    w' = B^-1 ((A B - B') w + (int A(u + s B w) - A(u) ds) B w - d),      d = u' - f(u),      A = df/dx at u.
+
+Bounds of |C d|, |C (A B - B')|, |I - C B| and of the change of A over the candidate box W give F(W) >= |w| for all
+times of the step as long as |w| <= W. If F(W) < W, w cannot leave the box.
+
+References
+----------
+Picard and Lindelof's theorem in the form of Nedialkov, Jackson and Corliss, Applied Mathematics and Computation 105
+(1999), section 5. Lohner (1988), thesis, Karlsruhe, chapter 3, frames. Makino and Berz, International Journal of
+Differential Equations and Applications 10 (2005), preconditioned Taylor models. Lin and Stadtherr, Applied Numerical
+Mathematics 57 (2007), parameters as intervals. Neumaier, Reliable Computing 9 (2003).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.prove import chebyshev as ch
+from symmb.prove import discs
+from symmb.prove.curves import TimeStep
+from symmb.prove.defects import defect_of_frame, defect_of_motion, exact_defects
+from symmb.prove.ellipses import TOO_MANY, Control, adapted, patches_on
+from symmb.prove.errors import ProofError
+from symmb.prove.model_defects import defects_of_models
+from symmb.prove.patches import largest_on
+from symmb.prove.rounding import U, above
+from symmb.prove.several_parameters import on_step
+from symmb.prove.tape import Tape
+
+_TRIALS = 12
+"""Candidates for the box of w."""
+_AROUND = 1.5
+"""Ellipses that tell how far states may move, where none are needed for the defects."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """|w| <= W (n,) during a step, and |w| <= end (n,) at its end."""
+
+    W: Array
+    end: Array
+
+
+@np.errstate(all="ignore")
+def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
+    """Bounds of w over a step from |w| <= w0 (n,) at its beginning; ProofError if no box can be shown to hold w."""
+    defects, patches = exact_defects(step), control.choice.patches
+    if defects is not None:
+        defect, growth = defects
+        rho = [_AROUND] * len(step.degrees)
+    elif step.problem.d > ch.FEW:
+        defect, growth, rho = defects_of_models(step, w0, control)
+    else:
+        chosen = adapted(step, control)
+        rho, patches = chosen.rho, chosen.choice.patches
+        n = step.problem.n
+        C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
+        defect = defect_of_motion(step, rho, C_on, chosen.rates, w0, control)
+        growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
+    change = _Curvature(step, rho, patches)
+    W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
+    for _ in range(_TRIALS):
+        e = above(step.B_largest @ W)
+        quadratic = above(step.C_largest @ (change(e) @ e))
+        end = above(w0 + step.h * step.solved(above(growth @ W + quadratic + defect)))
+        if not np.isfinite(end).all():
+            break
+        if stays(end, W):
+            if not is_regular(step, e, patches):
+                raise ProofError(step.problem.why_singular)
+            return Proof(W, end)
+        W = above(np.maximum(W, 1.01 * end))
+    raise ProofError("the deviations from the polynomials grow too fast")
+
+
+def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:
+    """Whether rows of loops determine velocities in all states of a step within e (n,) of the motion."""
+    tape = step.problem.regular_tape
+    return tape is None or all(map(discs.is_regular, on_motion(step, tape, e, patches)))
+
+
+def unshown(step: TimeStep, e: Array) -> int | None:
+    """The first condition of the equations that is not shown in all states of a step within e (n,) of the motion."""
+    tape, first = step.problem.valid_tape, None
+    if tape is None:
+        return None
+    for patches in _PATCHES:
+        if patches[0] * patches[1] ** step.problem.d > TOO_MANY:
+            break
+        shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
+        if all(shown):
+            return None
+        first = shown.index(False)
+    return first
+
+
+_PATCHES = (8, 1), (40, 1), (40, 8)
+"""Patches of time and of each parameter on which conditions are tried."""
+
+
+def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
+    """Discs of the first outputs of a tape, for all parameters and states within e (n,) of the motion of a step."""
+    if step.problem.d > ch.FEW:
+        return [a.disc for a in on_step(step, tape, e)[0]]
+    real = step.on_patches(patches_on(step, [1.0] * len(step.degrees), patches), e)
+    return tape.run(discs.OPERATIONS, discs.disc, real)[0]
+
+
+def stays(end: Array, W: Array) -> bool:
+    """Whether w, which is at most `end` as long as it is at most W, cannot reach W: it is continuous."""
+    return bool((end < W).all())
+
+
+class _Curvature:
+    """How far the Jacobian changes between the motion and states beside it.
+
+    A(u + s e) is analytic in s for |s| <= 1 / kappa, where |e| <= kappa r and all discs with the radii r are where the
+    equations are analytic. It stays in discs of radius R there, so that by Schwarz's lemma it changes by at most
+    2 R kappa s, and its mean over s in [0, 1] by at most R kappa.
+    """
+
+    def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
+        self._step = step
+        d = len(rho) - 1
+        counts = patches[0], max(patches[1], max(count for count in _COUNTS if count**d <= _TOGETHER))
+        self._patches = patches_on(step, [1.0] * len(rho), counts)  # not made for several parameters
+        own = ch.sums(step.x.c, step.x.c.ndim - 1)
+        self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
+        self._radius, self._change = np.zeros(0), np.zeros(0)
+
+    def __call__(self, e: Array) -> Array:
+        """Bounds (n, n) of the mean change of A over |e_i| (n,)."""
+        if not self._radius.size or not (e <= self._radius).all():
+            self._choose(e)
+        kappa = above(float((e / self._radius).max()) * (1 + 4 * U))
+        return above(self._change * kappa)
+
+    def _choose(self, e: Array) -> None:
+        """Take the radii about e with the least change over them: smaller ones until it grows again."""
+        largest = max(2.0, 0.5 / float((e / self._room).max()))
+        least, self._radius = np.inf, np.zeros(0)
+        for factor in _SHRUNK:
+            radius = above(e * max(2.0, factor * largest))
+            change = self._changes(radius)
+            mean = float((change @ e).max() * (e / radius).max())
+            if np.isfinite(least) and not mean < least:
+                break
+            if mean < least or not self._radius.size:
+                self._radius, self._change, least = radius, change, mean
+
+    def _changes(self, radius: Array) -> Array:
+        """Largest radii (n, n) of the Jacobian's discs, at any place of a patch, over states within a radius (n,)."""
+        tape, n = self._step.problem.jacobian_tape, self._step.problem.n
+        if self._step.problem.d > ch.FEW:
+            entries = on_step(self._step, tape, radius)[1]
+        else:
+            entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
+        return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
+
+
+_COUNTS, _TOGETHER = (1, 4, 40), 64
+"""Patches of each parameter on which the change of the Jacobian is bounded at least, and about the most in all."""
+_SHRUNK = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
+"""Shares of the largest discs about the states that are tried."""

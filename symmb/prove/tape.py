@@ -1,0 +1,87 @@
+"""The instructions of an SX Function, prepared to be run many times with numbers of any kind."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+
+from symmb.declare.symbolic import called, operation_name
+
+_INPUT, _OUTPUT, _CONSTANT, _UNARY, _BINARY, _ENTRIES = range(6)
+
+
+class Tape:
+    """Scalar instructions of an SX Function with dense outputs."""
+
+    def __init__(self, f: ca.Function) -> None:
+        self.sizes = [f.numel_out(i) for i in range(f.n_out())]
+        self._slots, self._steps, self._codes = f.sz_w(), [], set()
+        calls = called(f)
+        for k in range(f.n_instructions()):
+            code, a, out = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+            if code == ca.OP_INPUT:
+                self._steps.append((_INPUT, out[0], a[0], a[1], None))
+            elif code == ca.OP_OUTPUT:
+                self._steps.append((_OUTPUT, out[0], out[1], a[0], None))
+            elif code == ca.OP_CONST:
+                self._steps.append((_CONSTANT, out[0], 0, 0, f.instruction_constant(k)))
+            elif k in calls:
+                self._codes |= {code}
+                used = [(entry, place) for entry, place in zip(calls[k], out, strict=True) if place >= 0]
+                self._steps.append((_ENTRIES, 0, a[0], a[1], used))
+            else:
+                self._codes.add(code)
+                kind = _UNARY if len(a) == 1 else _BINARY
+                self._steps.append((kind, out[0], a[0], a[-1], code))
+
+    def unknown(self, operations: Mapping[int, object]) -> list[str]:
+        """Names of the operations that are not among some."""
+        return sorted(operation_name(code) for code in self._codes if code not in operations)
+
+    def first(
+        self,
+        operations: Mapping[int, Callable[..., Any]],
+        constant: Callable[[float], Any],
+        inputs: Sequence[Sequence[Any]],
+        is_lost: Callable[[Any], bool],
+    ) -> str:
+        """The name of the first operation whose result is lost; empty if none is."""
+        lost: list[int] = []
+
+        def watched(code: int) -> Callable[..., Any]:
+            def operation(*arguments: Any) -> Any:
+                result = operations[code](*arguments)
+                if not lost and is_lost(result):
+                    lost.append(code)
+                return result
+
+            return operation
+
+        self.run({code: watched(code) for code in self._codes}, constant, inputs)
+        return operation_name(lost[0]) if lost else ""
+
+    def run(
+        self,
+        operations: Mapping[int, Callable[..., Any]],
+        constant: Callable[[float], Any],
+        inputs: Sequence[Sequence[Any]],
+    ) -> list[list[Any]]:
+        """The outputs for inputs, each a sequence of its elements."""
+        work: list[Any] = [None] * self._slots
+        outputs = [[None] * size for size in self.sizes]
+        for kind, out, a, b, code in self._steps:
+            if kind == _BINARY:
+                work[out] = operations[code](work[a], work[b])
+            elif kind == _ENTRIES:  # results may take the places of arguments
+                group, at = work[a], work[b]
+                for entry, place in code:
+                    work[place] = operations[ca.OP_CALL](entry, group, at) if entry else constant(0.0)
+            elif kind == _UNARY:
+                work[out] = operations[code](work[a])
+            elif kind == _CONSTANT:
+                work[out] = constant(code)
+            elif kind == _INPUT:
+                work[out] = inputs[a][b]
+            else:
+                outputs[out][a] = work[b]
+        return outputs

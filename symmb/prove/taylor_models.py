@@ -1,0 +1,446 @@
+"""Arithmetic on polynomials of total degree with a remainder, for several parameters.
+
+A number is, at each of some places, a polynomial of real variables in [-1, 1] and a disc in the complex plane: all
+values there are in the disc about that of the polynomial. Terms beyond the degree of the basis are bounded by the sums
+of their moduli and go to the disc. Places are nodes of time, or patches of an ellipse of time as in `discs`. The
+variables are then the place in the patch and the parameters. What is said there of analytic functions holds here for
+time alone: operations that are not entire ask that all values lie where the operation is analytic.
+
+References
+----------
+Makino and Berz, International Journal of Pure and Applied Mathematics 4 (2003), Taylor models. Neumaier, Reliable
+Computing 9 (2003), Taylor forms.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.prove import discs
+from symmb.prove.discs import Disc
+from symmb.prove.rounding import COMPLEX, FUNCTION, U, above
+
+_REAL = 4 * U
+"""Relative error of an operation on real numbers."""
+
+
+class Basis:
+    """Monomials of total degree up to `degree` in some variables, the lowest degrees first.
+
+    Attributes
+    ----------
+    exponents : (T, variables)
+    counts : number of the monomials up to each degree
+    of_squares : (T,) 1/2 for products of squares, which are in [0, 1]; 0 for the other monomials
+    """
+
+    def __init__(self, variables: int, degree: int) -> None:
+        self.variables, self.degree = variables, degree
+        every = np.array(list(_compositions(variables, degree)), dtype=np.intp).reshape(-1, variables)
+        totals = every.sum(axis=1)
+        order = np.argsort(totals, kind="stable")
+        self.exponents = every[order]
+        self.counts = np.cumsum(np.bincount(totals, minlength=degree + 1)).tolist()
+        self.of_squares = 0.5 * (self.exponents % 2 == 0).all(axis=1) * (totals > 0)
+        self._weights = (degree + 1) ** np.arange(variables)
+        self._sorted = np.argsort(self.exponents @ self._weights)
+        self._codes = (self.exponents @ self._weights)[self._sorted]
+        self._pairs: dict[tuple[int, int, int], Pairs] = {}
+
+    def places(self, exponents: Indices) -> Indices:
+        """Numbers of the monomials with exponents (m, variables), whose degrees are in the basis."""
+        return self._sorted[np.searchsorted(self._codes, exponents @ self._weights)]
+
+    def pairs(self, a: int, b: int, most: int) -> "Pairs":
+        """Pairs of monomials up to the degrees a and b, whose products are up to `most`."""
+        if (a, b, most) not in self._pairs:
+            totals = self.exponents.sum(axis=1)
+            left, right = [], []
+            for i in range(self.counts[a]):
+                count = self.counts[min(b, most - int(totals[i]))] if totals[i] <= most else 0
+                left.append(np.full(count, i))
+                right.append(np.arange(count))
+            i, j = np.concatenate(left), np.concatenate(right)
+            out = self.places(self.exponents[i] + self.exponents[j])
+            order = np.argsort(out, kind="stable")
+            starts = np.flatnonzero(np.diff(out[order], prepend=-1))
+            self._pairs[a, b, most] = Pairs(i[order], j[order], starts)
+        return self._pairs[a, b, most]
+
+    def constant(self, value: float) -> "Model":
+        """A number."""
+        return Model(np.full((1, 1), value), np.zeros(1), self)
+
+    @cached_property
+    def to_chebyshev(self) -> Array:
+        """(T, T) matrix from coefficients to those of products of Chebyshev polynomials. It has no rounding."""
+        one = np.zeros((self.degree + 1, self.degree + 1))
+        for k in range(self.degree + 1):
+            for j in range(k % 2, k + 1, 2):
+                one[j, k] = math.comb(k, (k - j) // 2) / 2.0 ** (k - (j > 0))
+        own = self.exponents
+        parts = [one[own[:, None, i], own[None, :, i]] for i in range(self.variables)]
+        return np.prod(parts, axis=0)
+
+
+class Pairs:
+    """Pairs of monomials, numbers i and j (m,), grouped by their products from `starts` (T,) on.
+
+    Attributes
+    ----------
+    largest : size of the largest group
+    """
+
+    def __init__(self, i: Indices, j: Indices, starts: Indices) -> None:
+        ends = np.append(starts[1:], len(i))
+        self.largest, self._terms, self._parts = int((ends - starts).max()), len(starts), []
+        first = 0
+        while first < len(starts):
+            last = max(int(np.searchsorted(ends, starts[first] + _TOGETHER)), first + 1)
+            part = slice(starts[first], ends[last - 1])
+            self._parts.append((slice(first, last), i[part], j[part], starts[first:last] - starts[first]))
+            first = last
+
+    def product(self, a: Array, b: Array) -> Array:
+        """Coefficients (T, P) of the product of polynomials (., P)."""
+        found = np.empty((self._terms, max(a.shape[1], b.shape[1])), dtype=np.result_type(a, b))
+        for terms, i, j, starts in self._parts:
+            products = a.take(i, axis=0) * b.take(j, axis=0)
+            np.add.reduceat(products, starts, axis=0, out=found[terms])
+        return found
+
+
+_TOGETHER = 2000
+"""Pairs of monomials that are multiplied together: their products stay in a cache."""
+
+
+@cache
+def basis_of(variables: int, degree: int) -> Basis:
+    """The same basis each time."""
+    return Basis(variables, degree)
+
+
+def _compositions(variables: int, degree: int) -> Any:
+    if variables == 0:
+        yield ()
+        return
+    for first in range(degree + 1):
+        for others in _compositions(variables - 1, degree - first):
+            yield (first, *others)
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Polynomials with coefficients c (T, P) of the first monomials of a basis, and radii (P,), at P places."""
+
+    c: Array
+    radius: Array
+    basis: Basis
+
+    @cached_property
+    def degree(self) -> int:
+        """Highest degree of the monomials."""
+        return self.basis.counts.index(len(self.c))
+
+    @cached_property
+    def norms(self) -> Array:
+        """(degree + 1, P) sums of the moduli of the coefficients of each degree, or a little more."""
+        starts = [0, *self.basis.counts[: self.degree]]
+        return np.add.reduceat(np.abs(self.c), starts, axis=0)
+
+    @cached_property
+    def moved(self) -> Array:
+        """(P,) largest distance of the polynomial from its constant term."""
+        return self.norms[1:].sum(axis=0)
+
+    @cached_property
+    def norm(self) -> Array:
+        """(P,) largest modulus of the polynomial."""
+        return self.norms[0] + self.moved
+
+    @property
+    def swing(self) -> Array:
+        """(P,) largest distance from the constant term."""
+        return above(self.moved + self.radius)
+
+    @cached_property
+    def around(self) -> Disc:
+        """Discs that hold all values at each place, with products of squares about the middle of their ranges."""
+        half = self.basis.of_squares[: len(self.c), None]
+        middle = self.c[0] + (half * self.c).sum(axis=0)
+        moved = (np.abs(self.c[1:]) * (1.0 - half[1:])).sum(axis=0)
+        return discs.disc(middle, moved + self.radius + _relative(self.c) * len(self.c) * self.norm)
+
+    @cached_property
+    def inverse(self) -> "Model":
+        """1 / a, which several quotients may need."""
+        return _inverse(self)
+
+    @property
+    def disc(self) -> Disc:
+        """The same as a disc, whose places are the variables."""
+        v = self.basis.variables
+        if self.degree == 0:
+            centre, radius = (self.c[0, 0], self.radius[0]) if self.c.size == 1 else (self.c[0], self.radius)
+            return Disc(centre, discs.disc(0.0).slopes, radius)
+        return Disc(self.c[0], self.c[1 : 1 + v].T, above(self.radius + self.norms[2:].sum(axis=0)))
+
+    def coefficients(self) -> Array:
+        """(T, P) coefficients of all monomials of the basis."""
+        return _padded(self.c, self.basis.counts[-1])
+
+
+def reach(a: Model) -> float:
+    """Largest modulus; infinite where it is not known."""
+    most = float(above(a.norm + a.radius).max())
+    return most if most == most else math.inf
+
+
+def _padded(c: Array, terms: int) -> Array:
+    if len(c) == terms:
+        return c
+    whole = np.zeros((terms, *c.shape[1:]), dtype=c.dtype)
+    whole[: len(c)] = c
+    return whole
+
+
+def _relative(c: Array) -> float:
+    return COMPLEX if np.iscomplexobj(c) else _REAL
+
+
+def _sum(a: Model, b: Model, sign: float) -> Model:
+    terms = max(len(a.c), len(b.c))
+    c = _padded(a.c, terms) + sign * _padded(b.c, terms)
+    exact = Model(c, a.radius, a.basis)
+    return Model(c, above(a.radius + b.radius + _relative(c) * exact.norm), a.basis)
+
+
+def _scaled(a: Model, factor: float) -> Model:
+    """The model times a power of 2 or -1."""
+    return Model(factor * a.c, abs(factor) * a.radius, a.basis)
+
+
+def _multiply(a: Model, b: Model, most: int | None = None) -> Model:
+    """The product up to the degree `most`, that of the basis if it is None."""
+    basis = a.basis
+    most = basis.degree if most is None else most
+    group = 1
+    if min(a.degree, b.degree) == 0 and max(a.degree, b.degree) <= most:
+        c = a.c * b.c
+    else:
+        pairs = basis.pairs(a.degree, b.degree, most)
+        c, group = pairs.product(a.c, b.c), pairs.largest
+    small = a.norms[0] * b.moved + a.moved * b.norm
+    rounded = _relative(c) * (a.norms[0] * b.norms[0] + (group + 1.0) * small)
+    radius = a.norm * b.radius + a.radius * (b.norm + b.radius) + _lost(a, b, most) + rounded
+    return Model(c, above(radius), basis)
+
+
+def _lost(a: Model, b: Model, most: int) -> Array | float:
+    """Sums (P,) of the moduli of the terms of a product beyond a degree."""
+    lost: Array | float = 0.0
+    tails = np.cumsum(b.norms[::-1], axis=0)[::-1]
+    for k, own in enumerate(a.norms):
+        if most - k + 1 < len(tails):
+            lost = lost + own * tails[max(most - k + 1, 0)]
+    return lost
+
+
+def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, about: Array | None = None) -> Model:
+    """f(a) from the coefficients (P,) of its Taylor series.
+
+    Parameters
+    ----------
+    about : (P,) where the series is about; None: the constant terms
+    rounded : (P,) errors of the values of that polynomial because its coefficients are rounded
+    rest : (P,) what it lacks
+    """
+    basis, n = a.basis, a.basis.degree
+    if a.degree == 0:
+        powers = sum(above(np.abs(own)) * a.radius**k for k, own in enumerate(derivatives) if k)
+        return Model(derivatives[0][None], above(powers + rounded + rest), basis)
+    off = np.zeros_like(a.c[0]) if about is None else a.c[0] - about
+    w = Model(np.concatenate([off[None], a.c[1:]]), above(a.radius + _relative(a.c) * np.abs(off)), basis)
+    lost = above(np.zeros(1))  # by underflow
+    found = Model(derivatives[n][None], lost, basis)
+    for k in range(n - 1, -1, -1):
+        found = _multiply(found, w, n - k if about is None else n)
+        found = _sum(found, Model(derivatives[k][None], lost, basis), 1.0)
+    return Model(found.c, above(found.radius + rounded + rest), basis)
+
+
+def _if(holds: Any, a: Model) -> Model:
+    """The models, with infinite radii unless all are where the operation is analytic."""
+    return a if np.all(holds) else Model(np.ones_like(a.c[:1]), np.full(np.shape(a.radius), np.inf), a.basis)
+
+
+def is_regular(a: Model) -> bool:
+    """Whether all values are on one side of 0."""
+    return discs.is_regular(a.around)
+
+
+def is_positive(a: Model) -> bool:
+    """Whether all values are in the open right half plane."""
+    return discs.is_positive(a.around)
+
+
+def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
+    """Where a series with a singularity at 0 is about (P,), and distances over moduli (P,), not a number from 1 on.
+
+    The last is what `_composed` asks for. Constant terms serve as long as values are close to them. A square that comes
+    close to 0, as in sqrt(w^2 + small^2), is close to the middle of its range only.
+    """
+    own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX), a.around
+    if (own < _CLOSE).all() or a.degree == 0:
+        return a.c[0], np.where(own < 1.0, own, np.nan), None
+    q = above(around.radius / np.abs(around.centre)) * (1.0 + COMPLEX)
+    return around.centre, np.where(q < 1.0, q, np.nan), around.centre
+
+
+_CLOSE = 0.5
+"""Distance from the constant term over its modulus up to which series converge well: 1 / 2^9 is left of degree 8."""
+
+
+def _inverse(a: Model) -> Model:
+    """The rest of the geometric series is its first term over 1 - q."""
+    middle, q, about = _expansion(a)
+    value, n = 1.0 / middle, a.basis.degree
+    size, relative = np.abs(value), (n + 4.0) * _relative(value)
+    own = [value]
+    for _ in range(n):
+        own.append(-own[-1] * value)
+    rest = size * q ** (n + 1) / _gap(q)
+    return _if(is_regular(a), _composed(a, own, relative * size / _gap(q), above(rest), about))
+
+
+def _gap(q: Array) -> Array:
+    """A lower bound of 1 - q."""
+    return (1.0 - q) * (1.0 - COMPLEX) - COMPLEX * q
+
+
+def _sqrt(a: Model) -> Model:
+    """Moduli of the binomial coefficients of 1 / 2 fall."""
+    middle, q, about = _expansion(a)
+    root, n = np.sqrt(middle), a.basis.degree
+    size, value, factor = np.abs(root), 1.0 / middle, 1.0
+    own, power = [root], root
+    for k in range(1, n + 1):
+        factor, power = factor * (1.5 - k) / k, power * value
+        own.append(factor * power)
+    factor *= abs(0.5 - n) / (n + 1)
+    rest = size * abs(factor) * q ** (n + 1) / _gap(q)
+    relative = (4.0 * n + 8.0) * _relative(root)
+    return _if(is_positive(a), _composed(a, own, relative * size / _gap(q), above(rest), about))
+
+
+def _entire(a: Model, turn: list[Array], size: Array) -> Model:
+    """A function whose derivatives at the constant terms are `turn` again and again, and at most `size`."""
+    n, q = a.basis.degree, a.swing
+    own = [turn[k % len(turn)] / math.factorial(k) for k in range(n + 1)]
+    grown = np.exp(q)
+    relative = COMPLEX * (1.0 + np.abs(a.c[0])) if np.iscomplexobj(a.c) else np.full(1, FUNCTION + 2 * U)
+    rest = size * q ** (n + 1) / math.factorial(n + 1) * grown * (1.0 + 4.0 * FUNCTION)
+    return _composed(a, own, above(relative * size * grown) * (1.0 + 1e-9), above(rest))
+
+
+def _circular(first: int) -> Callable[[Model], Model]:
+    def operation(a: Model) -> Model:
+        s, c = np.sin(a.c[0]), np.cos(a.c[0])
+        turn = [s, c, -s, -c]
+        return _entire(a, turn[first:] + turn[:first], np.abs(s) + np.abs(c))
+
+    return operation
+
+
+def _hyperbolic(first: int) -> Callable[[Model], Model]:
+    def operation(a: Model) -> Model:
+        s, c = np.sinh(a.c[0]), np.cosh(a.c[0])
+        size = (np.abs(s) + np.abs(c)) * (1.0 + np.abs(a.c[0]))
+        return _entire(a, [s, c] if first == 0 else [c, s], size)
+
+    return operation
+
+
+def _tanh(a: Model) -> Model:
+    """The quotient of sinh and cosh, which is even and so far from 0 about 0; by discs where it cannot be shown."""
+    found = _multiply(_hyperbolic(0)(a), _hyperbolic(1)(a).inverse)
+    by_discs = _of_discs(ca.OP_TANH)(a)
+    return found if (found.radius < by_discs.radius).all() else by_discs
+
+
+def _exp(a: Model) -> Model:
+    value = np.exp(a.c[0])
+    return _entire(a, [value], above(np.abs(value)) * (1.0 + np.abs(a.c[0])))
+
+
+def _power(a: Model, b: Model) -> Model:
+    """Whole powers by products; others by discs."""
+    exponent = float(np.real(b.c[0]).flat[0])
+    is_constant = b.c.size == 1 and float(b.radius.max()) <= above(0.0)
+    if not is_constant or exponent != int(exponent) or not 0 < abs(exponent) <= _LARGEST_POWER:
+        return _of_discs(ca.OP_POW)(a, b)
+    found, base, left = None, a, abs(int(exponent))
+    while left:
+        if left % 2:
+            found = base if found is None else _multiply(found, base)
+        left //= 2
+        base = _multiply(base, base) if left else base
+    assert found is not None
+    return found if exponent > 0 else found.inverse
+
+
+_LARGEST_POWER = 16
+"""Largest exponent whose power is made by products."""
+
+
+def _of_discs(code: int) -> Callable[..., Model]:
+    """An operation on discs: its result is linear in the variables."""
+
+    def operation(*arguments: Model) -> Model:
+        return _from_disc(discs.OPERATIONS[code](*(a.disc for a in arguments)), arguments[-1].basis)
+
+    return operation
+
+
+def _from_disc(found: Disc, basis: Basis) -> Model:
+    centre, slopes, radius = np.atleast_1d(found.centre), np.asarray(found.slopes), np.atleast_1d(found.radius)
+    if slopes.ndim < 2 or basis.degree == 0:
+        return Model(centre[None], above(radius + found.slope), basis)
+    places = np.broadcast_shapes(centre.shape, slopes.shape[:1])
+    return Model(np.vstack([np.broadcast_to(centre, places), *np.broadcast_to(slopes.T, (slopes.shape[1], *places))]),
+                 radius, basis)  # fmt: skip
+
+
+_OWN: dict[int, Callable[..., Model]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: lambda a, b: _sum(a, b, 1.0),
+    ca.OP_SUB: lambda a, b: _sum(a, b, -1.0),
+    ca.OP_MUL: _multiply,
+    ca.OP_DIV: lambda a, b: _multiply(a, b.inverse),
+    ca.OP_NEG: lambda a: _scaled(a, -1.0),
+    ca.OP_SQ: lambda a: _multiply(a, a),
+    ca.OP_TWICE: lambda a: _scaled(a, 2.0),
+    ca.OP_INV: lambda a: a.inverse,
+    ca.OP_SQRT: _sqrt,
+    ca.OP_SIN: _circular(0),
+    ca.OP_COS: _circular(1),
+    ca.OP_TAN: lambda a: _multiply(_circular(0)(a), _circular(1)(a).inverse),
+    ca.OP_EXP: _exp,
+    ca.OP_SINH: _hyperbolic(0),
+    ca.OP_COSH: _hyperbolic(1),
+    ca.OP_TANH: _tanh,
+    ca.OP_EXPM1: lambda a: _sum(_exp(a), a.basis.constant(1.0), -1.0),
+    ca.OP_HYPOT: lambda a, b: _sqrt(_sum(_multiply(a, a), _multiply(b, b), 1.0)),
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_CALL: lambda entry, group, at: _from_disc(discs.OPERATIONS[ca.OP_CALL](entry, group.disc, at.disc), at.basis),
+}
+
+OPERATIONS: dict[int, Callable[..., Model]] = {code: _of_discs(code) for code in discs.OPERATIONS} | _OWN
+"""Operations of CasADi on Taylor models."""

@@ -1,0 +1,8 @@
+"""What every result can do: become a file, and become a picture.
+
+In:   numbers with names, units and times, from every other wing.
+Out:  files that are written whole or not at all, and pictures.
+
+files   JSON, NPZ, CSV and tables; one checked reader for all results
+plot    pictures by Matplotlib
+"""

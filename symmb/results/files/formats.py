@@ -1,0 +1,210 @@
+"""Records in NumPy archives and in JSON, and tables.
+
+A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats keep the same
+entries. JSON calls ``t`` times and ``names`` outputs, and has None for numbers that are not finite. An archive has one
+array for each array of the record, and the rest as JSON in its array ``about``.
+"""
+
+import csv
+import io
+import json
+import zipfile
+from collections.abc import Callable, Container, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple, TypeVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb.results.files.jsonable import to_jsonable
+from symmb.results.files.record import Record
+from symmb.results.files.replacement import replacement, require_suffix, told
+
+_IN_JSON = {"t": "times", "names": "outputs"}
+_IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
+
+_VERSION = 1
+"""Of both formats. Earlier files do not tell theirs, and are of this one."""
+
+Table = Mapping[str, Any]
+"""Columns by their headings, all equally long."""
+T = TypeVar("T")
+
+
+def save(path: str | PathLike[str], sources: Mapping[str, Callable[[], Mapping[str, Any]]]) -> None:
+    """Write a result in the format that the suffix of its file names.
+
+    Parameters
+    ----------
+    sources : mapping       functions that give the "record", the "entries" of JSON and, if there is one, the "table"
+
+    Raises
+    ------
+    DeclarationError    if the name has another suffix
+    FileError           if the file cannot be written; the previous one is kept
+    """
+    form = _format_of(path, sources)
+    contents = sources[form.source]()
+    with replacement(path) as file:
+        form.write(file, contents)
+
+
+def save_json(path: str | PathLike[str], entries: Mapping[str, Any]) -> None:
+    """Write what `in_json` returns."""
+    with replacement(path) as file:
+        _write_json(file, entries)
+
+
+def in_json(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A record as lists, texts and numbers. Numbers that are not finite are None."""
+    return to_jsonable({"version": _VERSION} | {_IN_JSON.get(name, name): value for name, value in record.items()})
+
+
+def load(
+    path: str | PathLike[str], what: str, build: Callable[[Record], T], from_table: Callable[[Record], T] | None = None
+) -> T:
+    """What a file holds, built from its record, or from the ``headings`` and ``columns`` of its table.
+
+    Raises
+    ------
+    DeclarationError    if the file has another suffix, is damaged or has other contents
+    FileError           if it cannot be read
+    """
+    form = _format_of(path, ("record", "entries", *(["table"] if from_table else [])))
+    with told(path, "read"):
+        data = Path(path).read_bytes()
+    try:
+        record = form.read(data)
+        if form.source == "table" and from_table:
+            return from_table(record)
+        version = record.whole("version", _VERSION)
+        if version != _VERSION:
+            raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
+        if "result" in record and (content := f"what {record.text('result')}.save writes") != what:
+            raise DeclarationError(f"it holds {content}.")
+        return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
+    except Exception as error:  # a damaged file makes zlib, zipfile, json and NumPy raise nearly anything
+        why = (
+            str(error)
+            if isinstance(error, DeclarationError)
+            else f"its contents cannot be read ({_first_line(error)})."
+        )
+        raise DeclarationError(f"{path} does not hold {what}: {why}") from error
+
+
+def _format_of(path: str | PathLike[str], sources: Container[str]) -> "Format":
+    return FORMATS[require_suffix(path, *[suffix for suffix, form in FORMATS.items() if form.source in sources])]
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0]
+
+
+def _without_arrays(value: Any, place: str, arrays: dict[str, Any]) -> Any:
+    """The value in the types of JSON, without its arrays, which are put into ``arrays`` by their place."""
+    if isinstance(value, Mapping):
+        parts = {name: _without_arrays(part, f"{place}/{name}", arrays) for name, part in value.items()}
+        return {name: part for name, part in parts.items() if not isinstance(value[name], np.ndarray)}
+    if isinstance(value, list | tuple):
+        return [_without_arrays(part, f"{place}/{k}", arrays) for k, part in enumerate(value)]
+    if isinstance(value, np.ndarray):
+        arrays[place[1:]] = value
+        return None
+    return to_jsonable(value)
+
+
+def _write_archive(file: BinaryIO, record: Mapping[str, Any]) -> None:
+    arrays: dict[str, Any] = {}
+    about = json.dumps(_without_arrays({"version": _VERSION, **record}, "", arrays))
+    np.savez(file, about=np.array(about), **arrays)
+
+
+def _of_archive(data: bytes) -> Record:
+    with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+        require_usual_size(archive.zip)
+        arrays = {name: array if array.ndim else array.item() for name, array in archive.items()}
+    entries = json.loads(arrays.pop("about", "{}"))
+    for place, array in arrays.items():
+        *parents, name = place.split("/")
+        holder = entries
+        for parent in parents:
+            holder = holder[int(parent)] if isinstance(holder, list) else holder[parent]
+        holder[name] = array
+    return Record.of(entries, "")
+
+
+def require_usual_size(archive: zipfile.ZipFile | None) -> None:
+    """DeclarationError if an archive, by its own list, becomes much more than it is."""
+    members = archive.infolist() if archive else []
+    size, packed = (sum(getattr(member, name) for member in members) for name in ("file_size", "compress_size"))
+    if size > _LARGE and size > _MOST_RATIO * packed:
+        raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes.")
+
+
+_LARGE = 2**26
+"""Size from which on archives are judged [bytes]: smaller ones take no time."""
+_MOST_RATIO = 200
+"""Most bytes that one of an archive may become: results that are random in their last digits become a few, those that
+are constant a thousand."""
+
+
+def _write_json(file: BinaryIO, entries: Mapping[str, Any]) -> None:
+    file.write(f"{json.dumps(entries, allow_nan=False)}\n".encode())
+
+
+def _of_json(data: bytes) -> Record:
+    entries = Record.of(json.loads(data), "")
+    return Record({_IN_ARCHIVES.get(name, name): value for name, value in entries.plain.items()})
+
+
+def _write_table(file: BinaryIO, columns: Table) -> None:
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(columns)
+    writer.writerows(zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True))
+    file.write(text.getvalue().encode())
+
+
+def _of_table(data: bytes) -> Record:
+    text = data.decode("utf-8")
+    if not text.endswith(("\r", "\n")):
+        raise DeclarationError("its last line has no end: a part of the file is missing.")
+    headings, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+    for number, cells in enumerate(rows, 2):
+        if len(cells) != len(headings):
+            raise DeclarationError(f"line {number} has {len(cells)} of {len(headings)} columns.")
+    if not headings or not rows:
+        raise DeclarationError("it has no headings, or no line below them.")
+    columns = [_column(column) for column in zip(*rows, strict=True)]
+    return Record({"headings": headings, "columns": {str(k): column for k, column in enumerate(columns)}})
+
+
+def _column(cells: tuple[str, ...]) -> list[float] | list[str]:
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        return list(cells)
+
+
+class Format(NamedTuple):
+    """How files of a suffix are written and read.
+
+    Attributes
+    ----------
+    source : str        what they hold of a result: its "record", its "entries" of JSON or its "table"
+    write : callable    of an open file and of these
+    read : callable     of the bytes of a file, the inverse of `write`
+    """
+
+    source: str
+    write: Callable[[BinaryIO, Mapping[str, Any]], None]
+    read: Callable[[bytes], Record]
+
+
+FORMATS = {
+    ".npz": Format("record", _write_archive, _of_archive),
+    ".json": Format("entries", _write_json, _of_json),
+    ".csv": Format("table", _write_table, _of_table),
+}
+"""All formats of results."""

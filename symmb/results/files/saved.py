@@ -1,0 +1,64 @@
+"""Results that files keep."""
+
+from pathlib import Path
+from typing import Any, Self
+
+from symmb.results.files.formats import Table, in_json, load, save
+from symmb.results.files.record import Record
+from symmb.results.files.schema import attributes, entries
+
+
+class Saved:
+    """A dataclass with a record of its fields, from which it is built again, and perhaps a table."""
+
+    def _record(self) -> dict[str, Any]:
+        return entries(self)
+
+    @classmethod
+    def _of_record(cls, record: Record) -> Self:
+        return cls(**attributes(cls, record))
+
+    def _table(self) -> Table:
+        raise NotImplementedError
+
+    @classmethod
+    def _of_table(cls, table: Record) -> Self:
+        raise NotImplementedError
+
+    def to_json(self) -> dict[str, Any]:
+        """The result as lists, texts and numbers. Numbers that are not finite are None."""
+        return in_json(self._named_record())
+
+    def _named_record(self) -> dict[str, Any]:
+        return {"result": type(self).__name__} | self._record()
+
+    def save(self, path: str | Path) -> None:
+        """Write an .npz or .json file with everything, or, of runs and bounds, a .csv table over time.
+
+        Raises
+        ------
+        DeclarationError
+            If the name has another suffix
+        FileError
+            If the file cannot be written; the previous one is kept
+        """
+        sources = {"record": self._named_record, "entries": self.to_json}
+        save(path, sources | ({"table": self._table} if _has_table(type(self)) else {}))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a file of `save`. A table holds times and outputs only.
+
+        Raises
+        ------
+        DeclarationError
+            If the file is damaged or has other contents
+        FileError
+            If it cannot be read
+        """
+        what, from_table = f"what {cls.__name__}.save writes", cls._of_table if _has_table(cls) else None
+        return load(path, what, cls._of_record, from_table)
+
+
+def _has_table(kind: type[Saved]) -> bool:
+    return kind._table is not Saved._table

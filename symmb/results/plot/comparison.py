@@ -1,0 +1,175 @@
+"""The picture of a comparison: bounds over time, and error against run time."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from symmb._types import Array, Axes, Figure, Mask
+from symmb.results.plot.bounds import Band, PlottedBounds, draw_bounds
+from symmb.results.plot.colours import colour_of
+from symmb.results.plot.layout import (
+    DASHES,
+    DIAGRAM_HEIGHT,
+    DPI,
+    HEAD_HEIGHT,
+    LEAST_ERROR,
+    MARKERS,
+    MOST_PANELS,
+    NUMBER_DISTANCE,
+    ROW_HEIGHT,
+    axes_in,
+    cyclic,
+    labels,
+    legends,
+    n_rows,
+    new_figure,
+    new_panels,
+    outputs_of,
+    own_legend,
+    panels_over_time,
+    plain,
+    root,
+    style_axes,
+)
+from symmb.results.plot.style import OWN, Style
+
+
+def plot_comparison(
+    t: Array,
+    names: Sequence[str],
+    reference: Band,
+    curves: Sequence[PlottedBounds],
+    *,
+    measured: Mask,
+    uncertainty: Array,
+    units: Sequence[str] = (),
+    chosen: Sequence[int] | None = None,
+    title: str = "",
+    style: Style = OWN,
+) -> Figure:
+    """Bounds over time above, mean error against run time below.
+
+    Parameters
+    ----------
+    t : (n_t,)              times [s]
+    names : n_y names       of the outputs
+    curves                  the settings to draw; a family is one curve of the error diagram, and its most
+                            accurate setting stands for it above
+    measured : (n_y,)       which outputs count in the mean error
+    uncertainty : (n_y,)    the reference's, in the norm of the error; mean errors below its mean are drawn
+                            there, hollow
+    units : n_y units       '' where they are not known
+    chosen : columns        of the outputs to draw; default: those with the largest errors
+    style : options         the caller's axes: one an output for bounds over time; a single one without chosen
+                            outputs takes the errors; labels and colours: one a family
+    """
+    families: dict[str, list[PlottedBounds]] = {}
+    for curve in curves:
+        families.setdefault(curve.family, []).append(curve)
+    best = [min(group, key=lambda curve: largest_error(curve, measured)) for group in families.values()]
+    if style.ax is not None:
+        panels = axes_in(style.owner, style.ax)
+        if chosen is None and len(panels) == 1:
+            _draw_errors(panels[0], list(families.values()), measured, uncertainty, style)
+            return root(panels[0])
+        shown, own_names, own_units = outputs_of(names, units, chosen)
+        figure, panels = panels_over_time(style, t, own_names, own_units)
+        draw_bounds(panels, t, shown, reference, best, units, style)
+        legends(figure, panels, style)
+        return figure
+    shown = hardest_outputs(curves, measured) if chosen is None else [*chosen]
+    n_legend = -(-(len(families) + 1) // 3)
+    heights = [HEAD_HEIGHT + 0.2 * n_legend + ROW_HEIGHT * n_rows(len(shown)), DIAGRAM_HEIGHT]
+    figure = new_figure(sum(heights))
+    above, below = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
+    texts = labels(names, units)
+    panels = new_panels(above, t, [texts[i] for i in shown])
+    draw_bounds(panels, t, shown, reference, best, units, style)
+    legends(above, panels, style)
+    is_part = chosen is None and len(shown) < len(names)
+    part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if is_part else ""
+    above.suptitle(plain(": ".join(filter(None, [title, part]))), fontsize=10)
+    _draw_errors(below.subplots(), list(families.values()), measured, uncertainty, style)
+    return figure
+
+
+def _draw_errors(
+    axes: Axes, families: Sequence[Sequence[PlottedBounds]], measured: Mask, uncertainty: Array, style: Style
+) -> None:
+    colours = style.colours([colour_of(group[0].family) for group in families])
+    texts = style.labels([group[0].family for group in families])
+    known = uncertainty[measured & np.isfinite(uncertainty)]
+    floor = max(float(known.mean()) if known.size else 0.0, LEAST_ERROR)
+    axes.set(xscale="log", yscale="log")
+    numbers: list[tuple[float, float, str, str]] = []
+    for k, group in enumerate(families):
+        settings = sorted(group, key=lambda curve: curve.evaluations)
+        points = [(curve.seconds, largest_error(curve, measured), curve.evaluations) for curve in settings]
+        points = [(x, y, n) for x, y, n in points if y < np.inf]
+        if not points:
+            continue
+        colour, marker = colours[k], {"marker": cyclic(MARKERS, k), "markersize": 6}
+        look: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
+        axes.plot([x for x, _, _ in points], [max(y, floor) for _, y, _ in points], **look)
+        axes.plot([], [], **look, **marker, label=texts[k])
+        for x, y, n in points:
+            face = "white" if y < floor else colour
+            axes.plot(x, max(y, floor), color=colour, **marker, markerfacecolor=face, zorder=3)
+            numbers.append((x, max(y, floor), str(n), colour))
+    if floor > LEAST_ERROR:
+        label = "reference's uncertainty\n(hollow: error not above it)"
+        axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
+    axes.set_xlabel("run time [s], warm; the numbers count runs", fontsize=8.5)
+    axes.set_ylabel("mean error, share of the width", fontsize=8.5)
+    axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
+    axes.margins(0.06, 0.1)
+    if all(y == floor for _, y, _, _ in numbers):  # margins are a share of the height, of which there is none
+        axes.set_autoscaley_on(False)
+        axes.set_ylim(0.1 * floor, 10.0 * floor)
+    if style.ax is not None:
+        own_legend(axes, style)
+    elif style.legend is not False and axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+    write_numbers(axes, numbers)
+    style_axes(axes)
+
+
+def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) -> None:
+    """Each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
+    from matplotlib.patheffects import withStroke
+
+    place = np.array([axes.transData.transform((x, y)) for x, y, _, _ in numbers]).reshape(-1, 2) * 72.0 / DPI
+    taken = list(place)
+    for at, (x, y, text, colour) in zip(place, numbers, strict=True):
+        others = np.array([point for point in taken if point is not at])
+        offsets = [np.array((right * (5.0 + 2.2 * len(text)), up * 8.0)) for up in (1, -1) for right in (1, -1)]
+        gaps = [min(np.hypot(*(others - at - offset).T), default=np.inf) for offset in offsets]
+        best = offsets[int(np.argmax(np.minimum(gaps, NUMBER_DISTANCE)))]
+        taken.append(at + best)
+        axes.annotate(
+            text,
+            (x, y),
+            tuple(best),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            color=colour,
+            path_effects=[withStroke(linewidth=2, foreground="white")],
+            zorder=2.5,
+        )
+
+
+def largest_error(curve: PlottedBounds, measured: Mask) -> float:
+    """Mean error over the outputs that count; infinite where it is not a number."""
+    error = np.nan_to_num(curve.error[measured], nan=np.inf, posinf=np.inf)
+    return float(error.mean()) if error.size else 0.0
+
+
+def hardest_outputs(curves: Sequence[PlottedBounds], measured: Mask) -> list[int]:
+    """The outputs to draw, in their order: those with the largest median error."""
+    if len(measured) <= MOST_PANELS or not curves:
+        return list(range(min(len(measured), MOST_PANELS)))
+    median = np.median([np.nan_to_num(curve.error, nan=np.inf, posinf=np.inf) for curve in curves], axis=0)
+    return sorted(np.argsort(np.where(measured, -median, 1.0), kind="stable")[:MOST_PANELS].tolist())

@@ -1,0 +1,90 @@
+"""Pictures of curves over time: a trajectory, several runs, and measured values beside a fitted run."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from symmb._types import Array, Figure
+from symmb.results.plot.colours import COLOURS, RUN_COLOUR
+from symmb.results.plot.layout import abscissa, along, cyclic, flatten, legends, outputs_of, panels_over_time, rounding
+from symmb.results.plot.style import OWN, Style
+
+
+def plot_trajectory(
+    t: Array,
+    values: Array,
+    names: Sequence[str],
+    *,
+    units: Sequence[str] = (),
+    chosen: Sequence[int] | None = None,
+    title: str = "",
+    style: Style = OWN,
+) -> Figure:
+    """Values (n_t, n_y) over times t (n_t,) [s], one panel an output; see `plot_comparison` for names,
+    units, chosen and style.
+
+    In a single one of the caller's axes all outputs are drawn, each with a colour of its own.
+    """
+    columns, own_names, own_units = outputs_of(names, units, chosen)
+    least = rounding(values, units)[columns]
+    figure, panels = panels_over_time(style, t, own_names, own_units, title=title, overlay=True)
+    several = len(panels) > 1 and panels[0] is panels[1]
+    colours = style.colours([cyclic(COLOURS, k) if several else RUN_COLOUR for k in range(len(panels))])
+    texts = style.labels(own_names, apart=not several)
+    for axes, i, colour, text in zip(panels, columns, colours, texts, strict=True):
+        axes.plot(abscissa(t), along(t, values[:, i]), color=colour, linewidth=1.2, label=text)
+    flatten(panels, np.full(len(panels), least.max()) if several else least)
+    if style.ax is not None or style.legend:
+        legends(figure, panels, style)
+    return figure
+
+
+def plot_family(
+    t: Array,
+    curves: Array,
+    names: Sequence[str],
+    curve_names: Sequence[str],
+    *,
+    units: Sequence[str] = (),
+    chosen: Sequence[int] | None = None,
+    title: str = "",
+    style: Style = OWN,
+) -> Figure:
+    """Curves (N, n_t, n_y) over times t (n_t,) [s], one panel an output; see `plot_comparison` for the others.
+
+    Up to eight curves have a colour and a name each. More are coloured from the first to the last one, and the legend
+    names the first, the middle and the last.
+    """
+    from matplotlib import colormaps
+
+    columns, own_names, own_units = outputs_of(names, units, chosen)
+    N = len(curves)
+    few = N <= len(COLOURS)
+    shades = COLOURS[:N] if few else [colormaps["viridis"](0.9 * k / (N - 1)) for k in range(N)]
+    named = {*range(N)} if few else {0, N // 2, N - 1}
+    figure, panels = panels_over_time(style, t, own_names, own_units, title=title)
+    colours, texts = style.colours(shades), style.labels(curve_names)
+    named = named if style.label is None else {*range(N)}
+    for axes, i in zip(panels, columns, strict=True):
+        for k in range(N):
+            label = texts[k] if k in named else None
+            axes.plot(abscissa(t), along(t, curves[k, :, i]), color=colours[k], linewidth=1.2, label=label)
+    flatten(panels, rounding(curves, units)[columns])
+    legends(figure, panels[:1], style)
+    return figure
+
+
+def plot_fit(series: Sequence[tuple[str, Array, Array, Array]], style: Style = OWN) -> Figure:
+    """One panel an output: its name, times [s], measured values and those of the fitted run, each (n,).
+
+    See `plot_comparison` for style.
+    """
+    whole, names = np.concatenate([t for _, t, _, _ in series]), [name for name, *_ in series]
+    figure, panels = panels_over_time(style, np.array([whole.min(), whole.max()]), names, [])
+    (colour,), (label,) = style.colours([COLOURS[0]]), style.labels(["fitted run"])
+    for axes, (_, t, data, fitted) in zip(panels, series, strict=True):
+        order = np.argsort(t)
+        axes.plot(t, data, ".", color=RUN_COLOUR, markersize=4, label="data")
+        axes.plot(t[order], fitted[order], color=colour, linewidth=1.2, label=label)
+    legends(figure, panels, style)
+    return figure

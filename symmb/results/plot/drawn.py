@@ -1,0 +1,157 @@
+"""Results that draw themselves: a panel an output over time, or three diagrams."""
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from symmb import _html as html
+from symmb._table import aligned
+from symmb.results.plot.layout import MOST_PANELS, columns_of, finish, labels, png
+from symmb.results.plot.style import Style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+class Panels:
+    """A result that prints as a head above a table, and whose picture has one panel an output."""
+
+    if TYPE_CHECKING:
+        names: Any
+    _left: ClassVar[Collection[int]] = (0,)
+    """Columns of the table whose cells begin below each other."""
+    _most: ClassVar[int | None] = MOST_PANELS
+    """Most outputs that a notebook shows; None for all."""
+
+    def _head(self) -> str:
+        raise NotImplementedError
+
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        """The table, with these names in the place of those of the outputs."""
+        raise NotImplementedError
+
+    def _figure(self, columns: list[int] | None, style: Style) -> "Figure":
+        """The picture of some outputs, or of all."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        table = ["", *aligned(self._rows(self.names), self._left)] if self.names else []
+        return "\n".join([self._head(), *table])
+
+    def _tabulated(self) -> str:
+        """The head and the table as HTML."""
+        rows = self._rows(labels(self.names, getattr(self, "units", ()))) if self.names else []
+        return html.page(html.text(self._head()), html.table(rows, self._left) if rows else "")
+
+    def _repr_html_(self) -> str:
+        picture = html.picture(png(self._drawn(outputs=self.names[: self._most]))) if self.names else ""
+        return html.page(self._tabulated(), picture)
+
+    def _drawn(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        **look: Any,
+    ) -> "Figure":
+        owner = f"{type(self).__name__}.plot"
+        figure = self._figure(columns_of(owner, outputs, self.names), Style(owner, ax, **look))
+        return finish(figure, owner, path, ax, figsize, title)
+
+
+class OverTime(Panels):
+    """Outputs over time."""
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        **look: Any,
+    ) -> "Figure":
+        """Draw outputs over time, as the class says; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        outputs : str or list
+            those to draw; default: all
+        ax : matplotlib Axes
+            to draw in, instead of a new figure, one an output; of a trajectory also one for all
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
+        label, color, legend
+            of the curves: a text or a colour, or a list with one for each; and True or False
+
+        Raises
+        ------
+        DeclarationError
+            If an option is wrong
+        FileError
+            If the file cannot be written; the previous one is kept
+        """
+        return self._drawn(path, outputs, ax, figsize, title, **look)
+
+
+class OverTimeBesideGiven(Panels):
+    """Outputs over time beside what was given: limits, or data."""
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        **look: Any,
+    ) -> "Figure":
+        """Draw outputs over time, as the class says; options and errors are those of `Trajectory.plot`."""
+        return self._drawn(path, outputs, ax, figsize, title, **look)
+
+
+class ThreeDiagrams:
+    """A result that prints as its text, and whose picture is three diagrams."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _figure(self, style: Style) -> "Figure":
+        """The picture, in up to three axes of the caller if there are any."""
+        raise NotImplementedError
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        **look: Any,
+    ) -> "Figure":
+        """Draw the diagrams of the class; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes
+            to draw in, instead of a new figure: up to three, for these diagrams
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
+        label, color, legend
+            of the curves: a text or a colour, or a list with one for each; and True or False
+
+        Raises
+        ------
+        DeclarationError
+            If an option is wrong
+        FileError
+            If the file cannot be written; the previous one is kept
+        """
+        owner = f"{type(self).__name__}.plot"
+        return finish(self._figure(Style(owner, ax, **look)), owner, path, ax, figsize, title)

@@ -1,0 +1,389 @@
+"""The common layout of all pictures: size, panels, legend, saving.
+
+Figures are drawn without pyplot, so nothing global changes. matplotlib loads on the first call. A notebook shows them
+as they are.
+"""
+
+import io
+import re
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._options import numbers_of, require_names, shown
+from symmb._table import is_timeless
+from symmb._types import Array, Axes, Figure, GivenAxes
+from symmb.results.files import replacement, require_suffix
+from symmb.results.plot.style import Style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+    from matplotlib.legend import Legend
+
+PICTURES = (".png", ".pdf", ".svg")
+"""Formats of pictures."""
+MOST_PANELS = 6
+"""Most outputs whose bounds are drawn: more panels are too small to read."""
+WIDTH, ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 10.0, 1.8, 0.3, 3.8
+"""Width of a figure, and heights of a row of panels, of the title and of a diagram [inch]."""
+_NARROW, _LINE = (4.2, 2.4), 50
+"""Width and height [inch] of a picture of one panel without its legend, for telephones, and characters of its lines."""
+_LEGEND_COLUMNS = 3
+DPI = 150
+"""Resolution of saved pictures [1/inch]: sharp at the width of a text column."""
+MARKERS = "osD^vPX*"
+DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.5)), (0, (8, 3)))
+LEAST_ERROR, LARGEST_ERROR = 1e-16, 10.0
+"""Range of drawn errors: rounding, as a share of the width, and a run that has lost the motion, as a share of it."""
+NUMBER_DISTANCE = 16.0
+"""Distance from which on a number does not touch others [point]."""
+ROUNDING = 1e-12, 1e-15
+"""Spreads of an output that are rounding: over its own largest value, and over that of all outputs of its unit."""
+_FLAT = 0.05, 50.0
+"""Smallest room around a spread that is rounding, so that it looks flat: over its middle, and over the rounding."""
+_SIZES = 1.0, 50.0
+"""Smallest and largest side of a picture [inch]: larger ones need more than a gigabyte."""
+_TRUETYPE = 42
+"""Type of fonts in PDF files: journals refuse matplotlib's default, type 3."""
+_LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
+"""Characters of a line, and size [point], of legends in axes of the caller: the first that fits into them is taken."""
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SCREEN = 80
+"""Pixels of a notebook for an inch of a figure."""
+
+
+def new_figure(height: float) -> Figure:
+    """A figure that a notebook shows without further ado."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    vars(figure)["_repr_png_"] = partial(_shown, figure)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG file."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()
+
+
+def narrow_png(figure: Figure) -> bytes:
+    """A figure of one panel as a PNG file that is legible at the width of a telephone, whatever its legend needs."""
+    figure.set_size_inches(*_NARROW)
+    for axes in figure.axes:
+        _entitle(axes, "\n".join(wrap(axes.get_title(loc="left"), _LINE)))
+    below = sum(_fitted(figure, legend) for legend in [*figure.legends])
+    figure.set_size_inches(_NARROW[0], _NARROW[1] + below)
+    return png(figure)
+
+
+def _fitted(figure: Figure, legend: "Legend") -> float:
+    """Give the legend so few columns and so short lines that it fits into the figure; its height [inch]."""
+    canvas: Any = figure.canvas
+    handles, texts = legend.legend_handles, ["\n".join(wrap(text.get_text(), _LINE)) for text in legend.get_texts()]
+    columns, extent = _LEGEND_COLUMNS, legend.get_window_extent(canvas.get_renderer())
+    while extent.width > figure.bbox.width and columns > 1:
+        legend.remove()
+        columns -= 1
+        legend = _add_legend(figure, handles, texts, columns)
+        extent = legend.get_window_extent(canvas.get_renderer())
+    return extent.height / figure.dpi
+
+
+def _shown(figure: Figure) -> tuple[bytes, dict[str, int]]:
+    width, height = figure.get_size_inches()
+    return png(figure), {"width": round(_SCREEN * width), "height": round(_SCREEN * height)}
+
+
+def save(figure: Figure, path: str | Path | None) -> Figure:
+    """Write the figure to a path, if there is one. Its suffix chooses the format."""
+    if path is not None:
+        suffix = require_suffix(path, *PICTURES)
+        from matplotlib import rc_context
+
+        with replacement(path) as file, rc_context({"pdf.fonttype": _TRUETYPE}):
+            figure.savefig(file, format=suffix[1:])
+    return figure
+
+
+def finish(
+    figure: Figure,
+    owner: str,
+    path: str | Path | None,
+    ax: GivenAxes = None,
+    figsize: tuple[float, float] | None = None,
+    title: str | None = None,
+) -> Figure:
+    """The picture of a result, with the size [inch] and the title that its caller asks for; see `save` for path.
+
+    It raises DeclarationError if the size or the title is none, or the picture is in axes of the caller.
+    """
+    for name, given in (("figsize", figsize), ("title", title)):
+        if given is not None and ax is not None:
+            raise DeclarationError(f"{owner}: {name} goes with a new figure, not with ax.")
+    if title is not None and not isinstance(title, str):
+        raise DeclarationError(f"{owner}: title must be a text, got {shown(title)}.")
+    if figsize is not None:
+        sides = numbers_of(figsize)
+        if sides is None or sides.shape != (2,) or not ((_SIZES[0] <= sides) & (sides <= _SIZES[1])).all():
+            ends = "from {:g} to {:g} inches".format(*_SIZES)
+            raise DeclarationError(
+                f"{owner}: figsize must be a width and a height {ends}, such as (8, 5), got {shown(figsize)}."
+            )
+        figure.set_size_inches(*sides.tolist())
+    if title is not None:
+        parts = [part for part in (figure, *figure.subfigs) if part.get_suptitle()] or [figure]
+        parts[0].suptitle(plain(title), fontsize=10)
+    return save(figure, path)
+
+
+def rounding(values: Array, units: Sequence[str] = ()) -> Array:
+    """(n_y,) spreads of outputs (..., n_y) that are rounding; see `ROUNDING`."""
+    size = np.nan_to_num(np.abs(values)).reshape(-1, np.shape(values)[-1]).max(axis=0, initial=0.0)
+    alike = [max(s for s, other in zip(size, units, strict=True) if other == unit) if unit else 0.0 for unit in units]
+    return np.maximum(ROUNDING[0] * size, ROUNDING[1] * np.array(alike or 0.0))
+
+
+def flatten(panels: Sequence[Axes], least: Array) -> None:
+    """Widen the axes of spreads that are rounding (n,), so that these look flat."""
+    for axes, spread in zip(panels, least.tolist(), strict=True):
+        low, high = axes.dataLim.intervaly
+        if 0 < high - low <= spread:
+            room = max(_FLAT[0] * abs(low + high) / 2, _FLAT[1] * spread)
+            axes.update_datalim([(axes.dataLim.x0, low - room), (axes.dataLim.x0, high + room)])
+            axes.autoscale_view(scalex=False)
+
+
+def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
+    """Columns of the outputs to be drawn, by name; None if none are asked for."""
+    if outputs is None:
+        return None
+    if not isinstance(outputs, str | list | tuple) or not all(isinstance(name, str) for name in outputs):
+        raise DeclarationError(f"{owner}: outputs must be a name or a list of names, got {shown(outputs)}.")
+    wanted = require_names(owner, "output", [outputs] if isinstance(outputs, str) else outputs, names)
+    if not wanted:
+        raise DeclarationError(f"{owner}: outputs names nothing to draw.")
+    return [names.index(name) for name in wanted]
+
+
+def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list[Axes]:
+    """One panel an output, each with a title, on a common time axis."""
+    columns = n_columns(len(titles))
+    grid = figure.subplots(n_rows(len(titles)), columns, sharex=True, squeeze=False).ravel()
+    for axes in grid[len(titles) :]:
+        axes.set_visible(False)
+    for i, (axes, title) in enumerate(zip(grid, titles, strict=False)):
+        _entitle(axes, plain(title))
+        _over_time(axes, t)
+        axes.grid(color="#e3e7eb", linewidth=0.6)
+        axes.ticklabel_format(useOffset=False)
+        style_axes(axes)
+        if i + columns >= len(titles):
+            axes.set_xlabel(_time_label(t), fontsize=8)
+            axes.tick_params(labelbottom=True)
+    return list(grid[: len(titles)])
+
+
+def _entitle(axes: Axes, title: str) -> None:
+    axes.set_title(title, fontsize=9, loc="left", fontweight="bold", pad=3)
+
+
+def given_panels(
+    owner: str, ax: GivenAxes, t: Array, names: Sequence[str], units: Sequence[str], *, overlay: bool = False
+) -> list[Axes]:
+    """The caller's axes, one an output, with their labels; a single one is repeated if outputs may overlay."""
+    panels = axes_in(owner, ax)
+    if overlay and len(panels) == 1:
+        panels *= len(names)
+    if len(panels) != len(names):
+        raise DeclarationError(
+            f"{owner}: {len(names)} outputs ({', '.join(names[:6])}{', ...' * (len(names) > 6)}) need as many axes, "
+            f"got {len(panels)}. Choose some by outputs=[...]."
+        )
+    texts = labels(names, units)
+    for axes in dict.fromkeys(panels):
+        own = [k for k, panel in enumerate(panels) if panel is axes]
+        if not axes.has_data():
+            _over_time(axes, t)
+        axes.set_xlabel(_time_label(t))
+        shared = {units[k] if units else "" for k in own}
+        text = (
+            texts[own[0]]
+            if len(own) == 1
+            else f"[{_typeset(shared.pop())}]"
+            if len(shared) == 1 and shared != {""}
+            else ""
+        )
+        axes.set_ylabel(plain(text))
+    return panels
+
+
+def outputs_of(
+    names: Sequence[str], units: Sequence[str], chosen: Sequence[int] | None, most: int | None = None
+) -> tuple[list[int], list[str], list[str]]:
+    """Columns of the outputs to draw, their names and their units; by default the first ones, or all."""
+    columns = [*range(len(names))][:most] if chosen is None else [*chosen]
+    return columns, [names[i] for i in columns], [units[i] for i in columns] if units else []
+
+
+def panels_over_time(
+    style: Style,
+    t: Array,
+    names: Sequence[str],
+    units: Sequence[str],
+    *,
+    title: str | None = None,
+    room: float = 0.0,
+    overlay: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """A new figure with one panel an output and room for a legend [inch], or that of the caller's axes; and its panels.
+
+    See `given_panels` for overlay.
+    """
+    if style.ax is not None:
+        panels = given_panels(style.owner, style.ax, t, names, units, overlay=overlay)
+        return root(panels[0]), panels
+    figure = new_figure(HEAD_HEIGHT + room + ROW_HEIGHT * n_rows(len(names)))
+    if title is not None:
+        figure.suptitle(plain(title), fontsize=10)
+    return figure, new_panels(figure, t, labels(names, units))
+
+
+def three_diagrams(style: Style, room: float) -> tuple[Figure, list[Axes]]:
+    """A new figure with three diagrams and room for a legend [inch], or that of up to three axes of the caller."""
+    if style.ax is None:
+        figure = new_figure(DIAGRAM_HEIGHT + room)
+        return figure, list(figure.subplots(1, 3))
+    panels = axes_in(style.owner, style.ax)
+    if len(panels) > 3:
+        raise DeclarationError(f"{style.owner}: there are three diagrams, got {len(panels)} axes.")
+    return root(panels[0]), panels
+
+
+def finish_diagrams(figure: Figure, panels: Sequence[Axes], style: Style, title: str, columns: int) -> None:
+    """The style of diagrams, and the title and legend of a new figure, or a legend in the caller's axes."""
+    for axes in panels:
+        style_axes(axes)
+        axes.grid(alpha=0.25)
+    legends(figure, panels[:1], style, columns)
+    if style.ax is None:
+        figure.suptitle(plain(title), fontsize=10)
+
+
+def axes_in(owner: str, ax: GivenAxes) -> list[Axes]:
+    """Axes that a caller gave, one or several, as a list."""
+    several = isinstance(ax, list | tuple | np.ndarray)
+    panels = [ax] if hasattr(ax, "fill_between") else list(np.ravel(np.asarray(ax, dtype=object))) if several else []
+    if not panels or not all(hasattr(axes, "fill_between") for axes in panels):
+        raise DeclarationError(f"{owner}: ax must be matplotlib Axes, or a list of them, got {shown(ax)}.")
+    return cast("list[Axes]", panels)
+
+
+def root(axes: Axes) -> Figure:
+    """The figure that axes are in, whatever parts it has."""
+    figure: Any = axes.figure
+    return figure.figure
+
+
+def _over_time(axes: Axes, t: Array) -> None:
+    axes.set_xlim(*abscissa(t)[[0, -1]])
+    if len(t) == 1:
+        axes.set_xticks([] if is_timeless(t) else t)
+
+
+def _time_label(t: Array) -> str:
+    return "" if is_timeless(t) else "time [s]"
+
+
+def plain(text: str) -> str:
+    """A text whose dollar signs are not mathematics."""
+    return text.replace("$", r"\$")
+
+
+def abscissa(t: Array) -> Array:
+    """The times; a single one is drawn as a stretch."""
+    return t if len(t) > 1 else t + np.array([-0.5, 0.5])
+
+
+def along(t: Array, values: Array) -> Array:
+    """Values (n_t,) at the abscissa of the times t (n_t,)."""
+    return np.broadcast_to(values, abscissa(t).shape)
+
+
+def style_axes(axes: Axes) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    axes.tick_params(which="minor", labelsize=6)  # logarithmic axes of less than two decades have such labels
+
+
+def n_columns(n: int) -> int:
+    return 1 if n == 1 else 2 if n in (2, 4) else 3
+
+
+def n_rows(n: int) -> int:
+    return -(-n // n_columns(n))
+
+
+def cyclic(styles: Sequence[Any], k: int) -> Any:
+    return styles[k % len(styles)]
+
+
+def shared_legend(figure: "FigureBase", panels: Sequence[Axes], columns: int = _LEGEND_COLUMNS) -> None:
+    """One legend of all panels."""
+    handles = _handles(panels)
+    _add_legend(figure, [*handles.values()], [*map(plain, handles)], columns)
+
+
+def _handles(panels: Sequence[Axes]) -> dict[str, Any]:
+    """The curve of each label of the panels."""
+    both = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in panels)
+    return {label: handle for pairs in both for handle, label in pairs}
+
+
+def _add_legend(figure: "FigureBase", handles: Sequence[Any], texts: Sequence[str], columns: int) -> "Legend":
+    return figure.legend(handles, texts, loc="outside lower center", ncols=columns, fontsize=8, frameon=False)
+
+
+def legends(figure: "FigureBase", panels: Sequence[Axes], style: Style, columns: int = _LEGEND_COLUMNS) -> None:
+    """One legend of a new figure, or one in each of the caller's axes."""
+    if style.ax is None:
+        return None if style.legend is False else shared_legend(figure, panels, columns)
+    for axes in dict.fromkeys(panels):
+        own_legend(axes, style)
+    return None
+
+
+def own_legend(axes: Axes, style: Style) -> None:
+    """A legend inside axes, where it fits, of several curves; or of one if it is asked for."""
+    handles = _handles([axes])
+    if style.legend is False or len(handles) < (1 if style.legend else 2):
+        return
+    for width, size in _LEGENDS:
+        texts = ["\n".join(wrap(plain(label), width)) for label in handles]
+        look: dict[str, Any] = {"framealpha": 0.6, "edgecolor": "none", "loc": "best"}
+        legend = axes.legend([*handles.values()], texts, fontsize=size, **look)
+        own, room = legend.get_window_extent(), axes.bbox
+        if own.width <= room.width and own.height <= room.height:
+            return
+    legend.remove()
+
+
+def labels(names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
+    """Names with their units in brackets, where there are any."""
+    units = units or [""] * len(names)
+    return tuple(f"{name} [{_typeset(unit)}]" if unit else name for name, unit in zip(names, units, strict=True))
+
+
+def _typeset(unit: str) -> str:
+    """A unit as it is printed: m/s² for m/s^2, ° for deg, µm for um."""
+    raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
+    return re.sub(r"\bu(?=(m|s|g|N|rad)\b)", "µ", re.sub(r"\bdeg\b", "°", raised))

@@ -1,0 +1,399 @@
+"""Compilation of C sources into shared libraries, which are kept in the cache."""
+
+import ctypes
+import functools
+import hashlib
+import importlib.util
+import itertools
+import os
+import platform
+import re
+import shlex
+import shutil
+import struct
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from symmb._cleanup import run_program, temporary_folder
+from symmb._errors import DeclarationError, SymmbError, SymmbWarning
+from symmb.run.codegen import cache
+from symmb.run.codegen.c_source import C_FOLDER, c_source
+from symmb.run.codegen.threads import cores
+
+R = TypeVar("R")
+
+_FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
+_MORE_FLAGS = "SYMMB_CFLAGS"
+"""The environment variable of further flags, as "-O1": the tests compile faster so, and their runs take longer."""
+_NATIVE = "-march=native", "-mcpu=native"  # the second for ARM compilers that do not know the first
+_DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
+_LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
+
+_PROBE = """
+#include "lanes.h"
+#ifdef __cplusplus
+#error the sources are C
+#endif
+#if defined(LIBMVEC) && !defined(__AVX2__)
+#error the vector functions are compiled for processors with AVX2
+#endif
+V probe(V a) { return v_sin(a) + v_pow(a, a) + v_sqrt(a); }
+int answer(void) { return 42; }
+"""
+_ANSWER = 42
+
+INSTALL = "Install gcc or clang, or run `pip install 'symmb[compiler]'`, or set CC."
+SLOW = "Without a C compiler runs take about 100 times as long."
+"""Those of studies: CVODES takes 6 ms for a run of the double pendulum, and compiled lanes 0.04 ms."""
+
+_PROBE_SECONDS = 20.0
+"""Time for the version of a compiler, and for the probe, which takes half a second on an idle machine [s]."""
+_BUILD_SECONDS, _SECONDS_PER_MEGABYTE = 120.0, 120.0
+"""Time for a model, and more for a long one [s]: fifty times what gcc takes, for a busy
+machine gives it a small share of a processor. tests/benchmarks/scaling.py"""
+
+
+class NoCompilerError(SymmbError):
+    """No C compiler was found, or none works."""
+
+
+class _BuildError(SymmbError):
+    """A compiler does not build a source."""
+
+
+class _TimeoutError(_BuildError):
+    """A compiler takes too long."""
+
+
+def has_compiler() -> bool:
+    """Whether there is a C compiler."""
+    try:
+        _compiler()
+    except NoCompilerError:
+        return False
+    return True
+
+
+def require_compiler(user: str) -> None:
+    """NoCompilerError, which names what needs a C compiler, if there is none."""
+    if not has_compiler():
+        raise NoCompilerError(f"{user} needs a C compiler, and none was found. {compiler_advice()}")
+
+
+def compiler_advice() -> str:
+    """Which compilers do not work, and why, and how to install one that does."""
+    return " ".join(
+        [*(f"{shlex.join(command)} is not used: {reason}" for command, reason in _UNUSABLE.items()), INSTALL]
+    )
+
+
+def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
+    """What needs a compiler, or what is done without one."""
+    if has_compiler():
+        with suppress(NoCompilerError):  # none builds this
+            return work()
+    return otherwise()
+
+
+def load(source: str, *names: str) -> ctypes.CDLL:
+    """The library of a C source, from the cache or built now. A compiler that fails gives way to the next.
+
+    Parameters
+    ----------
+    source : str
+    *names                 of what the library must have: a compiler may leave it out
+
+    Raises
+    ------
+    NoCompilerError        if there is no C compiler, or none builds the source
+    UnsafeFolderError      if others can write to the folder for temporary files
+    """
+    while True:
+        compiler = _compiler()
+        try:
+            return _loaded(source, compiler, *names)
+        except _BuildError as error:
+            _give_up(compiler.command, str(error))
+            _compiler.cache_clear()
+
+
+def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
+    """A library of C files for every processor of this family, whose symbols are hidden unless they are exported.
+
+    Parameters
+    ----------
+    files                  name -> text
+    sources                names of those that are compiled
+
+    Raises
+    ------
+    NoCompilerError        if there is no C compiler, or none builds the sources
+    """
+    while True:
+        compiler = _compiler()
+        try:
+            with temporary_folder() as folder:
+                for name, text in files.items():
+                    (folder / name).write_text(text, encoding="utf-8")
+                library_path = folder / "library.so"
+                command = [*compiler.command, *(str(folder / name) for name in sources), "-o", str(library_path)]
+                seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * sum(map(len, files.values())) / 1e6
+                _compile([*command, *_flags(), "-fvisibility=hidden", "-lm"], library_path, folder, seconds)
+                return library_path.read_bytes()
+        except _BuildError as error:
+            _give_up(compiler.command, str(error))
+            _compiler.cache_clear()
+
+
+def _give_up(compiler: tuple[str, ...], reason: str) -> None:
+    """Do without a compiler from now on, and tell so."""
+    _UNUSABLE[_real(compiler)] = reason
+    warnings.warn(f"{' '.join(compiler)} is not used: {reason}", SymmbWarning, stacklevel=2)
+
+
+@functools.cache
+def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
+    key = _key(source, *compiler.command, compiler.version, *compiler.flags)
+    library_in_cache = _opened(cache.find(key), *names)
+    if library_in_cache is not None:
+        return library_in_cache
+    try:
+        with temporary_folder() as folder:
+            cache.check_folder(folder, "TMPDIR")
+            library_path = _built(source, folder, compiler)
+            cache.keep(key, library_path.read_bytes())
+            # The cache first, then the temporary folder: either may forbid the execution of programs.
+            library = _opened(cache.find(key), *names) or _opened(library_path, *names)
+    except OSError as error:
+        raise _BuildError(f"temporary files cannot be written ({error}). Set TMPDIR to another folder.") from error
+    if library is None:
+        raise _BuildError(
+            "its libraries lack functions, or cannot be loaded. Set TMPDIR to a folder that may hold programs."
+        )
+    return library
+
+
+def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
+    """A library, if it can be loaded and has what is named."""
+    if library is None or not _has_its_segments(library.read_bytes()):
+        return None
+    try:
+        opened = ctypes.CDLL(str(library))
+    except OSError:
+        return None
+    return opened if all(hasattr(opened, name) for name in names) else None
+
+
+def _has_its_segments(content: bytes) -> bool:
+    """Whether an ELF library of 64 bits has all that is loaded of it: a part that is missing ends the process."""
+    if content[:5] != b"\x7fELF\x02":
+        return True
+    order = "<" if content[5:6] == b"\x01" else ">"
+    try:
+        (first,), (size, n) = (
+            struct.unpack_from(f"{order}Q", content, 32),
+            struct.unpack_from(f"{order}HH", content, 54),
+        )
+        segments = [struct.unpack_from(f"{order}IIQQQQ", content, first + k * size) for k in range(n)]
+    except struct.error:
+        return False
+    return all(offset + in_file <= len(content) for _, _, offset, _, _, in_file in segments)
+
+
+def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
+    text, library_path = folder / "model.c", folder / "model.so"
+    text.write_text(source, encoding="utf-8")
+    seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * len(source) / 1e6
+    parts = int(found[1]) if (found := re.search(r"^#define N_PARTS (\d+)$", source, re.MULTILINE)) else 1
+    command = [*compiler.command, str(text), "-o", str(library_path), *compiler.flags, "-lm"]
+    if parts > 1:
+        command = ["/bin/sh", "-c", _in_parts(text, library_path, compiler, parts)]
+    _compile(command, library_path, folder, seconds)
+    return library_path
+
+
+def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int) -> str:
+    """A shell script that compiles the parts of a model side by side, as many as there are cores, and joins them."""
+    objects = [str(text.with_suffix(f".{k}.o")) for k in range(parts)]
+    compile_each = [
+        shlex.join([*compiler.command, "-c", f"-DPART={k}", str(text), "-o", name, *compiler.flags])
+        for k, name in enumerate(objects)
+    ]
+    count = min(cores(), parts)
+    lines = [f"({' && '.join(compile_each[k::count])}) & p{k}=$!" for k in range(count)]
+    waits = [f"wait $p{k} || exit 1" for k in range(count)]
+    return "\n".join(
+        [*lines, *waits, shlex.join([*compiler.command, *objects, "-o", str(library_path), *compiler.flags, "-lm"])]
+    )
+
+
+def _compile(command: list[str], library_path: Path, folder: Path, seconds: float) -> None:
+    """Run a compiler, which must write a library.
+
+    Raises
+    ------
+    _BuildError            if it does not, or takes longer
+    """
+    try:
+        status, text = run_program(command, seconds, folder)
+    except subprocess.TimeoutExpired:
+        raise _TimeoutError(f"it takes longer than {seconds:.0f} s.") from None
+    except OSError as error:
+        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
+    if status:
+        raise _BuildError(f"it cannot build a model: {_first_error(text)}.")
+    head = library_path.read_bytes()[:18] if library_path.is_file() else b""
+    is_shared = head[:4] == b"\x7fELF" and head[16:].strip(b"\0") == b"\3"  # no object file, no text
+    if not head or (sys.platform.startswith("linux") and not is_shared):
+        raise _BuildError("it reports success, but writes no library.")
+
+
+def _first_error(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return next((line for line in lines if "error" in line.lower()), lines[0] if lines else "no message")[:300]
+
+
+@dataclass(frozen=True)
+class _Compiler:
+    path: str
+    version: str
+    flags: tuple[str, ...]
+    arguments: tuple[str, ...] = ()
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """How a command begins that runs it: the path, and arguments that come before all others."""
+        return self.path, *self.arguments
+
+
+_UNUSABLE: dict[tuple[str, ...], str] = {}
+"""Real paths of compilers that do not work, and why."""
+
+
+@functools.cache
+def _compiler() -> _Compiler:
+    """The compiler and its flags, with the vector functions of the C library where it has them.
+
+    Raises
+    ------
+    NoCompilerError        if none is found that builds the engine
+    """
+    for command in _candidates():
+        if os.name == "posix" and _real(command) not in _UNUSABLE:
+            try:
+                return _probed(command)
+            except _BuildError as error:
+                _give_up(command, str(error))
+    raise NoCompilerError(f"No C compiler found. {compiler_advice()}")
+
+
+def _flags() -> tuple[str, ...]:
+    try:
+        return *_FLAGS, *shlex.split(os.environ.get(_MORE_FLAGS, ""))
+    except ValueError as error:
+        raise DeclarationError(f"{_MORE_FLAGS} is {os.environ[_MORE_FLAGS]!r}: {error}.") from None
+
+
+def _candidates() -> Iterator[tuple[str, ...]]:
+    """Commands of compilers that are there: that of CC first, which may have arguments, and ziglang's last."""
+    given = os.environ.get("CC") or ""
+    if given.strip() and not (shutil.which(given) or shutil.which(given.split()[0])):
+        warnings.warn(f"CC is {given!r}, and there is no such program. It is not used.", SymmbWarning, stacklevel=2)
+    for command in ([given], given.split(), ["cc"], ["gcc"], ["clang"]):
+        if command and (path := shutil.which(command[0])):
+            yield path, *command[1:]
+    ziglang = importlib.util.find_spec("ziglang")
+    for folder in ziglang.submodule_search_locations or () if ziglang else ():
+        if path := shutil.which(os.path.join(folder, "zig")):
+            yield path, "cc"
+
+
+def _real(command: tuple[str, ...]) -> tuple[str, ...]:
+    return os.path.realpath(command[0]), *command[1:]
+
+
+def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Compiler:
+    """A compiler with the flags that it knows, and with its own ones; default: `_flags()`, which has those of the user.
+
+    Raises
+    ------
+    _BuildError            if it builds nothing that works
+    DeclarationError       if it does without the user's flags
+    """
+    version, refused = _version(command), ""
+    own = _flags() if own is None else own
+    for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
+        flags = (*own, native, *extra)
+        try:
+            _probe(command, version, flags)
+        except _TimeoutError:
+            raise
+        except _BuildError as error:
+            refused = str(error)
+        else:
+            return _Compiler(command[0], version, flags, command[1:])
+    if own != _FLAGS and _probed(command, _FLAGS):
+        raise DeclarationError(f"{_MORE_FLAGS} is {os.environ[_MORE_FLAGS]!r}. With it {command[0]} fails: {refused}")
+    raise _BuildError(refused)
+
+
+def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> None:
+    """Build a library that uses the lanes, without undefined symbols, and call it. A success is noted in the cache.
+
+    Raises
+    ------
+    _BuildError            if this fails
+    """
+    key = _key(_PROBE, c_source("lanes"), *compiler, version, *flags)
+    if cache.is_noted(key):
+        return
+    try:
+        with temporary_folder() as folder:
+            text, library_path = folder / "probe.c", folder / "probe.so"
+            text.write_text(_PROBE, encoding="utf-8")
+            command = [*compiler, str(text), "-o", str(library_path), f"-I{C_FOLDER}", *flags, "-lm", *_DEFINED]
+            _compile(command, library_path, folder, _PROBE_SECONDS)
+            library = _opened(library_path)  # None in a folder that may not hold programs: the cache may
+            if library is not None and library.answer() != _ANSWER:
+                raise _BuildError("its libraries do not work.")
+    except (OSError, AttributeError) as error:
+        raise _BuildError(f"a test fails ({error}).") from error
+    cache.note(key)
+
+
+def _key(*described: str) -> str:
+    """The key of a library built from this source, for this processor."""
+    text = "\0".join([*described, platform.machine(), _processor()])
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _version(compiler: tuple[str, ...]) -> str:
+    """The version of the compiler, and its real path.
+
+    Raises
+    ------
+    _BuildError            if it cannot be started, or does not answer
+    """
+    try:
+        _, said = run_program([*compiler, "--version"], _PROBE_SECONDS)
+    except subprocess.TimeoutExpired:
+        raise _BuildError(f"it takes longer than {_PROBE_SECONDS:.0f} s to print its version.") from None
+    except OSError as error:
+        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
+    return f"{said}{os.path.realpath(compiler[0])}"
+
+
+def _processor() -> str:
+    """Properties of the processor that the compiler uses."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor()
+    relevant = ("model", "cpu family", "flags", "Features", "CPU implementer", "CPU part", "CPU variant")
+    return "".join(sorted({line for line in text.splitlines() if line.startswith(relevant)}))

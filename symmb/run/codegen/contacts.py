@@ -1,0 +1,77 @@
+"""Contacts of samples: their data for c/impacts.h, and the record of what happens at them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from symmb._options import number_text
+from symmb._types import Array
+from symmb.declare.symbolic import batch_padded
+from symmb.run.codegen.c_source import c_number
+
+MOST_IMPULSES = int(c_number("impacts", "MOST_IMPULSES"))
+EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordered", *("impulse",) * MOST_IMPULSES)
+"""What the numbers of an event are: rates of the gap, or of the margin of a joint's condition, before and after, work,
+whether the order of impacts matters, and the impulse along the gap, or of each row of the joint."""
+IMPACT, CLOSES, OPENS, BLAMED = range(4)
+"""What events are. Contacts are blamed for a failure."""
+CROWD = int(c_number("impacts", "CROWD"))
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts of a model, and joints that open and close. Gaps and margins of conditions are the last switches.
+
+    Attributes
+    ----------
+    names : n str              of the contacts, and of the joints for each of their events
+    closed : int               numbers of the states that are 1 for closed contacts
+    n_q, n_v : int             numbers of coordinates and velocities, with which a state begins
+    with_work : bool           whether the last state is the work along the motion
+    length, energy : float     sizes of the motion
+    displacements : n_v float  sizes of displacements along v
+    joints : lists of int      of the events of joints that open and close, by their names in c/impacts.h
+    n_rows : int               number of rows of all joints
+    start : Function           (x, p, t, span) -> x at the start of a run of some span [s], which tells of conditions
+                               that hold there; faults (m,), 1 where there is one; and a number (m,) for each text
+    fault_texts : m pairs      of a text about a sample that has a fault and, if its number follows, of what is behind
+                               that; in the order in which faults count
+    """
+
+    names: tuple[str, ...]
+    closed: tuple[int, ...]
+    n_q: int
+    n_v: int
+    with_work: bool
+    length: float
+    energy: float
+    displacements: tuple[float, ...]
+    joints: Mapping[str, tuple[int, ...]]
+    n_rows: int
+    start: ca.Function = field(repr=False)
+    fault_texts: tuple[tuple[str, str], ...] = field(repr=False)
+
+    def impulses_of(self, number: int, what: int) -> int:
+        """How many impulses an event of this number and kind has."""
+        if number < len(self.closed):
+            return int(what == IMPACT)
+        return self.joints["count_row"][number - len(self.closed)] if what == CLOSES else 0
+
+    def started(self, times: Array, x0: Array, p: Array) -> tuple[Array, dict[int, str]]:
+        """States at the start of a run over the times, nan for samples that cannot start, and texts about these."""
+        n, n_p = self.start.numel_in(0), self.start.numel_in(1)
+        horizon = times[0], times[-1] - times[0]
+        at = x0[:, :n], p[:, :n_p], *(np.full((len(p), 1), time) for time in horizon)
+        x, found, numbers = batch_padded(self.start, *at)
+        faulty = (found > 0.5) & np.isfinite(x0).all(axis=1, keepdims=True)
+        first = [(i, int(faulty[i].argmax())) for i in np.flatnonzero(faulty.any(axis=1)).tolist()]
+        faults = {i: self._fault_text(k, float(numbers[i, k])) for i, k in first}
+        x0 = np.hstack([x, x0[:, n:]])
+        x0[list(faults)] = np.nan
+        return x0, faults
+
+    def _fault_text(self, fault: int, number: float) -> str:
+        text, behind = self.fault_texts[fault]
+        return f"{text}{number_text(number)}{behind}" if behind else text

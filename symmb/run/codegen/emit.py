@@ -1,0 +1,266 @@
+"""Vectorised C of a graph of values: a statement for each value, which is a vector with a lane for each sample."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb.declare.symbolic import operation_name
+from symmb.run.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph, Places
+
+LARGE_MODEL = 5000
+"""Values of a model above which sines and cosines are calls of a function: otherwise compilers take minutes. A call in
+the midst of a function waits for its result; a loop before it computes those of many angles side by side.
+tests/benchmarks/scaling.py"""
+
+_CHUNK = 400
+"""Statements in one C function: compilers take more than linear time for long ones. tests/benchmarks/scaling.py"""
+
+_PART = 50
+"""Pieces of functions that a compiler takes together: the parts of a large model are compiled side by side."""
+
+_FORMS = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "1.0 / {0}",
+    ca.OP_LT: "truth({0} < {1})",
+    ca.OP_LE: "truth({0} <= {1})",
+    ca.OP_EQ: "truth({0} == {1})",
+    ca.OP_NE: "truth({0} != {1})",
+    ca.OP_NOT: "truth({0} == 0.0)",
+    ca.OP_AND: "truth(({0} != 0.0) & ({1} != 0.0))",
+    ca.OP_OR: "truth(({0} != 0.0) | ({1} != 0.0))",
+    ca.OP_IF_ELSE_ZERO: "choose({0} != 0.0, {1}, zero())",
+    ca.OP_FABS: "v_fabs(each({0}))",
+    ca.OP_SIGN: "truth({0} > 0.0) - truth({0} < 0.0)",
+    ca.OP_FMIN: "v_fmin(each({0}), each({1}))",
+    ca.OP_FMAX: "v_fmax(each({0}), each({1}))",
+}
+_CALLS = {
+    getattr(ca, f"OP_{name.upper()}"): f"v_{name}"
+    for name in (
+        "sqrt sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log log1p expm1 erf floor ceil pow atan2 "
+        "fmod remainder copysign hypot"
+    ).split()
+}
+_CALLS[ca.OP_CONSTPOW] = "v_pow"
+_POWERS = {-2.0: "1.0 / ({0} * {0})", -1.0: "1.0 / {0}", 3.0: "{0} * {0} * {0}", 4.0: "({0} * {0}) * ({0} * {0})"}
+_MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
+"""Operations that combine masks: a plain number is not a mask."""
+_TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
+"""Sine and cosine of an angle together cost little more than one of them."""
+
+
+@dataclass(frozen=True)
+class _Schedule:
+    """The statements of a function in pieces, places of the values that pieces pass on, sines with their cosines.
+
+    The first pieces compute angles; a loop behind them computes their sines and cosines.
+    """
+
+    pieces: list[list[int]]
+    n_first: int
+    angles: list[int]
+    carried: dict[int, int]
+    twins: dict[int, int]
+
+    @cached_property
+    def piece(self) -> dict[int, int]:
+        """The piece of each statement."""
+        return {k: i for i, piece in enumerate(self.pieces) for k in piece}
+
+
+class Emitter:
+    """Generates the functions of a graph with inputs x (0), p (1), t (2) and box (3). `place` gives places of x in C.
+
+    Functions of a box get it in the place of x.
+
+    `prepare` computes values that depend on parameters alone once in a run, and stores them in c. All other functions
+    start from x, c and t.
+    """
+
+    def __init__(self, graph: Graph, place: Sequence[int]) -> None:
+        self._graph, self._place = graph, place
+        self._parameter_values: dict[int, int] = {}  # node -> place in c
+        self._functions: list[str] = []
+        self._pieces: list[str] = []
+        self.n_carried = 0  # most values that the pieces of a function pass to each other
+
+    def function(self, name: str, outputs: Iterable[int]) -> None:
+        """A C function `name(x, c, t, out)` that writes the given nodes to out."""
+        self._functions.append(self._source(name, list(outputs), parameters_only=False))
+
+    def used(self, outputs: Iterable[int]) -> list[int]:
+        """Places of the states x on which the given nodes depend."""
+        return sorted(self._place[i] for i in self.inputs(outputs, 0))
+
+    def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
+        """Numbers of the nonzeros of an input on which the given nodes depend."""
+        nodes = self._graph.nodes
+        inputs = [nodes[k] for k in self._graph.needed(outputs) if nodes[k].operation == INPUT]
+        return sorted(node.index for node in inputs if node.source == source)
+
+    def source(self) -> tuple[list[str], str, int]:
+        """The pieces of all functions, in parts, the functions, `prepare(p, c)` among them, and the size of c."""
+        self._functions.append(self._source("prepare", list(self._parameter_values), parameters_only=True))
+        parts = ["\n".join(self._pieces[at : at + _PART]) for at in range(0, len(self._pieces), _PART)]
+        heads = [f"{piece.partition(' {')[0]};" for piece in self._pieces]
+        return parts, "\n".join([*heads, *self._functions]), len(self._parameter_values)
+
+    def _hoisted(self, k: int) -> bool:
+        node = self._graph.nodes[k]
+        return node.operation != CONSTANT and node.depends == frozenset([1])
+
+    def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
+        """One C function; its pieces of at most _CHUNK statements pass values to each other through w."""
+        schedule = self._schedule(outputs, parameters_only)
+        self.n_carried = max(self.n_carried, 1 + max(schedule.carried.values(), default=-1))
+        inputs = "p" if parameters_only else "x, c, t"
+        arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
+        out = "c" if parameters_only else "out"
+        names = ("p", "w", "c") if parameters_only else ("x", "c", "t", "w", "out")
+        unused = f"{', '.join(f'(void){name}' for name in names)};"
+        for piece in range(len(schedule.pieces)):
+            lines = self._piece(schedule, piece, outputs, out, parameters_only)
+            head = f"PIECE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
+            self._pieces.append("\n".join([f"{head} {{", f"  {unused}", *lines, "}"]))
+        calls = [f"  {name}_{piece}({inputs}, c + N_C, {out});" for piece in range(len(schedule.pieces))]
+        if schedule.angles:
+            calls.insert(schedule.n_first, f"  sines({len(schedule.angles)}, c + N_C);")
+        head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
+        return "\n".join([f"PRIVATE void {name}({head}) {{", *calls, "}"])
+
+    def _schedule(self, outputs: list[int], parameters_only: bool) -> "_Schedule":
+        nodes = self._graph.nodes
+        order, twins = self._statements(outputs, parameters_only)
+        angles = self._angles(order) if len(nodes) > LARGE_MODEL else []
+        place = {angle: 2 * i for i, angle in enumerate(angles)}
+        turned = [k for k in order if nodes[k].operation in _TURNED and nodes[k].arguments[0] in place]
+        sines = {k: place[nodes[k].arguments[0]] + (nodes[k].operation == ca.OP_COS) for k in turned}
+        needed = self._graph.needed(angles)
+        first = _chunks(k for k in order if k in needed) if angles else []
+        pieces = first + _chunks(k for k in order if k not in needed and k not in sines)
+        return _Schedule(pieces, len(first), angles, sines | self._carried(pieces, 2 * len(angles)), twins)
+
+    def _statements(self, outputs: list[int], parameters_only: bool) -> tuple[list[int], dict[int, int]]:
+        """The values that a function computes in order, and sines with their cosines, which follow each other."""
+        nodes = self._graph.nodes
+        given = (lambda k: False) if parameters_only else self._hoisted
+        computed = [k for k in self._graph.needed(outputs, given) if nodes[k].operation not in (CONSTANT, INPUT)]
+        order = sorted(k for k in computed if parameters_only or not self._hoisted(k))
+        turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
+        twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
+        return sorted(order, key=lambda k: (min(k, twins.get(k, k)), k)), twins
+
+    def _angles(self, order: Sequence[int]) -> list[int]:
+        """Arguments of sines and cosines that depend on none of these."""
+        nodes, behind = self._graph.nodes, set[int]()
+        angles: dict[int, None] = {}
+        for k in order:
+            if not behind.isdisjoint(nodes[k].arguments):
+                behind.add(k)
+            elif nodes[k].operation in _TURNED:
+                angles[nodes[k].arguments[0]] = None
+                behind.add(k)
+        return list(angles)
+
+    def _carried(self, pieces: Sequence[Sequence[int]], count: int) -> dict[int, int]:
+        """Places, from `count` on, of values that later pieces use; one is free again after the piece of last use."""
+        piece = {k: i for i, ks in enumerate(pieces) for k in ks}
+        last_use = dict(piece)
+        for k, i in piece.items():
+            last_use.update((a, max(last_use[a], i)) for a in self._graph.nodes[k].arguments if a in last_use)
+        places, carried = Places(count), dict[int, int]()
+        released: dict[int, list[int]] = {}
+        for i, ks in enumerate(pieces):
+            places.release(released.pop(i - 1, []))
+            for k in ks:
+                if last_use[k] > i:
+                    carried[k] = places.take()
+                    released.setdefault(last_use[k], []).append(carried[k])
+        return carried
+
+    def _piece(
+        self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
+    ) -> list[str]:
+        """The statements of a piece: values, those for later pieces, and results."""
+        results = [(k, f"{out}[{i}]") for i, k in enumerate(outputs)]
+        angles = [(k, f"w[{2 * i}]") for i, k in enumerate(schedule.angles)]
+        places: dict[int, list[str]] = {}
+        for k, place in [*results, *(angles if piece < schedule.n_first else ())]:
+            places.setdefault(k, []).append(place)
+
+        def text(a: int) -> str:
+            return self._operand(a, schedule, piece, parameters_only)
+
+        lines = []
+        for k in schedule.pieces[piece]:
+            operands = [text(a) for a in self._graph.nodes[k].arguments]
+            twin = schedule.twins.get(k)
+            if twin is None or schedule.piece[twin] != piece:
+                lines.append(f"  const V v{k} = {self._expression(k, operands)};")
+            elif k < twin:
+                sine, cosine = (k, twin) if self._graph.nodes[k].operation == ca.OP_SIN else (twin, k)
+                lines.append(f"  V v{sine}, v{cosine};")
+                lines.append(f"  v_sincos(each({operands[0]}), &v{sine}, &v{cosine});")
+            if k in schedule.carried:
+                lines.append(f"  w[{schedule.carried[k]}] = v{k};")
+            lines += [f"  {place} = v{k};" for place in places.get(k, ())]
+        at_end = {schedule.n_first - 1: angles, len(schedule.pieces) - 1: results}.get(piece, [])
+        lines += [f"  {place} = each({text(k)});" for k, place in at_end if k not in schedule.piece]
+        return lines
+
+    def _operand(self, a: int, schedule: "_Schedule", piece: int, parameters_only: bool) -> str:
+        """The C of a value in a statement of a piece."""
+        node = self._graph.nodes[a]
+        if node.operation == CONSTANT:
+            return _literal(node.constant)
+        if parameters_only and node.operation == INPUT:
+            return f"p[{node.index}]"
+        if self._hoisted(a) and not parameters_only:
+            return f"c[{self._parameter_values.setdefault(a, len(self._parameter_values))}]"
+        if node.operation == INPUT:
+            if node.source == BOX:
+                return f"x[{node.index}]"
+            return f"x[{self._place[node.index]}]" if node.source == 0 else "t"
+        return f"v{a}" if schedule.piece.get(a) == piece else f"w[{schedule.carried[a]}]"
+
+    def _expression(self, k: int, arguments: list[str]) -> str:
+        node, each = self._graph.nodes[k], [f"each({a})" for a in arguments]
+        constants = [self._graph.nodes[a].operation == CONSTANT for a in node.arguments]
+        if node.operation == ca.OP_CONSTPOW:
+            power = _POWERS.get(self._graph.nodes[node.arguments[1]].constant)
+            if power is not None:
+                return power.format(arguments[0])
+        if node.pieces is not None:
+            count = node.pieces.data.shape[1]
+            if node.operation == SEARCH:
+                return f"v_search({node.pieces.name}, {count}, {', '.join(each)})"
+            return f"v_entry({node.pieces.name} + {(node.index + 2) * count}, {arguments[0]})"
+        if node.operation in _CALLS:
+            return f"{_CALLS[node.operation]}({', '.join(each)})"
+        if node.operation not in _FORMS:
+            raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
+        plain = all(constants) or (any(constants) and node.operation in _MASKS)
+        return _FORMS[node.operation].format(*(each if plain else arguments))
+
+
+def _chunks(statements: Iterable[int]) -> list[list[int]]:
+    """Pieces of statements, at least one."""
+    every = list(statements)
+    return [every[at : at + _CHUNK] for at in range(0, len(every), _CHUNK)] or [[]]
+
+
+def _literal(value: float) -> str:
+    if math.isnan(value):
+        return "(0.0 / 0.0)"
+    return f"({value!r})" if math.isfinite(value) else f"({math.copysign(1.0, value)} / 0.0)"

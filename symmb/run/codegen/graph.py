@@ -1,0 +1,114 @@
+"""The instruction list of a CasADi Function as a graph: each value once, with the inputs on which it depends."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+from symmb.declare.symbolic import Entry, Pieces, interpret
+
+CONSTANT, INPUT, SEARCH, ENTRY = -1, -2, -3, -4
+"""Operations of a Node beside CasADi's, whose numbers are not negative: a SEARCH finds the row of pieces, an ENTRY is
+the number in column `index` of that row."""
+BOX = 3
+"""Number of the input that stands in the place of x for functions of a box of states, see `ranges_along`."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """A value: CasADi's operation on earlier nodes, a constant, or nonzero `index` of input number `source`."""
+
+    operation: int
+    arguments: tuple[int, ...] = ()
+    constant: float = 0.0
+    source: int = 0
+    index: int = 0
+    depends: frozenset[int] = frozenset()  # the inputs it depends on, by number
+    pieces: Pieces | None = None
+
+
+@dataclass
+class Graph:
+    """Values of one or several Functions of the same inputs, in an order in which they can be computed."""
+
+    nodes: list[Node] = field(default_factory=list)
+    outputs: list[list[int]] = field(default_factory=list)
+    _known: dict[object, int] = field(default_factory=dict)
+
+    def constant(self, value: float) -> int:
+        """The node of a constant."""
+        # repr distinguishes 0.0 and -0.0, which compare equal
+        return self._add(("constant", repr(value)), Node(CONSTANT, constant=value))
+
+    def source(self, number: int, index: int) -> int:
+        """The node of a nonzero of an input."""
+        return self._add(("input", number, index), Node(INPUT, source=number, index=index, depends=frozenset([number])))
+
+    def operation(self, code: int | Entry, arguments: tuple[int, ...]) -> int:
+        """The node of an operation on nodes, or of an entry of pieces; the existing one if there is one.
+
+        Divisions become products with reciprocals: denominators occur several times, those of parameters are computed
+        before the run, and a vector division takes as long as twenty products.
+        """
+        if code == ca.OP_DIV:
+            code, arguments = ca.OP_MUL, (arguments[0], self.operation(ca.OP_INV, arguments[1:]))
+        if code in (ca.OP_ADD, ca.OP_MUL):
+            arguments = tuple(sorted(arguments))
+        depends = frozenset().union(*(self.nodes[a].depends for a in arguments))
+        if isinstance(code, Entry):
+            pieces, column = code
+            found = self._add(
+                (SEARCH, pieces.name, *arguments), Node(SEARCH, arguments, depends=depends, pieces=pieces)
+            )
+            entry = Node(ENTRY, (found,), index=column, depends=depends, pieces=pieces)
+            return self._add((ENTRY, found, column), entry)
+        return self._add((code, *arguments), Node(code, arguments, depends=depends))
+
+    def needed(self, outputs: Iterable[int], is_given: Callable[[int], bool] = lambda k: False) -> set[int]:
+        """Nodes and all nodes on which they depend, without those on which only given ones do."""
+        needed: set[int] = set()
+        pending = list(outputs)
+        while pending:
+            k = pending.pop()
+            if k not in needed:
+                needed.add(k)
+                pending.extend(() if is_given(k) else self.nodes[k].arguments)
+        return needed
+
+    @property
+    def pieces(self) -> dict[str, Pieces]:
+        """All pieces by their names."""
+        return {node.pieces.name: node.pieces for node in self.nodes if node.pieces is not None}
+
+    def _add(self, key: object, node: Node) -> int:
+        if key not in self._known:
+            self._known[key] = len(self.nodes)
+            self.nodes.append(node)
+        return self._known[key]
+
+
+class Places:
+    """Numbers of places for values, which are used again as soon as they are free."""
+
+    def __init__(self, count: int = 0) -> None:
+        self.count = count  # of all places so far
+        self._free: list[int] = []
+
+    def take(self) -> int:
+        """A free place."""
+        if self._free:
+            return self._free.pop()
+        self.count += 1
+        return self.count - 1
+
+    def release(self, places: Iterable[int]) -> None:
+        """Places whose values are no longer needed."""
+        self._free += places
+
+
+def graph_of(f: ca.Function) -> Graph:
+    """The graph of an SX Function; `outputs` lists the nodes of each output's nonzeros in column-major order."""
+    graph = Graph()
+    inputs: Sequence[Sequence[int]] = [[graph.source(k, i) for i in range(f.nnz_in(k))] for k in range(f.n_in())]
+    graph.outputs = interpret(f, inputs, graph.operation, graph.constant)
+    return graph

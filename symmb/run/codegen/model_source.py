@@ -1,0 +1,309 @@
+"""The C source of an ensemble: the model's functions and the files for its steps."""
+
+import functools
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+
+from symmb.declare.symbolic import Pieces, ranges_along
+from symmb.run.codegen import cache, tableau
+from symmb.run.codegen.c_source import c_source
+from symmb.run.codegen.contacts import Contacts
+from symmb.run.codegen.emit import LARGE_MODEL, Emitter
+from symmb.run.codegen.failures import FailureCode
+from symmb.run.codegen.graph import BOX, INPUT, Graph, graph_of
+
+CACHED_STATES = 32
+"""States whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes. tests/benchmarks/ensemble.py"""
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """The data of an implicit scheme for the engine, see `scheme_function`.
+
+    Attributes
+    ----------
+    n_w, n_z : int         numbers in the history and of unknowns
+    order : int
+    growth : float         largest ratio of a step to the one before
+    newton : float         largest change of unknowns, over their sizes, at which Newton's method ends
+    """
+
+    n_w: int
+    n_z: int
+    order: int
+    growth: float
+    newton: float
+
+
+def model_function(
+    x: ca.SX,
+    p: ca.SX,
+    t: ca.SX,
+    rates: ca.SX,
+    outputs: ca.SX,
+    projected: ca.SX | None,
+    start: tuple[ca.SX, ca.SX, ca.SX] | None = None,
+    switches: ca.SX | None = None,
+    contacts: Mapping[str, ca.SX] | None = None,
+    ranged: ca.SX | None = None,
+    times: ca.SX | None = None,
+) -> ca.Function:
+    """(x, p, t, box) -> rates, outputs and, if given, project, newton and start, switches and their bounds in a box.
+
+    Parameters
+    ----------
+    x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
+    rates, outputs, projected : SX      x' (n_x,), outputs (n_y,), and x on the constraints or None
+    start : unknowns u, Newton's step of them, and x (n_x,) at the start as a function of them; without it the caller
+        gives the states at the start
+    switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
+    ranged : SX                         switches (m,) of which bounds are taken, if not all of them
+    times : SX                          values at time 0 and slopes of linear switches of time, for single runs
+    contacts : mapping                  the functions of c/impacts.h
+    """
+    parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
+    if switches is not None:
+        parts["switches"] = switches
+        box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t)
+    if projected is not None:
+        parts["project"] = projected
+    if times is not None:
+        parts["time_switches"] = times
+    return _function(parts, x, p, t, box, start)
+
+
+def scheme_function(
+    w: ca.SX,
+    z: ca.SX,
+    p: ca.SX,
+    t: ca.SX,
+    h: ca.SX,
+    *,
+    history: ca.SX,
+    guess: ca.SX,
+    correct: ca.SX,
+    follow: ca.SX,
+    outputs: ca.SX,
+    projected: ca.SX | None,
+    start: tuple[ca.SX, ca.SX, ca.SX] | None = None,
+) -> ca.Function:
+    """((w, h, z), p, t) -> the functions of c/implicit_step.h.
+
+    `projected`, if not None, and `start` give the state, with which w begins.
+    """
+    x = ca.vertcat(w, h, z)
+
+    def whole(state: ca.SX) -> ca.SX:
+        return ca.vertcat(state, x[state.numel() :])
+
+    parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
+    if projected is not None:
+        parts["project"] = whole(projected)
+    if start is not None:  # nothing has been written yet to the rest of x
+        start = (*start[:2], ca.vertcat(start[2], ca.SX(x.numel() - start[2].numel(), 1)))
+    return _function(parts, x, p, t, ca.SX(0, 1), start)
+
+
+def _function(
+    parts: dict[str, ca.SX], x: ca.SX, p: ca.SX, t: ca.SX, box: ca.SX, start: tuple[ca.SX, ca.SX, ca.SX] | None
+) -> ca.Function:
+    """(x, p, t, box) -> parts, with newton and start of a start, whose unknowns stand in the place of the box."""
+    if start is not None:
+        u, *of_u = start
+        box = ca.vertcat(box, ca.SX.sym("u", max(0, u.numel() - box.numel())))
+        parts["newton"], parts["start"] = ca.substitute(of_u, [u], [box[: u.numel()]])
+    inputs = {"x": x, "p": p, "t": t, "box": box}
+    return ca.Function("f", [*inputs.values()], [ca.densify(e) for e in parts.values()], [*inputs], list(parts))
+
+
+def source_of(
+    f: ca.Function,
+    fixed: bool,
+    scheme: Scheme | None,
+    hysteresis: Sequence[float] = (),
+    contacts: Contacts | None = None,
+    one_run: bool = False,
+) -> str:
+    """The C of an ensemble of f. That of a large model is kept in the cache, because its generation takes seconds.
+
+    Parameters
+    ----------
+    f : ca.Function            from `model_function` or `scheme_function`
+    fixed : bool               whether steps are fixed, of an explicit method
+    scheme : Scheme or None    of a `scheme_function`
+    hysteresis : (m,)          by which each switch must be passed: a number above its rounding
+    contacts : Contacts        whose gaps and margins are the last switches
+    one_run : bool             for single runs of one lane, which c/one_run.h makes, with the data of pieces
+    """
+
+    def write() -> str:
+        if scheme:
+            return _scheme_source(f, scheme, one_run)
+        return _explicit_source(f, fixed, hysteresis, contacts, one_run)
+
+    if f.n_instructions() < LARGE_MODEL:
+        return write()
+    key = hashlib.sha256(
+        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis, contacts, one_run)), _generator()]).encode()
+    ).hexdigest()[:32]
+    path = cache.find(key, ".c")
+    if path is not None:
+        return path.read_text(encoding="utf-8")
+    source = write()
+    cache.keep(key, source.encode(), ".c")
+    return source
+
+
+@functools.cache
+def _generator() -> str:
+    """A hash of every file of the package: many of them determine a source."""
+    files = sorted(path for path in Path(__file__).parents[2].rglob("*") if path.suffix in (".py", ".h"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def _explicit_source(
+    f: ca.Function, fixed: bool, hysteresis: Sequence[float], contacts: Contacts | None, one_run: bool
+) -> str:
+    graph = graph_of(f)
+    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+    order, n_own = _state_order(graph, nodes["rates"])
+    place = [order.index(i) for i in range(len(order))]
+    nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
+    for name in nodes.keys() & {"project", "start", "held"}:
+        nodes[name] = [nodes[name][i] for i in order]
+    if hysteresis:  # most evaluations need no rates
+        both, m = nodes["switches"], len(hysteresis)
+        nodes |= {"switches": both[:m], "changes": both[m:]}
+    stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
+    sizes = {"N_OWN": n_own, "N_K": stages * n_own}
+    if fixed:
+        steps = [tableau.classical(), c_source("fixed_step")]
+    else:
+        steps = [tableau.pair(), c_source("embedded_pair")]
+    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis, contacts, one_run)
+
+
+def _scheme_source(f: ca.Function, scheme: Scheme, one_run: bool) -> str:
+    graph = graph_of(f)
+    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+    n_w, n_z = scheme.n_w, scheme.n_z
+    sizes = {
+        "N_OWN": 0,
+        "N_W": n_w,
+        "N_Z": n_z,
+        "N_TESTED": len(nodes["correct"]) - n_z,
+        "N_E": len(nodes["follow"]) - n_w,
+        "N_K": max(len(nodes["follow"]), len(nodes["correct"])),
+        "ORDER": scheme.order,
+        "GROWTH": scheme.growth,
+    }
+    steps = [c_source("implicit_step")]
+    places = list(range(f.numel_in(0)))
+    return _ensemble_source(graph, nodes, places, f.numel_in(1), sizes, steps, one_run=one_run)
+
+
+def _ensemble_source(
+    graph: Graph,
+    nodes: Mapping[str, list[int]],
+    place: list[int],
+    n_p: int,
+    sizes: Mapping[str, float],
+    steps: Sequence[str],
+    hysteresis: Sequence[float] = (),
+    contacts: Contacts | None = None,
+    one_run: bool = False,
+) -> str:
+    """The C of an ensemble: the functions of a model, each of some nodes of the graph, and the files for its steps."""
+    emitter = Emitter(graph, place)
+    for name, values in nodes.items():
+        emitter.function(name, values)
+    parts, functions, n_c = emitter.source()
+    explicit = "rates" in nodes
+    used = emitter.used(nodes["outputs"]) if explicit else []
+    if hysteresis or (one_run and explicit):
+        used = list(range(len(place)))  # steps may end anywhere
+    ranged = sorted({i % len(place) for i in emitter.inputs(nodes.get("bounds", ()), BOX) if i < 4 * len(place)})
+    sizes = {
+        "N_PARTS": len(parts),
+        "N_X": len(place),
+        "N_P": n_p,
+        "N_C": n_c,
+        "N_CARRIED": emitter.n_carried,
+        "N_Y": len(nodes["outputs"]),
+        "N_USED": len(used),
+        "PROJECTED": int("project" in nodes),
+        "N_S": len(hysteresis),
+        "N_G": 0,
+        "N_I": 0,
+        "N_E": 0,
+        "N_RANGED": len(ranged),
+        "STARTED": int("start" in nodes),
+        "N_U": len(nodes.get("newton", ())),
+        "LARGE": int(len(graph.nodes) > LARGE_MODEL),
+        **sizes,
+        **({"WIDTH": 1} if one_run else {}),
+    }
+    lists: dict[str, Sequence[int]] = {"place": place, "used": used, "ranged": ranged}
+    numbers = {"hysteresis": hysteresis}
+    if contacts is not None:
+        own = {"N_G": len(contacts.names), "N_Q": contacts.n_q, "N_V": contacts.n_v, "WIDTH": 1}
+        sizes |= own | {"N_WORK": int(contacts.with_work), "LENGTH": contacts.length, "ENERGY": contacts.energy}
+        lists["contact_state"], numbers["displacement"] = contacts.closed, contacts.displacements
+        lists |= (joints := contacts.joints)
+        counts = {"N_E": "opens", "N_PLACE": "place_state", "N_OTHERS": "other_state"}
+        sizes |= {size: len(joints.get(name, ())) for size, name in counts.items()}
+        sizes |= {"N_I": len(contacts.closed), "N_ROWS": contacts.n_rows}
+    return "\n".join(
+        [
+            *(f"#define {name} {value}" for name, value in sizes.items()),
+            f"enum {{ {', '.join(FailureCode.__members__)} }};",
+            c_source("lanes"),
+            *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
+            *(f"extern const double *{name};" for name in graph.pieces),
+            *(
+                f"PRIVATE const double {name}[] = {{{', '.join(map(repr, v or [0.0]))}}};"
+                for name, v in numbers.items()
+            ),
+            *(f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)),
+            _only_in(0),
+            *(_pieces(name, pieces if one_run else None) for name, pieces in graph.pieces.items()),
+            functions,
+            c_source("block", "projection", "switches", "impacts"),
+            *steps,
+            c_source(*(["begin"] if one_run else ["begin", "ensemble"])),
+            "#endif",
+        ]
+    )
+
+
+def _pieces(name: str, pieces: Pieces | None) -> str:
+    """The definition of pieces, with their data or without."""
+    if pieces is None:
+        return f"const double *{name}; /* set when the library is opened */"
+    return f"const double *{name} = (const double[]){{{', '.join(map(repr, pieces.data.ravel().tolist()))}}};"
+
+
+def _only_in(part: int) -> str:
+    """The line before what only a part of a model contains, if it is compiled in parts."""
+    return f"#if !defined(PART) || PART == {part}"
+
+
+def _state_order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
+    """States in the order of `tableau`, and the number of those with slopes of their own, all in a small model.
+
+    Fewer slopes mean longer sums. This is faster only if the slopes do not fit into the first-level cache.
+    """
+    if len(rates) <= CACHED_STATES:
+        return list(range(len(rates))), len(rates)
+    integral: dict[int, int] = {}
+    for i, k in enumerate(rates):
+        node = graph.nodes[k]
+        if node.operation == INPUT and node.source == 0 and node.index not in integral and i not in integral:
+            integral[node.index] = i
+    integral = {v: x for v, x in integral.items() if v not in integral.values()}
+    own = [*integral, *(i for i in range(len(rates)) if i not in integral and i not in integral.values())]
+    return [*own, *integral.values()], len(own)

@@ -1,0 +1,111 @@
+"""The C source of single runs of a scene, which needs neither symmb nor CasADi. c/scene.h tells what it can do."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.run.codegen.c_source import C_FOLDER, c_source
+from symmb.run.codegen.engine import Lanes, Tolerances
+from symmb.run.codegen.failures import REASONS
+from symmb.run.codegen.model_source import source_of
+from symmb.run.schemes import MOST_STEPS
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSource:
+    """What a C program knows about a scene.
+
+    Attributes
+    ----------
+    lanes : Lanes              compiled with its start, and for runs without Python
+    n_x : int                  states, with which those of the lanes begin
+    nominal : (n_p,) array     parameters, with inputs behind them
+    n_inputs : int
+    names : tuple of str       of these, and of the outputs
+    times : (n_t,) array       of the scene [s]
+    has_rates : bool           whether the states may be integrated elsewhere
+    stops : (k,) array         times at which steps end [s]
+    token : str                of this scene alone
+    """
+
+    lanes: Lanes
+    n_x: int
+    nominal: Array
+    n_inputs: int
+    names: tuple[str, ...]
+    times: Array
+    has_rates: bool
+    stops: Array
+    token: str
+
+    @property
+    def n_switches(self) -> int:
+        """Switches of the state."""
+        return len(self.lanes.ends.hysteresis)
+
+
+def scene_source(scene: SceneSource) -> dict[str, str]:
+    """The files scene.h and scene.c, by their names."""
+    lanes, control = scene.lanes, scene.lanes.control
+    sizes = {
+        "N_P": len(scene.nominal),
+        "N_INPUTS": scene.n_inputs,
+        "N_X": scene.n_x,
+        "N_Y": lanes.f.numel_out("outputs"),
+        "N_SWITCHES": scene.n_switches,
+        "HAS_RATES": int(scene.has_rates),
+        "N_T": len(scene.times),
+        "TOKEN": quoted(scene.token),
+    }
+    header = (C_FOLDER / "scene.h").read_text(encoding="utf-8")
+    for name, value in sizes.items():
+        header = re.sub(rf"^(#define SCENE_{name}) \S+", lambda line, v=value: f"{line[1]} {v}", header, flags=re.M)
+    n_x = lanes.f.numel_in("x")
+    controlled = isinstance(control, Tolerances)
+    numbers = {
+        "RTOL": control.rtol if controlled else 0.0,
+        "ATOL_GROWTH": control.growth if controlled else 0.0,
+        "ATOL_AHEAD": control.ahead if controlled else 0.0,
+        "ATOL_LEAST": control.least if controlled else 1.0,
+        "LONGEST": control.longest,
+        "NEWTON_CHANGE": lanes.scheme.newton if lanes.scheme else 0.0,
+        "STEPS_AT_MOST": MOST_STEPS,
+        "N_STOPS": len(scene.stops),
+        "N_TIMES": lanes.f.numel_out("time_switches") // 2 if "time_switches" in lanes.f.name_out() else 0,
+    }
+    knots, n_knots = np.concatenate([np.empty(0), *lanes.knots]), [len(places) for places in lanes.knots]
+    n_knots = [0] * (int(numbers["N_TIMES"]) - len(n_knots)) + n_knots
+    numbers["STOPS_AT_MOST"] = len(scene.stops) + len(knots) + n_knots.count(0)
+    atol = control.absolute(n_x) if controlled else np.zeros(n_x)
+    faults = ["the start could not be solved for", *(reason.format("of the scene") for reason in REASONS)]
+    source = [
+        source_of(lanes.f, False, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, one_run=True),
+        '#include "scene.h"',
+        *(f"#define {name} {value!r}" for name, value in numbers.items()),
+        f"PRIVATE const double absolute[] = {_list(atol)}, stops[] = {_list(scene.stops)}, knots[] = {_list(knots)};",
+        f"PRIVATE const int n_knots[] = {{{', '.join(map(str, n_knots or [0]))}}};",
+        f"PRIVATE const char *const faults[] = {_list(faults)};",
+        f"const double scene_times[] = {_list(scene.times)}, scene_nominal[] = {_list([*scene.nominal, 0.0])};",
+        f"const char *const scene_names[] = {_list([*scene.names, ''])};",
+        c_source("one_run"),
+    ]
+    return {"scene.h": header, "scene.c": "\n".join(source) + "\n"}
+
+
+def _list(values: Sequence[float] | Sequence[str] | Array) -> str:
+    """Numbers or texts as a list in C, which has no empty ones."""
+    texts = [quoted(value) if isinstance(value, str) else repr(float(value)) for value in values]
+    return f"{{{', '.join(texts or ['0.0'])}}}"
+
+
+def quoted(text: str) -> str:
+    """A text as a C string."""
+    escaped = "".join(c if c.isascii() and c.isprintable() and c not in '"\\\\?' else _octal(c) for c in text)
+    return f'"{escaped}"'
+
+
+def _octal(character: str) -> str:
+    return "".join(f"\\{byte:03o}" for byte in character.encode())

@@ -1,0 +1,125 @@
+"""C of the sums over slopes in a step, from the tableau of the method.
+
+Slopes k are stored for the first N_OWN states v. The last N_X - N_OWN states x are the integrals of the first of these,
+x' = v, mostly positions. The slope of x in stage s is the v of that stage, v + h sum_j a_sj k_j, so that x is summed
+from the slopes of v with the weights A A, as Nystrom did for second-order equations (Hairer, Norsett, Wanner 1993,
+section II.14): half the slopes are computed, stored and loaded.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from symmb.run.schemes import ROUNDED_STEP, STEP_CONTROL, dop853, runge_kutta
+
+Weights = Mapping[int, float]
+
+CLASSICAL_STAGES = len(runge_kutta.A)
+PAIR_STAGES = 14
+"""Slopes 12 and 13 replace 1 and 2, which are no longer needed; 14 and 15 take two more places."""
+
+
+def classical() -> str:
+    """The stages of the classical Runge-Kutta method."""
+    return "\n".join(_stages(range(1, CLASSICAL_STAGES), runge_kutta.A, runge_kutta.C, runge_kutta.B))
+
+
+def pair() -> str:
+    """The stages, error estimates and interpolant of the pair of Dormand and Prince."""
+    A, C = dop853.A, dop853.C
+    of_order_3, of_order_5 = dop853.E
+    return "\n".join(
+        [
+            f"#define END {_place(12)}",
+            *(f"#define {name} {value!r}" for name, value in vars(STEP_CONTROL).items()),
+            f"#define ROUNDED_STEP {ROUNDED_STEP!r}",
+            f"#define LAST_STAGE {C[15]!r}",
+            *_stages(range(1, 12), A, C, dop853.B),
+            "PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {",
+            "  const V *k = a->k;",
+            "  for (int m = 0; m < N_OWN; ++m) {",
+            f"    e5[m] = {_sum(of_order_5)};",
+            f"    e3[m] = {_sum(of_order_3)};",
+            "  }",
+            "  for (int m = 0; m < N_X - N_OWN; ++m) {",
+            f"    e5[N_OWN + m] = h * ({_sum(_through(of_order_5, A))});",
+            f"    e3[N_OWN + m] = h * ({_sum(_through(of_order_3, A))});",
+            "  }",
+            "}",
+            "PRIVATE void interpolant(Block *b) {",
+            "  const double h = b->h;",
+            *(line for s in range(13, 16) for line in _stage(s, A, C)),
+            "  EACH_PART(b) {",
+            "    const V *k = a->k;",
+            "    for (int u = 0; u < N_USED; ++u) {",
+            "      const int i = used[u], own = N_OWN == N_X || i < N_OWN, m = own ? i : i - N_OWN;",
+            "      V *f = a->F + 7 * u, d = a->x_new[i] - a->x[i];",
+            "      const V first = slope(a->x, k, i), last = slope(a->x_new, k + END * N_OWN, i);",
+            "      f[0] = d;",
+            "      f[1] = h * first - d;",
+            "      f[2] = 2 * d - h * (last + first);",
+            "      if (own) {",
+            *(f"        f[{3 + r}] = h * ({_sum(row)});" for r, row in enumerate(dop853.D)),
+            "      } else {",
+            *(
+                f"        f[{3 + r}] = h * ({sum(row.values())!r} * first + h * ({_sum(_through(row, A))}));"
+                for r, row in enumerate(dop853.D)
+            ),
+            "      }",
+            "    }",
+            "  }",
+            "}",
+        ]
+    )
+
+
+def _stages(stages: Iterable[int], A: Sequence[Weights], C: Sequence[float], B: Weights) -> list[str]:
+    return [
+        "PRIVATE void stages(Block *b) {",
+        "  const double h = b->h;",
+        *(line for s in stages for line in _stage(s, A, C)),
+        *_each_part(_advance("x_new", B, 1.0, A)),
+        "}",
+    ]
+
+
+def _stage(s: int, A: Sequence[Weights], C: Sequence[float]) -> list[str]:
+    rates = f"rates(a->x_at, a->c, each(between_stops(b, b->t + {C[s]!r} * h)), k + {_place(s)} * N_OWN);"
+    return _each_part([*_advance("x_at", A[s], C[s], A), rates])
+
+
+def _each_part(lines: Iterable[str]) -> list[str]:
+    return ["  EACH_PART(b) {", "    V *k = a->k;", *(f"    {line}" for line in lines), "  }"]
+
+
+def _advance(to: str, weights: Weights, share: float, A: Sequence[Weights]) -> list[str]:
+    """States after a share of the step."""
+    return [
+        "for (int m = 0; m < N_X - N_OWN; ++m) {",
+        f"  const V once = {_sum(weights)}, twice = {_sum(_through(weights, A))};",
+        f"  a->{to}[N_OWN + m] = a->x[N_OWN + m] + {share!r} * h * a->x[m] + h * h * twice;",
+        f"  a->{to}[m] = a->x[m] + h * once;",
+        "}",
+        f"for (int m = N_X - N_OWN; m < N_OWN; ++m) a->{to}[m] = a->x[m] + h * ({_sum(weights)});",
+    ]
+
+
+def _through(weights: Weights, A: Sequence[Weights]) -> Weights:
+    """Weights of the slopes in a weighted sum of stages."""
+    total: dict[int, float] = {}
+    for stage, weight in weights.items():
+        for j, a in A[stage].items():
+            total[j] = total.get(j, 0.0) + weight * a
+    return total
+
+
+def _sum(weights: Weights) -> str:
+    """Two sums, because each addition waits for the one before."""
+    terms = [f"{value!r} * k[{_place(j)} * N_OWN + m]" for j, value in weights.items()]
+    if len(terms) < 5:
+        return " + ".join(terms) or "zero()"
+    half = len(terms) // 2
+    return f"({' + '.join(terms[:half])}) + ({' + '.join(terms[half:])})"
+
+
+def _place(stage: int) -> int:
+    """Place of a slope in k."""
+    return {12: 1, 13: 2, 14: 12, 15: 13}.get(stage, stage)

@@ -1,0 +1,244 @@
+"""Solvers on CasADi's integrators: SUNDIALS' multistep methods, and Radau collocation."""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from symmb._limits import MOST_STEPS_KEPT, require_steps
+from symmb._types import Array
+from symmb.declare.symbolic import has_kinks
+from symmb.equations.model import DAE
+from symmb.run.codegen import Tolerances
+from symmb.run.integrate.fixed_step import collocation, fixed_step_integration
+from symmb.run.integrate.initial_value_problem import InitialValueProblem, build_problem
+from symmb.run.integrate.integration import Integration
+from symmb.run.integrate.multistep import multistep_integration
+from symmb.run.integrate.solver import Solver
+from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
+from symmb.run.integrate.stabilized_index2 import stabilized_problem
+
+UNTESTED = 1e10
+"""Absolute tolerance of multipliers [N, N m, -], above any value that occurs: they take no part in error tests. At
+index 2 their errors do not fall with the step. At index 1 their rounding rejects steps: 100 times as many are taken."""
+FIRST_STEP = 1e-3
+"""First step of index 2, over rtol and the time of the fastest motion at the start. SUNDIALS may reject it ten times,
+and takes a quarter each time, so that it may be a million times too long where steps begin anew."""
+SHORTEST_STEP = 1e-14
+"""Shortest step over the horizon: shorter ones are lost in rounding. tests/integrate/test_failures.py"""
+
+
+class _Multistep(Solver):
+    """A variable-order method of SUNDIALS on the index-1 DAE, or on the ODE without multipliers."""
+
+    plugin: ClassVar[str]
+    algebraic: ClassVar[bool]
+    rtol: float
+    stabilization: Stabilization
+
+    @abstractmethod
+    def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
+        """CasADi's options, from those for tolerances, for an integration over a time of this length."""
+
+    def has_dense_output(self, dae: DAE) -> bool:
+        return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs) and dae.sampling is None
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        return self._integration_of(dae, times, order, work)
+
+    def independent_integration(self, dae: DAE, times: Array, of_state: bool = False) -> Integration:
+        """The integration whose own step control follows switches of the state.
+
+        Steps also end at those that DormandPrince locates if `of_state`: pulses shorter than all steps are met there.
+        """
+        return self._integration_of(dae, times, 0, False, independent=True, of_state=of_state)
+
+    def _integration_of(self, dae: DAE, times: Array, order: int, work: bool, **options: bool) -> Integration:
+        def problem_of(dae: DAE) -> InitialValueProblem:
+            return build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
+
+        tolerances, units = _measures(self.tolerances(dae, order, int(work and dae.power is not None)))
+        method = partial(self._method, tolerances)
+        return multistep_integration(problem_of, dae, self.plugin, method, times, self.rtol, units, order, **options)
+
+
+@dataclass(frozen=True, repr=False)
+class IDAS(_Multistep):
+    """Variable-order BDF on the index-1 DAE, multipliers as algebraic variables (SUNDIALS).
+
+    Parameters
+    ----------
+    rtol, atol : float
+        as of `CVODES`
+    stabilization
+        None, Baumgarte(...) or Projection()
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.IDAS(rtol=1e-9))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    plugin: ClassVar[str] = "idas"
+    algebraic: ClassVar[bool] = True
+    stabilizations: ClassVar[tuple[type, ...]] = (Baumgarte, Projection)
+
+    rtol: float = 1e-11
+    atol: float | None = None
+    stabilization: Stabilization = None
+
+    def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
+        return _with_multipliers(options, problem)
+
+
+@dataclass(frozen=True, repr=False)
+class CVODES(_Multistep):
+    """Variable-order multistep method on the ODE with multipliers eliminated (SUNDIALS).
+
+    Parameters
+    ----------
+    rtol : float
+        relative tolerance
+    atol : float
+        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    stiff : bool
+        BDF with Newton iterations instead of Adams with fixed-point iterations
+    stabilization
+        None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.CVODES())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    plugin: ClassVar[str] = "cvodes"
+    algebraic: ClassVar[bool] = False
+
+    rtol: float = 1e-11
+    atol: float | None = None
+    stiff: bool = False
+    stabilization: Stabilization = None
+
+    @property
+    def takes_any_coordinates(self) -> bool:
+        return not isinstance(self.stabilization, AugmentedLagrangian)
+
+    def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
+        adams = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
+        # A run that reaches a singularity would otherwise creep into it with ever shorter steps.
+        return {**options, **adams, "min_step_size": SHORTEST_STEP * length}
+
+
+@dataclass(frozen=True, repr=False)
+class StabilizedIndex2(Solver):
+    """Variable-order BDF on the stabilised index-2 form (SUNDIALS): positions and velocities are kept to the tolerance.
+
+    Parameters
+    ----------
+    rtol, atol : float
+        as of `CVODES`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.StabilizedIndex2())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    keeps_positions: ClassVar[bool] = True
+    gives_derivatives: ClassVar[bool] = False
+
+    rtol: float = 1e-8
+    atol: float | None = None
+
+    def has_dense_output(self, dae: DAE) -> bool:
+        return not has_kinks(dae.rhs) and dae.sampling is None
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        options, units = _measures(self.tolerances(dae, n_quad=int(work and dae.power is not None)))
+        # IDAS computes no consistent rates at index 2. With rates of zero, the first step is rejected until the motion
+        # in it is within the tolerance.
+        first = FIRST_STEP * self.rtol / dae.scales.rate
+
+        def method(problem: InitialValueProblem, length: float) -> dict[str, Any]:
+            return _with_multipliers(options, problem) | {"calc_ic": False}
+
+        problem_of = partial(stabilized_problem, work=work)
+        return multistep_integration(problem_of, dae, "idas", method, times, self.rtol, units, first=first)
+
+
+@dataclass(frozen=True, repr=False)
+class Collocation(Solver):
+    """Radau collocation with a fixed step on the index-1 DAE, multipliers as algebraic variables.
+
+    Parameters
+    ----------
+    degree : int
+        collocation points a step, at most 9; the order is 2 degree - 1
+    steps : int
+        over the whole horizon; at least one for each output time
+    stabilization
+        None, Baumgarte(...) or Projection()
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.Collocation(steps=20))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    limits: ClassVar[dict[str, tuple[float, float]]] = {"degree": (1, 9)}
+    stabilizations: ClassVar[tuple[type, ...]] = (Baumgarte, Projection)
+    begins_anew: ClassVar[bool] = True
+
+    degree: int = 4
+    steps: int = 1000
+    stabilization: Stabilization = None
+
+    @property
+    def order(self) -> float:
+        return 2 * self.degree - 1
+
+    @property
+    def controls_step(self) -> bool:
+        return False
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        problem = build_problem(dae, self.stabilization, algebraic=True, work=work, one_step=True).jets(order)
+        require_steps(self, self.steps, MOST_STEPS_KEPT)
+        step = float(times[-1] - times[0]) / self.steps
+        return fixed_step_integration(collocation(problem, self.degree), times, step, problem.projection())
+
+
+def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> dict[str, Any]:
+    """The options of IDAS for a problem whose multipliers are unknowns."""
+    tolerances = [options["abstol"]] * problem.x.numel() + [UNTESTED] * problem.z.numel()
+    # Rows of the constraints are small beside those of short steps: CasADi's own QR factorisation, without pivoting,
+    # is not accurate then.
+    return options | {"abstolv": tolerances, "suppress_algebraic": True, "linear_solver": "csparse"}
+
+
+def _measures(tolerances: Tolerances) -> tuple[dict[str, Any], Array | None]:
+    """Options for tolerances, and units (n_x + n_quad,) of states and integrals in which one holds for all."""
+    sizes = np.array(tolerances.sizes or (1.0,))
+    size = float(sizes.max())
+    # The integral of the power takes part in error tests: without, CasADi's quadratures can be far off.
+    options = {"reltol": tolerances.rtol, "abstol": tolerances.atol * size, "quad_err_con": True}
+    return options | {"disable_internal_warnings": True}, None if (sizes == size).all() else sizes / size

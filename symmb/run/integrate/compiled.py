@@ -1,0 +1,149 @@
+"""Solvers whose steps the engine of `codegen` takes for many samples side by side, and their runs."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._interrupts import carry_runs, runs_of
+from symmb._types import Array
+from symmb.equations.model import DAE, Impacts
+from symmb.equations.start import Start
+from symmb.run.codegen import Engine, FixedStep, Lanes, Tolerances, require_compiler
+from symmb.run.events import events_of, longest_step
+from symmb.run.integrate.integration import Integration, Run
+from symmb.run.integrate.projection import sampled_jets
+from symmb.run.integrate.side_walk import stops_at
+from symmb.run.integrate.solver import Solver
+
+
+class CompiledSolver(Solver):
+    """Steps that the engine takes for many samples side by side."""
+
+    needs_compiler: ClassVar[bool] = True
+
+    def runs_in_lanes(self, dae: DAE) -> bool:
+        return True
+
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+        """The choice of steps in the engine, for Taylor coefficients up to an order and integrals along the motion."""
+        return self.tolerances(dae, order, n_quad)
+
+    def engine(
+        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
+    ) -> Engine:
+        """The runs in compiled C, see `lanes`.
+
+        Raises
+        ------
+        NoCompilerError
+            If there is no C compiler, or none builds them
+        """
+        events = f", which locates the events of {impacts_text(dae.impacts)}," if dae.impacts else ""
+        require_compiler(f"{self!r}{events}")
+        return self.lanes(dae, times, y, order=order, work=work, start=start).compiled(times)
+
+    @abstractmethod
+    def lanes(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+        alone: bool = False,
+    ) -> Lanes:
+        """The stages that the engine runs.
+
+        Parameters
+        ----------
+        times : (n_t,) array
+            output times [s]
+        y : (x, p, t) -> (n_y,)
+            outputs; with work, its integral follows them
+        order : int
+            with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
+        start : Start
+            compiled too, if it is not large; without it, each run is given its state
+        alone : bool
+            without Python: the start is always compiled, and steps end at switches that the C itself locates
+
+        Raises
+        ------
+        DeclarationError
+            If there are switches that only Python locates
+        """
+
+    def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
+        """The step control, with steps so short that none passes over a pulse of a function of time."""
+        self.require_affordable(times)
+        control = self.step_control(dae, times, order, n_quad)
+        if isinstance(control, FixedStep):
+            return control
+        longest = min(longest_step(dae, times), control.longest or np.inf)
+        return replace(control, longest=longest if np.isfinite(longest) else 0.0)
+
+
+class CompiledIntegration(Integration):
+    """States of runs by the engine.
+
+    `fixed_steps` makes the single steps of a scheme with a fixed step, for runs in lockstep; None if there is no such.
+    """
+
+    def __init__(
+        self,
+        solver: CompiledSolver,
+        dae: DAE,
+        times: Array,
+        order: int,
+        work: bool,
+        fixed_steps: Callable[[], Integration] | None = None,
+    ) -> None:
+        n_x, n_p = (dae.n_q + dae.n_v + dae.n_s) * (order + 1), len(dae.p_names) * (2 if order else 1)
+        x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")
+        states = ca.Function("states", [x, p, t], [sampled_jets(dae, x, p, t, order)])
+        self._engine = solver.engine(dae, times, states, order=order, work=work)
+        self.times, self.n_x, self.n_quad = times, n_x, self._engine.n_y - n_x
+        self._fixed_steps = fixed_steps
+
+    def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
+        x0 = np.hstack([x0, np.zeros((len(x0), self.n_quad))])
+        try:
+            Y, failed_samples = self._engine.values(x0, p, threads)
+        except KeyboardInterrupt as interrupt:
+            runs = [Run(y[:, : self.n_x], y[:, self.n_x :], message="interrupted") for y in runs_of(interrupt)]
+            carry_runs(interrupt, runs)
+            raise
+        runs = [
+            Run(y[:, : self.n_x], y[:, self.n_x :], t, "" if np.isnan(t) else why)
+            for y, t, why in zip(Y, failed_samples.t_failed.tolist(), failed_samples.reasons, strict=True)
+        ]
+        if (contacts := self._engine.contacts) is not None:
+            events = events_of(failed_samples.events, contacts, len(p))
+            runs = [replace(run, events=own) for run, own in zip(runs, events, strict=True)]
+        if (passes := failed_samples.passes) is None:
+            return runs
+        return [replace(run, stops=stops_at(own)) for run, own in zip(runs, passes, strict=True)]
+
+    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
+        if self._fixed_steps is None:
+            raise PropagationError("Lockstep needs a solver with a fixed step, such as RungeKutta().")
+        yield from self._fixed_steps().march(x0, p)
+
+    def statistics(self) -> dict[str, int]:
+        counts = self._engine.counts
+        named = {"steps": counts.steps, "nonlinear iterations": counts.iterations, "most in a step": counts.most}
+        named["choices of coordinates"] = counts.choices
+        return {name: count for name, count in named.items() if count}
+
+
+def impacts_text(impacts: Impacts) -> str:
+    """The impacts by name, for messages."""
+    titles = () if impacts.joints is None else impacts.joints.titles
+    return ", ".join(dict.fromkeys([*(f"Impact {name!r}" for name in impacts.names), *titles]))

@@ -1,0 +1,100 @@
+"""Runs with impacts: steps of the Dormand-Prince pair from event to event."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array
+from symmb.equations.model import DAE
+from symmb.equations.start import Start
+from symmb.run.codegen import Engine, Lanes, Tolerances, require_compiler
+from symmb.run.integrate.compiled import CompiledIntegration, impacts_text
+from symmb.run.integrate.explicit import DormandPrince, Explicit
+from symmb.run.integrate.integration import Integration
+from symmb.run.integrate.stabilization import Projection, Stabilization
+
+
+@dataclass(frozen=True, repr=False)
+class EventDriven(Explicit):
+    """Explicit pair of order 8 whose steps end at the events of an `Impact`, a `Release`, a `Latch` or a `Clutch`.
+
+    They are located on the interpolant of a step to rounding. Each sample has steps of its own. After every step
+    positions and velocities are moved onto the constraints, with those of closed contacts. At the time of an event,
+    outputs have their values after it.
+
+    Parameters
+    ----------
+    rtol, atol : float
+        as of `CVODES`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    >>> floor = mb.Impact("floor", gap=ball.y, restitution=0.8)
+    >>> scene = mb.Scene(mb.System(ball, floor, mb.Gravity(0, -10.0)), {"ball.y": 1.25}, [0.0, 1.0])
+    >>> mb.simulate(scene, mb.EventDriven())["ball.y"].round(6)
+    array([1.25, 0.75])
+
+    References
+    ----------
+    Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, section II.6. Acary, Brogliato (2008),
+    Numerical Methods for Nonsmooth Dynamical Systems, chapter 8.
+    """
+
+    meets_switches: ClassVar[bool] = True
+    locates_events: ClassVar[bool] = True
+    takes_any_coordinates: ClassVar[bool] = False
+    stabilization: ClassVar[Stabilization] = Projection()
+    projection_steps: ClassVar[int] = 1
+
+    rtol: float = 1e-10
+    atol: float | None = None
+
+    def runs_in_lanes(self, dae: DAE) -> bool:
+        return dae.impacts is not None
+
+    def has_dense_output(self, dae: DAE) -> bool:
+        return True
+
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances:
+        return replace(self.tolerances(dae, order, n_quad), growth=0.0, least=1.0, ahead=0.0)
+
+    def lanes(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+        alone: bool = False,
+    ) -> Lanes:
+        if order and dae.impacts is not None:
+            raise PropagationError(
+                f"Derivatives with respect to parameters, and Taylor with them, are not valid across the events of "
+                f"{impacts_text(dae.impacts)}. Use PolynomialChaos(), Scanning(...) or MonteCarlo(...)."
+            )
+        return super().lanes(dae, times, y, order=order, work=work, start=start, alone=alone)
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        if dae.impacts is None:
+            require_compiler(repr(self))
+            return DormandPrince(self.rtol, self.atol).integration(dae, times, order=order, work=work)
+        return CompiledIntegration(self, dae, times, order, work)
+
+
+_SHORTER = 0.37
+"""Longest step of a run that checks another one, over the mean step of that: no simple fraction, so that it rounds
+otherwise."""
+
+
+def round_otherwise(engine: Engine, other: Engine) -> None:
+    """Let an engine take steps that are shorter than the mean one of the last run of another."""
+    control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
+    longest = min(control.longest or np.inf, _SHORTER * span / max(other.counts.steps, 1))
+    engine.control = replace(control, longest=longest)

@@ -1,0 +1,185 @@
+"""Explicit solvers on the ODE with multipliers eliminated."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar, cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._limits import MOST_STEPS_KEPT, require_steps
+from symmb._types import Array
+from symmb.equations.model import DAE
+from symmb.equations.start import Start
+from symmb.run.codegen import FixedStep, Lanes, StepEnds, model_function
+from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver
+from symmb.run.integrate.contacts import contact_functions, contacts_of, started, with_gaps
+from symmb.run.integrate.fixed_step import explicit, fixed_step_integration
+from symmb.run.integrate.initial_value_problem import PROJECTION_STEPS, build_problem
+from symmb.run.integrate.integration import Integration, stateless_integration
+from symmb.run.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
+from symmb.run.integrate.step_ends import stops_in_time, switched
+
+
+class Explicit(CompiledSolver):
+    """Explicit steps, compiled for many samples side by side."""
+
+    stabilization: Stabilization
+    projection_steps: ClassVar[int] = PROJECTION_STEPS
+    """Newton steps of a projection."""
+
+    @property
+    def takes_any_coordinates(self) -> bool:
+        return not isinstance(self.stabilization, AugmentedLagrangian)
+
+    def lanes(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+        alone: bool = False,
+    ) -> Lanes:
+        problem = build_problem(
+            dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
+        ).jets(order)
+        own, contacts = problem.p, None
+        of_time = stops_in_time(dae, times) if alone else None
+        linear = of_time and of_time.switches.linear
+        curved = of_time is not None and linear is None
+        frozen = switched(problem, dae, times, curved) if self.controls_step and not order else None
+        ends = StepEnds(stops=stops_in_time(dae, times) if order else None) if self.controls_step else None
+        if dae.impacts is not None:
+            contacts = contacts_of(dae, dae.impacts, work)
+            frozen, start = with_gaps(problem, frozen, dae, dae.impacts, work), start if alone else None
+        problem, ends = (frozen.problem, frozen.ends) if frozen else (problem, ends)
+        # At the time of an event, outputs have their values after it.
+        outputs = y(problem.x if contacts is None else cast(ca.SX, problem.projected), own, problem.t)
+        control = self.limited_control(dae, times, order, problem.quad.numel())
+        n_x = problem.x.numel()
+        x = ca.SX.sym("x", n_x + problem.quad.numel())  # an integral along the motion is a state like the others
+        p = problem.p[: len(dae.p_names)]  # without the sides of switches
+
+        def at(expression: ca.SX) -> ca.SX:
+            return ca.substitute(expression, problem.x, x[:n_x, :])
+
+        f = model_function(
+            x,
+            problem.p,
+            problem.t,
+            ca.vertcat(at(problem.ode), at(problem.quad)),
+            ca.vertcat(at(outputs), x[n_x:, :]),
+            None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
+            _compiled_start(start, dae, p, float(np.ptp(times)), alone),
+            at(frozen.switches) if frozen and frozen.switches.numel() else None,
+            None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
+            at(frozen.ranged) if frozen and frozen.ranged is not None else None,
+            ca.vertcat(*linear[0](p)) if linear else None,
+        )
+        knots = tuple(linear[1]) if linear else ()
+        return Lanes(f, control, ends=ends or StepEnds(), contacts=contacts, knots=knots)
+
+
+def _compiled_start(
+    start: Start | None, dae: DAE, p: ca.SX, span: float, alone: bool
+) -> tuple[ca.SX, ca.SX, ca.SX] | None:
+    """The equations of a start that the engine computes; None if it is given the states."""
+    if start is None or not (alone or start.compiles):
+        return None
+    u, newton, state = start.equations(p)
+    if dae.impacts is not None:
+        state = started(dae, dae.impacts, state, p, start.t0, span)
+    return u, newton, state
+
+
+@dataclass(frozen=True, repr=False)
+class DormandPrince(Explicit):
+    """Embedded pair of order 8 with step control and dense output, compiled for many samples side by side.
+
+    Samples share a step in blocks of 8, fixed by sample index. With `Projection()` positions and velocities are
+    projected onto the constraints after every step. Steps end where functions of time or forces switch, at `if_else`,
+    `fabs`, `fmax` and the like, also where the motion passes a switch twice within a step. They also end where `exp`,
+    `tanh`, `erf` and `cosh` of positions or of time are steep: none passes over a smooth pulse made of these.
+
+    Parameters
+    ----------
+    rtol, atol, stabilization
+        as of `CVODES`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.DormandPrince())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+
+    References
+    ----------
+    Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, section II.5 and code DOP853.
+    """
+
+    meets_switches: ClassVar[bool] = True
+    projection_steps: ClassVar[int] = 1  # the drift of one step is small
+
+    rtol: float = 1e-8
+    atol: float | None = None
+    stabilization: Stabilization = field(default_factory=Projection)
+
+    def has_dense_output(self, dae: DAE) -> bool:
+        return True
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        if not dae.n_q + dae.n_v + dae.n_s:
+            return stateless_integration(dae, times, order)
+        return CompiledIntegration(self, dae, times, order, work)
+
+
+@dataclass(frozen=True, repr=False)
+class RungeKutta(Explicit):
+    """Classical Runge-Kutta method of order 4 with a fixed step.
+
+    Compiled for many samples side by side.
+
+    Parameters
+    ----------
+    steps : int
+        over the whole horizon; at least one for each output time
+    stabilization
+        None, Baumgarte(...), Projection() or AugmentedLagrangian(...) at the output times
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.RungeKutta(steps=200))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    needs_compiler: ClassVar[bool] = False
+    begins_anew: ClassVar[bool] = True
+
+    steps: int = 2500
+    stabilization: Stabilization = None
+
+    @property
+    def order(self) -> float:
+        return 4
+
+    @property
+    def controls_step(self) -> bool:
+        return False
+
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> FixedStep:
+        return FixedStep(float(times[-1] - times[0]) / self.steps)
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True).jets(order)
+        require_steps(self, self.steps, MOST_STEPS_KEPT)
+        step = self.step_control(dae, times).longest
+        return fixed_step_integration(explicit(problem), times, step, problem.projection())

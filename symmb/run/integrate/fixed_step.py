@@ -1,0 +1,150 @@
+"""Fixed steps over the output times, as one compiled call: for explicit, collocation and implicit schemes alike."""
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.declare.symbolic import common
+from symmb.run.integrate.initial_value_problem import InitialValueProblem
+from symmb.run.integrate.integration import Integration
+from symmb.run.integrate.marching import Advance, Marching, interval_steps
+from symmb.run.schemes import Step, runge_kutta
+
+
+def fixed_step_integration(
+    advance: Advance, times: Array, length: float, project: ca.Function | None = None
+) -> Integration:
+    """A scheme compiled over the given times.
+
+    Every interval between two output times is cut into equal steps no longer than `length`.
+
+    Parameters
+    ----------
+    advance : Advance
+    times : (n_t,) array        [s]
+    length : float              longest step [s]
+    project : (x, p, t) -> x    onto the constraints at every output time; for schemes whose history is the state alone
+    """
+    n_x, n_p = advance.n_x, advance.step.numel_in(1)
+    guess = ca.Function("guess", [ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")], [ca.SX(0, 1)])
+    if not n_x or len(times) == 1:
+        return Integration(times, n_x, advance.n_quad, None, None, guess)
+    counts = interval_steps(times, length)
+    between = _interval(advance, int(counts.max()))
+    if project is None:
+        whole = _all_steps(advance, times, counts)
+    else:
+        # Intervals of one number of steps are folded; others are walked one by one.
+        whole = _all_intervals(between, project, times) if counts.min() == counts.max() else None
+    return Integration(times, n_x, advance.n_quad, whole, between, guess, project, Marching(advance, times, counts))
+
+
+def explicit(problem: InitialValueProblem) -> Advance:
+    """The classical Runge-Kutta method."""
+    n_x, n_quad = problem.x.numel(), problem.quad.numel()
+    rates = common("rates", [problem.x, problem.p, problem.t], [problem.ode, problem.quad])
+    w, h = ca.SX.sym("w", n_x + n_quad), ca.SX.sym("h")
+    begin, slopes = problem.t - h, []
+    for c, row in zip(runge_kutta.C, runge_kutta.A, strict=True):
+        shift = sum((a * slopes[j][:n_x] for j, a in row.items()), ca.SX.zeros(n_x))
+        slopes.append(ca.vertcat(*rates(w[:n_x] + h * shift, problem.p, begin + c * h)))
+    new = w + h * sum((b * slopes[j] for j, b in runge_kutta.B.items()), ca.SX.zeros(n_x + n_quad))
+    step = common("step", [w, problem.p, problem.t, h], [new])
+    return Advance(_start_at_rest(problem), step, n_x, n_quad)
+
+
+def collocation(problem: InitialValueProblem, degree: int) -> Advance:
+    """Radau collocation of the given degree on the problem with its algebraic variables, one step of CasADi's own."""
+    n_x, n_quad = problem.x.numel(), problem.quad.numel()
+    begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
+    time = begin + span * tau
+    dae = {"x": problem.x, "z": problem.z, "p": ca.vertcat(problem.p, begin, span), "t": tau}
+    for name, rate, factor in (("ode", problem.ode, span), ("alg", problem.alg, 1), ("quad", problem.quad, span)):
+        dae[name] = ca.substitute(rate, problem.t, time) * factor
+    options = {
+        "number_of_finite_elements": 1,
+        "interpolation_order": degree,
+        "collocation_scheme": "radau",
+        # Newton is quadratic: after a step of 1e-10 the error is at rounding level, also where unknowns are large.
+        "rootfinder_options": {"abstol": 1e-12, "abstolStep": 1e-10},
+    }
+    one = ca.integrator("one", "collocation", {k: e for k, e in dae.items() if e.numel()}, 0, 1, options)
+    guess = common("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
+    w, p, t, h = (ca.MX.sym(n, k) for n, k in (("w", n_x + n_quad), ("p", problem.p.numel()), ("t", 1), ("h", 1)))
+    x = w[:n_x]
+    result = one(x0=x, z0=guess(x, p, t - h), p=ca.vertcat(p, t - h, h))
+    new = ca.vertcat(result["xf"], w[n_x:] + result["qf"]) if n_quad else result["xf"]
+    return Advance(_start_at_rest(problem), ca.Function("step", [w, p, t, h], [new]), n_x, n_quad)
+
+
+def implicit(scheme: Step) -> Advance:
+    """An implicit scheme; CasADi derives Newton's matrix."""
+    arguments = [scheme.w, scheme.p, scheme.t, scheme.h]
+    begin = common("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin])
+    following = common("following", [scheme.z, *arguments], [ca.densify(scheme.following)])
+    symbols = [ca.MX.sym(name, s.numel()) for name, s in zip("wpth", arguments, strict=True)]
+    z = ca.MX(0, 1)
+    if scheme.z.numel():
+        newton = ca.rootfinder(
+            "newton",
+            "newton",
+            {"x": scheme.z, "p": ca.vertcat(*arguments), "g": scheme.residual},
+            {"abstol": 0.0, "abstolStep": 1e-12, "max_iter": 20, "linear_solver": "csparse"},
+        )
+        guess = common("guess", arguments, [scheme.guess])
+        z = newton(guess(*symbols), ca.vertcat(*symbols))
+    return Advance(begin, ca.Function("step", symbols, [following(z, *symbols)]), scheme.n_x, scheme.n_quad)
+
+
+def _start_at_rest(problem: InitialValueProblem) -> ca.Function:
+    """A history that is the state alone, with nothing integrated along yet."""
+    w = ca.vertcat(problem.x, ca.SX.zeros(problem.quad.numel()))
+    return ca.Function("begin", [problem.x, problem.p, problem.t, ca.SX.sym("h")], [w])
+
+
+def _symbols(advance: Advance) -> tuple[ca.MX, ca.MX, ca.MX]:
+    return ca.MX.sym("x0", advance.n_x), ca.MX.sym("z0", 0), ca.MX.sym("p", advance.step.numel_in(1))
+
+
+def _as_integrator(name: str, arguments: list[ca.MX], advance: Advance, W: ca.MX) -> ca.Function:
+    """Like CasADi's integrators, (x0, z0, p) -> (xf, zf, qf), from the histories W at the output times."""
+    n_x, n_quad = advance.n_x, advance.n_quad
+    results = [W[:n_x, :], ca.MX(0, W.shape[1]), W[n_x : n_x + n_quad, :]]
+    return ca.Function(name, arguments, results, ["x0", "z0", "p"], ["xf", "zf", "qf"])
+
+
+def _all_steps(advance: Advance, times: Array, counts: Indices) -> ca.Function:
+    x0, z0, p = _symbols(advance)
+    h = np.concatenate([np.full(n, span / n) for n, span in zip(counts, np.diff(times), strict=True)])
+    ends = times[0] + np.cumsum(h)
+    w0 = advance.begin(x0, p, times[0], h[0])
+    W = advance.step.mapaccum(len(h))(w0, ca.repmat(p, 1, len(h)), ends[None, :], h[None, :])
+    at_outputs = (np.cumsum(counts) - 1).tolist()
+    return _as_integrator("whole", [x0, z0, p], advance, ca.horzcat(w0, W[:, at_outputs]))
+
+
+def _interval(advance: Advance, count: int) -> ca.Function:
+    x0, z0, _ = _symbols(advance)
+    extended = ca.MX.sym("p", advance.step.numel_in(1) + 2)
+    p, begin, span = extended[:-2], extended[-2], extended[-1]
+    h = span / count
+    ends = begin + h * ca.DM(np.arange(1.0, count + 1)).T
+    W = advance.step.mapaccum(count)(
+        advance.begin(x0, p, begin, h), ca.repmat(p, 1, count), ends, ca.repmat(h, 1, count)
+    )
+    return _as_integrator("between", [x0, z0, extended], advance, W[:, -1])
+
+
+def _all_intervals(between: ca.Function, project: ca.Function, times: Array) -> ca.Function:
+    n_x, n_quad, n_t = between.numel_out(0), between.numel_out(2), len(times)
+    w, p, t, span = (
+        ca.MX.sym(n, k) for n, k in (("w", n_x + n_quad), ("p", project.numel_in(1)), ("t", 1), ("span", 1))
+    )
+    x, _, quad = between(w[:n_x], ca.MX(0, 1), ca.vertcat(p, t - span, span))
+    interval = ca.Function("interval", [w, p, t, span], [ca.vertcat(project(x, p, t), w[n_x:] + quad)])
+    x0, z0 = ca.MX.sym("x0", n_x), ca.MX.sym("z0", 0)
+    w0 = ca.vertcat(project(x0, p, times[0]), ca.MX.zeros(n_quad))
+    spans = np.diff(times)
+    W = ca.horzcat(w0, interval.mapaccum(n_t - 1)(w0, ca.repmat(p, 1, n_t - 1), times[None, 1:], spans[None, :]))
+    results = [W[:n_x, :], ca.MX(0, n_t), W[n_x:, :]]
+    return ca.Function("whole", [x0, z0, p], results, ["x0", "z0", "p"], ["xf", "zf", "qf"])

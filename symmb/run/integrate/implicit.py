@@ -1,0 +1,355 @@
+"""Implicit schemes as solvers, compiled for many samples side by side."""
+
+from abc import abstractmethod
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import casadi as ca
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._types import Array
+from symmb.declare.symbolic import common, has_kinks
+from symmb.equations.model import DAE
+from symmb.equations.start import Start
+from symmb.run.codegen import FixedStep, Lanes, Scheme, StepEnds, Tolerances, scheme_function
+from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver
+from symmb.run.integrate.fixed_step import fixed_step_integration, implicit
+from symmb.run.integrate.initial_value_problem import build_problem
+from symmb.run.integrate.integration import Integration, stateless_integration
+from symmb.run.integrate.projection import sampled_jets
+from symmb.run.integrate.rosenbrock_step import rosenbrock
+from symmb.run.integrate.stabilization import AugmentedLagrangian, Stabilization
+from symmb.run.integrate.step_ends import StopsInTime, stops_in_time
+from symmb.run.integrate.switch_passes import SwitchPasses
+from symmb.run.schemes import Step, generalized_alpha, nstiff_si2
+
+FULL_MATRIX = 12
+"""Velocities up to which a full Newton matrix costs no more than a sparse one. tests/benchmarks/latency.py"""
+MOST_VELOCITIES = 300
+"""Velocities up to which a C compiler takes less than minutes for a Newton matrix. tests/benchmarks/scaling.py"""
+
+
+class _SchemeSolver(CompiledSolver):
+    """Steps of a scheme in symbols, each solved by Newton's method."""
+
+    tolerance: float = 0.0  # of Newton's method; a scheme without iterations needs none
+
+    def runs_in_lanes(self, dae: DAE) -> bool:
+        return dae.n_v <= MOST_VELOCITIES
+
+    @abstractmethod
+    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+        """The symbolic step, of the Taylor coefficients up to `order`."""
+
+    def lanes(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+        alone: bool = False,
+    ) -> Lanes:
+        if alone and has_kinks(dae.rhs):
+            raise DeclarationError(
+                f"{self!r} cannot end its steps at the kinks and jumps of this scene without Python. Prepare the scene "
+                "with DormandPrince()."
+            )
+        compiled = start if start is not None and (alone or start.compiles) else None
+        step = self.scheme(dae, order, work)
+        w, n_x = step.w, step.n_x
+        state, control = w[:n_x], self.limited_control(dae, times, order, 0)
+        change, tested_change = step.newton()
+        at_state = [step.x, state]
+        fresh = sampled_jets(dae, state, step.p, step.t, order)  # steps begin anew at switches and instants
+        begin, past_work = ca.substitute(step.begin, step.x, fresh), slice(n_x, n_x + step.n_quad)
+        begin[past_work, :] = w[past_work, :]
+        f = scheme_function(
+            w,
+            step.z,
+            step.p,
+            step.t,
+            step.h,
+            history=begin,
+            guess=step.guess,
+            correct=ca.vertcat(change, tested_change),
+            follow=ca.vertcat(step.following, step.error) if isinstance(control, Tolerances) else step.following,
+            outputs=ca.vertcat(y(state, step.p, step.t), w[past_work, :]),
+            projected=None if step.projected is None else ca.substitute(step.projected, *at_state),
+            start=None if compiled is None else compiled.equations(step.p),
+        )
+        scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance)
+        stops: StopsInTime | SwitchPasses | None = None
+        if alone:
+            stops = stops_in_time(dae, times)
+        elif isinstance(control, Tolerances):
+            stops = SwitchPasses(dae, times, control.rtol, compiled)
+        return Lanes(f, control, scheme, StepEnds(stops=stops))
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        def fixed_steps() -> Integration:
+            control = self.step_control(dae, times)
+            if isinstance(control, Tolerances):
+                raise PropagationError(
+                    f"{self!r} controls its step, which needs at most {MOST_VELOCITIES} velocities, "
+                    "and is not possible in lockstep. Give a step instead of a tolerance."
+                )
+            step = self.scheme(dae, order, work)
+            project = None
+            if step.projected is not None:
+                project = common("project", [step.x, step.p, step.t], [step.projected])
+            return fixed_step_integration(implicit(step), times, control.longest, project)
+
+        if not dae.n_v + dae.n_s:
+            return stateless_integration(dae, times, order)
+        if self.runs_in_lanes(dae):
+            return CompiledIntegration(self, dae, times, order, work, fixed_steps)
+        return fixed_steps()
+
+
+@dataclass(frozen=True, repr=False)
+class Rosenbrock(_SchemeSolver):
+    """RODAS, order 4, L-stable, on the index-1 DAE: stiff motion without iterations.
+
+    Parameters
+    ----------
+    rtol, atol, stabilization
+        as of `CVODES`
+    step : float
+        a fixed step instead of tolerances, if given [s]
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.Rosenbrock())["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+
+    References
+    ----------
+    Hairer, Wanner (1996), Solving Ordinary Differential Equations II, section IV.7 and code RODAS.
+    """
+
+    rtol: float = 1e-7
+    atol: float | None = None
+    step: float | None = None
+    stabilization: Stabilization = None
+
+    @property
+    def order(self) -> float:
+        return 4
+
+    @property
+    def controls_step(self) -> bool:
+        return self.step is None
+
+    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+        # Without multipliers errors are smaller, but the matrix of all velocities is full.
+        algebraic = dae.n_v > FULL_MATRIX and not isinstance(self.stabilization, AugmentedLagrangian)
+        problem = build_problem(dae, self.stabilization, algebraic=algebraic, work=work, one_step=True)
+        return rosenbrock(problem.jets(order))
+
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+        return super().step_control(dae, times, order, n_quad) if self.step is None else FixedStep(self.step)
+
+
+class _PositionScheme(_SchemeSolver):
+    """A scheme of order 2 with a fixed step, which keeps the positions on their constraints."""
+
+    keeps_positions: ClassVar[bool] = True
+    step: float
+
+    @property
+    def controls_step(self) -> bool:
+        return False
+
+    @abstractmethod
+    def formula(self, dae: DAE, work: bool) -> Step:
+        """The symbolic step."""
+
+    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+        return self.formula(dae, work).jets(order)
+
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+        return FixedStep(self.step)
+
+
+@dataclass(frozen=True, repr=False)
+class NSTIFFSI2(_PositionScheme):
+    """Second-order BDF on the stabilised index-2 form, the paper's solver (see `schemes.nstiff_si2`).
+
+    Parameters
+    ----------
+    step : float
+        longest step [s]
+    rtol : float
+        relative tolerance, with step control up to `step`; without it steps are fixed
+    tolerance : float
+        of Newton's method, largest change of the state over its size
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.NSTIFFSI2(step=1e-3))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    step: float = 5e-3
+    rtol: float | None = None
+    tolerance: float = 1e-8
+
+    @property
+    def controls_step(self) -> bool:
+        return self.rtol is not None
+
+    def formula(self, dae: DAE, work: bool) -> Step:
+        return nstiff_si2(dae, work)
+
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+        if self.rtol is None:
+            return FixedStep(self.step)
+        return replace(self.tolerances(dae, order, n_quad), longest=self.step)
+
+
+@dataclass(frozen=True, repr=False)
+class BDFI3(_PositionScheme):
+    """Second-order BDF on the index-3 form: positions alone are kept, velocities follow to the error of the step.
+
+    Parameters
+    ----------
+    step : float
+        longest step [s]
+    tolerance : float
+        of Newton's method, largest displacement over the motion's size
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.BDFI3(step=1e-3))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    step: float = 1e-3
+    tolerance: float = 1e-12
+
+    def formula(self, dae: DAE, work: bool) -> Step:
+        return nstiff_si2(dae, work, stabilized=False)
+
+
+class _AlphaScheme(_PositionScheme):
+    """A member of the generalised-alpha family on the index-3 form, which its coefficients determine."""
+
+    @abstractmethod
+    def coefficients(self) -> tuple[float, float, float]:
+        """alpha_m, alpha_f and gamma of `schemes.generalized_alpha`."""
+
+    def formula(self, dae: DAE, work: bool) -> Step:
+        return generalized_alpha(dae, work, *self.coefficients())
+
+
+@dataclass(frozen=True, repr=False)
+class Newmark(_AlphaScheme):
+    """Newmark's method on the index-3 form, of first order: gamma above 1/2 damps high frequencies.
+
+    Parameters
+    ----------
+    step, tolerance : float
+        as of `BDFI3`
+    gamma : float
+        damping, 1/2 (trapezoidal rule, none) to 1
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.Newmark(step=1e-3, gamma=0.5))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    limits: ClassVar = {"gamma": (0.5, 1.0)}
+
+    step: float = 1e-3
+    gamma: float = 0.6
+    tolerance: float = 1e-13
+
+    @property
+    def order(self) -> float:
+        return 1
+
+    def coefficients(self) -> tuple[float, float, float]:
+        return 0.0, 0.0, self.gamma
+
+
+@dataclass(frozen=True, repr=False)
+class GeneralizedAlpha(_AlphaScheme):
+    """Generalised-alpha on the index-3 form (see `schemes.generalized_alpha`).
+
+    Parameters
+    ----------
+    step, tolerance : float
+        as of `BDFI3`
+    rho : float
+        spectral radius at infinite frequency, 1 (no damping) to 0
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.GeneralizedAlpha(step=1e-3))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    limits: ClassVar = {"rho": (0.0, 1.0)}
+
+    step: float = 1e-3
+    rho: float = 0.8
+    tolerance: float = 1e-13
+
+    def coefficients(self) -> tuple[float, float, float]:
+        alpha_m, alpha_f = (2 * self.rho - 1) / (self.rho + 1), self.rho / (self.rho + 1)
+        return alpha_m, alpha_f, 0.5 + alpha_f - alpha_m
+
+
+@dataclass(frozen=True, repr=False)
+class HHT(_AlphaScheme):
+    """Hilber-Hughes-Taylor (HHT-I3) on the index-3 form.
+
+    Parameters
+    ----------
+    step, tolerance : float
+        as of `BDFI3`
+    alpha : float
+        damping, 0 (trapezoidal rule) to 1/3
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
+    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
+    >>> mb.simulate(scene, mb.HHT(step=1e-3))["bob.x"].round(4)
+    array([ 1.    , -0.4161, -0.6536])
+    """
+
+    limits: ClassVar = {"alpha": (0.0, 1 / 3)}
+
+    step: float = 1e-3
+    alpha: float = 0.1
+    tolerance: float = 1e-13
+
+    def coefficients(self) -> tuple[float, float, float]:
+        return 0.0, self.alpha, 0.5 + self.alpha

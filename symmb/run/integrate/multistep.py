@@ -1,0 +1,241 @@
+"""Problems compiled for CasADi's interface to SUNDIALS' multistep methods."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.declare.symbolic import batch, common
+from symmb.equations.model import DAE, Lazy
+from symmb.run.events import longest_step
+from symmb.run.integrate.cells import CELLS, refined
+from symmb.run.integrate.initial_value_problem import InitialValueProblem
+from symmb.run.integrate.integration import Integration, RunAdvance, quiet
+from symmb.run.integrate.one_sided import OneSided, one_sided
+from symmb.run.integrate.side_walk import SideWalk, Stops
+from symmb.run.integrate.switch_passes import SwitchPasses, follows_switches
+
+MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
+"""Most steps of a run, and most steps times states: more take minutes."""
+USUAL, LEAST, LOST = 2.0, 200, 0.05
+"""SUNDIALS counts steps from one time to the next, so that it is given times close together. From one to the next a run
+may take this many times the mean of a run of most steps, and at least so many. If it takes more, it goes on from one to
+the next, and is lost, as at a singular position, when it has taken this share of most steps more."""
+CLOSE_TIMES = 1e-6
+"""Output times closer than this [s] are rescaled: CasADi's interface takes times less than 1e-9 s apart for equal."""
+_SCALED = {"ode", "alg", "quad"}
+_WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_jacobian": False, "enable_fd": True}
+_SHORT = 1e-3
+"""Steps of an independent integration over the horizon: longer ones may pass over two switches of the state."""
+_FEW_STATES = 1_000_000
+"""Most steps times states of an independent integration: more take more than a second, and it only checks another."""
+_SMOOTH_STEPS = 20_000
+"""Most steps of a piece on one side of each switch: one that needs more is left to equations that follow the state."""
+_NOISE = 1e-15
+"""Rounding of a position that counts: tolerances of short pieces are no smaller."""
+
+
+def multistep_integration(
+    problem_of: Callable[[DAE], InitialValueProblem],
+    dae: DAE,
+    plugin: str,
+    options: Callable[[InitialValueProblem, float], dict[str, Any]],
+    times: Array,
+    rtol: float,
+    units: Array | None = None,
+    order: int = 0,
+    first: float | None = None,
+    independent: bool = False,
+    of_state: bool = True,
+) -> Integration:
+    """Problems of DAEs compiled for CasADi's interface to SUNDIALS; options for an integration over a given time.
+
+    Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of states and
+    integrals (n_x + n_quad,) are measured by their units. The first step [s] is SUNDIALS' choice if it is not given.
+    An independent integration follows switches of the state by its step control, with steps of a thousandth of the
+    horizon. They end at passes that runs of DormandPrince tell if `of_state`. Without a C compiler there are no such
+    runs, and every integration is an independent one where the state has switches.
+    """
+    independent = independent or follows_switches(dae)
+    problem = problem_of(dae).jets(order)
+    problem = problem if units is None else problem.in_units(units)
+    guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
+    project, passes = problem.projection(), SwitchPasses(dae, times, rtol, of_state=of_state)
+    n_x = problem.x.numel()
+    if not n_x or len(times) < 2:
+        return _MultistepIntegration(times, problem, guess, project, passes.stops, units)
+    whole = between = onward = smooth = None
+    (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
+    most = min(MOST_STEPS, (_FEW_STATES if independent else MOST_STATES) // n_x)
+    steps = _step_lengths(dae, times, first, _SHORT * horizon if independent else np.inf)
+
+    def limited(problem: InitialValueProblem, length: float, unit: float, most: float) -> dict[str, Any]:
+        lengths = {name: step / unit for name, step in steps.items()}
+        return options(problem, length) | lengths | {"max_num_steps": max(int(most), LEAST)}
+
+    def from_0_to_1(name: str, problem: InitialValueProblem, ends: Array, most: float) -> ca.Function:
+        """One integrator for every interval, by the time since its begin over its length."""
+        begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
+        part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
+        return _integrator(name, plugin, part, 0, 1, limited(problem, 1.0, float(np.diff(ends).max()), most))
+
+    if project is None:
+        unit = _time_unit(fine)
+        part = _parts(problem) if unit == 1 else _rescaled(problem, ca.SX(0), ca.SX(unit))
+        limits = limited(problem, horizon / unit, unit, USUAL * most / CELLS)
+        whole = _integrator("whole", plugin, part, times[0] / unit, fine / unit, limits)
+        onward = Lazy(lambda: from_0_to_1("onward", problem, fine, LOST * most))
+    if project is not None or passes.are_possible:
+        between = from_0_to_1("between", problem, times, most * max(LOST, 1 / (len(times) - 1)))
+    equations = one_sided(dae) if passes.are_possible and not independent and not order else None
+    if equations is not None:
+        one = problem_of(equations.dae)
+        integrator = from_0_to_1("smooth", one.from_begin(), times, _SMOOTH_STEPS)
+        smooth = _SmoothPieces(equations, one, integrator, dae.n_q, rtol, units)
+    return _MultistepIntegration(
+        times,
+        problem,
+        guess,
+        project,
+        passes.stops,
+        units,
+        whole=whole,
+        between=between,
+        smooth=smooth,
+        whole_times=(fine, outputs),
+        onward=onward,
+        limit=(USUAL * most / horizon, LOST * most),
+        samples=dae.sampling is not None,
+    )
+
+
+def _step_lengths(dae: DAE, times: Array, first: float | None, longest: float) -> dict[str, float]:
+    """SUNDIALS' options for the first step and the longest one, if they are limited [s]."""
+    steps = {"step0": first, "max_step_size": min(longest_step(dae, times), longest)}
+    return {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
+
+
+class _MultistepIntegration(Integration):
+    """Runs in one call, or in pieces between stops; these on one side of each switch if `smooth` is given."""
+
+    def __init__(
+        self,
+        times: Array,
+        problem: InitialValueProblem,
+        guess: ca.Function,
+        project: ca.Function | None,
+        stops: Callable[[Array, Array], Stops],
+        units: Array | None,
+        *,
+        whole: ca.Function | None = None,
+        between: ca.Function | None = None,
+        smooth: "_SmoothPieces | None" = None,
+        whole_times: tuple[Array, Indices] | None = None,
+        onward: Lazy[ca.Function] | None = None,
+        limit: tuple[float, float] = (math.inf, math.inf),
+        samples: bool = False,
+    ) -> None:
+        n_x, n_quad = problem.x.numel(), problem.quad.numel()
+        grid = {"whole_times": whole_times, "onward": onward, "limit": limit, "samples": samples}
+        super().__init__(times, n_x, n_quad, whole, between, guess, project, stops=stops, units=units, **grid)
+        self._smooth = smooth
+
+    def _pieces(self, p: Array, stops: Stops) -> RunAdvance:
+        smooth, n = self._smooth, self.n_x
+        if smooth is None or not np.isfinite(stops.passes).any():
+            return super()._pieces(p, stops)
+        every = np.ones(n + self.n_quad) if self._units is None else self._units
+        units, quad_units = every[:n], every[n:]
+
+        def free(begin: float, end: float, y: Array, p: Array) -> Array:
+            x, quad = self.advance(self._between, p, begin, end, y[:n] / units)
+            return np.concatenate([x * units, y[n:] + quad * quad_units])
+
+        def one_sided(begin: float, end: float, y: Array, p: Array) -> Array:
+            y = smooth.advance(begin, end, y, p)
+            self.count(smooth.integrator)
+            return y
+
+        walk = SideWalk(smooth.equations, p, stops, float(np.ptp(self.times)), one_sided, free)
+
+        def piece(begin: float, end: float, x: Array) -> tuple[Array, Array]:
+            y = walk.piece(begin, end, np.concatenate([x * units, np.zeros(self.n_quad)]))
+            return y[:n] / units, y[n:] / quad_units
+
+        return piece
+
+
+class _SmoothPieces:
+    """Pieces of runs on one side of each switch.
+
+    A zone that a motion passes may be narrower than the tolerance of its position: in short pieces tolerances are those
+    of the displacement since their begin.
+    """
+
+    def __init__(
+        self,
+        equations: OneSided,
+        problem: InitialValueProblem,
+        integrator: ca.Function,
+        n_q: int,
+        rtol: float,
+        units: Array | None,
+    ) -> None:
+        self.equations, self.integrator, self._n_q, self._rtol = equations, integrator, n_q, rtol
+        self._n = problem.x.numel()
+        self._units = np.ones(problem.x.numel() + problem.quad.numel()) if units is None else units
+        at = [problem.x, problem.p, problem.t]
+        speed = equations.dae.rhs.call(list(equations.dae.arguments(*at)))[0]
+        self._start = common("start", at, [problem.z_guess, speed])
+
+    def advance(self, begin: float, end: float, y: Array, p: Array) -> Array:
+        """From one time to another, which may be before it: y is the state and the integral along."""
+        n, n_q, units = self._n, self._n_q, self._units.copy()
+        (z0,), (speed,) = batch(self._start, y[:n], p, np.array([begin]))
+        size = float(np.max(np.abs(y[:n_q]) / units[:n_q], initial=0.0))
+        way = float(np.max(np.abs(speed * (end - begin)) / units[:n_q], initial=0.0))
+        noise = _NOISE * size / self._rtol  # in tolerances, of a displacement 1
+        share = max(way, noise) or 1.0
+        units[:n_q] *= min(share, 1.0)
+        offset = np.full(len(y), noise / share)
+        with quiet():
+            parameters = np.concatenate([p, y[:n], units, offset, [begin, end - begin]])
+            yf = batch(self.integrator, offset, z0, parameters)[0][0]
+        return y + units * (yf - offset)
+
+
+def _integrator(
+    name: str, plugin: str, parts: dict[str, Any], begin: float, ends: Any, options: dict[str, Any]
+) -> ca.Function:
+    """CasADi's integrator of a problem. Without Newton iterations it needs no Jacobian, which takes most of its making.
+
+    CasADi derives one in any case, so that the rates become a Function without derivatives: nothing is left to derive.
+    """
+    if options.get("nonlinear_solver_iteration") == "functional":
+        inputs, rates = [key for key in parts if key not in _SCALED], [key for key in parts if key in _SCALED]
+        f = ca.Function("rates", parts, inputs, rates, _WITHOUT_DERIVATIVES)
+        at = {key: ca.MX.sym(key, parts[key].sparsity()) for key in inputs}
+        parts = at | {key: value for key, value in f.call(at).items() if key in rates}
+    return ca.integrator(name, plugin, parts, begin, ends, options)
+
+
+def _parts(problem: InitialValueProblem) -> dict[str, ca.SX]:
+    parts = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
+    parts |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
+    return {name: e for name, e in parts.items() if e.numel()}
+
+
+def _rescaled(problem: InitialValueProblem, begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
+    """In terms of tau, t = begin + span tau."""
+    tau, parts = ca.SX.sym("tau"), _parts(problem)
+    own = {name: ca.substitute(parts[name], problem.t, begin + span * tau) for name in _SCALED & parts.keys()}
+    return parts | {"t": tau} | {name: e if name == "alg" else span * e for name, e in own.items()}
+
+
+def _time_unit(times: Array) -> float:
+    """1, but close times apart: CasADi's interface takes those less than 1e-9 s apart for the same."""
+    least = float(np.diff(times).min())
+    return 1.0 if least > CLOSE_TIMES else 2.0 ** math.floor(math.log2(least))

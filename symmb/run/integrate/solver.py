@@ -1,0 +1,215 @@
+"""The base of solvers: frozen objects whose fields are their options."""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import Field, fields, replace
+from functools import partial
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._limits import require_steps
+from symmb._options import is_finite_number, is_real, is_whole, python_number, require_truth, shown
+from symmb._types import Array
+from symmb.equations.model import DAE
+from symmb.run.codegen import Tolerances, with_compiler
+from symmb.run.integrate.integration import Integration
+from symmb.run.integrate.marching import interval_steps
+from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
+
+LEAST_SIZE, NOISE = 1e-2, 1e-12
+"""Least size of a state, over that of its part of the scene, to which absolute tolerances follow it, and the same over
+rtol: forces in balance leave rounding in states that do not move."""
+AHEAD = 1.0
+"""Time over which slopes at the start tell the sizes to come, over that of the fastest part. Without it, runs from rest
+take seven more steps, whose lengths depend on rounding. tests/codegen/test_c_files.py"""
+
+_LEAST_RTOL = 1e-15
+"""Numbers are rounded to 1.1e-16 of their size."""
+
+
+class Solver(ABC):
+    """An integration method for the index-reduced DAE.
+
+    Subclasses are frozen dataclasses. Class attributes declare what a solver can do.
+    """
+
+    limits: ClassVar[dict[str, tuple[float, float]]] = {}
+    """Range of an option, ends included. Other numbers must be above 0."""
+    keeps_positions: ClassVar[bool] = False
+    """Whether the method itself keeps Phi = 0 after every step."""
+    stabilizations: ClassVar[tuple[type, ...]] = (Baumgarte, Projection, AugmentedLagrangian)
+    """Types of the option `stabilization`, besides None."""
+    locates_events: ClassVar[bool] = False
+    """Whether steps end at impacts."""
+    meets_switches: ClassVar[bool] = False
+    """Whether its own steps end at switches of the state. Steps of other solvers end where DormandPrince meets
+    switches."""
+    begins_anew: ClassVar[bool] = False
+    """Whether a fixed step only keeps the state at an output time."""
+    needs_compiler: ClassVar[bool] = False
+    """Whether even single runs are compiled where `runs_in_lanes`."""
+    gives_derivatives: ClassVar[bool] = True
+    """Whether Taylor coefficients of the motion can be integrated."""
+
+    @property
+    def takes_any_coordinates(self) -> bool:
+        """Whether it integrates accelerations alone: coordinates of joints then do as well as those of bodies."""
+        return False
+
+    @property
+    def order(self) -> float:
+        """Order of the method with a fixed step: the error falls as step**order."""
+        return 2
+
+    @property
+    def controls_step(self) -> bool:
+        """Whether the step follows from tolerances."""
+        return True
+
+    def runs_in_lanes(self, dae: DAE) -> bool:
+        """Whether the engine of `codegen` can run many samples of this DAE side by side with this solver."""
+        return False
+
+    def has_dense_output(self, dae: DAE) -> bool:
+        """Whether the state at output times is interpolated, so that output times do not change the steps."""
+        return False
+
+    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
+        """The compiled integration of one DAE.
+
+        Parameters
+        ----------
+        times : (n_t,) array
+            output times [s]
+        order : int
+            highest Taylor coefficient along a line of parameters
+        work : bool
+            whether the power of forces without potential is integrated too [J]
+
+        Raises
+        ------
+        PropagationError
+            If derivatives are asked for and the solver gives none, or there are too many steps
+        """
+        self.require_affordable(times)
+        if order and not self.gives_derivatives:
+            raise PropagationError(
+                f"{self!r} gives no derivatives along the run. Use another solver for Taylor, such as DormandPrince()."
+            )
+        make = partial(self._integration, dae, times, order, work)
+        return with_compiler(make, make)  # the same call takes another way without a compiler
+
+    def require_affordable(self, times: Array) -> None:
+        """PropagationError if steps of a fixed length over the times (n_t,) are too many."""
+        values, horizon = self._values, float(times[-1] - times[0])
+        require_steps(self, values.get("steps") or horizon / (values.get("step") or math.inf))
+
+    @abstractmethod
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration: ...
+
+    def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> Tolerances:
+        """The options `rtol` and `atol`; by default the latter is rtol / 100 of the size of each state.
+
+        They are for states (n_x,), their Taylor coefficients up to an order, and integrals along the motion. They do
+        not follow coefficients, which are 0 until they jump at kinks.
+        """
+        rtol: float = self.rtol  # pyright: ignore[reportAttributeAccessIssue]
+        atol: float | None = getattr(self, "atol", None)
+        if atol is not None:
+            return Tolerances(rtol, atol)
+        sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
+        least = 1.0 if order else min(1.0, max(LEAST_SIZE, NOISE / rtol))
+        ahead = AHEAD / dae.scales.rate
+        return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)
+
+    def at(self, **options: Any) -> "Solver":
+        """The same solver with other options."""
+        return replace(self, **options)  # pyright: ignore[reportArgumentType]
+
+    def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
+        """The same solver with errors about `factor` times smaller.
+
+        Output times limit fixed steps. Given the times (n_t,) [s], the steps become shorter than those really taken.
+        """
+        values = self._values
+        changes: dict[str, Any] = {}
+        if self.controls_step:
+            changes = {name: values[name] / factor for name in ("rtol", "atol") if values.get(name)}
+            if "rtol" in changes:
+                changes["rtol"] = max(changes["rtol"], 2 * _LEAST_RTOL)
+        shorter = factor ** (1 / self.order)
+        horizon = 1.0 if times is None else float(times[-1] - times[0])
+        if "steps" in values:
+            taken = _longest_taken(horizon / values["steps"], times)
+            changes["steps"] = int(np.ceil(shorter * horizon / taken - 1e-9))
+        elif values.get("step"):
+            changes["step"] = _longest_taken(values["step"], times) / shorter
+        return replace(self, **changes)  # pyright: ignore[reportArgumentType]
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}  # pyright: ignore[reportArgumentType]
+
+    def step_taken(self, times: Array) -> float:
+        """The longest step that is taken over output times (n_t,), if steps have a fixed length [s]; 0 otherwise."""
+        if self.controls_step or len(times) < 2:
+            return 0.0
+        values = self._values
+        return _longest_taken(values.get("step") or float(times[-1] - times[0]) / values["steps"], times)
+
+    def __post_init__(self) -> None:
+        faults = []
+        for f in fields(self):  # pyright: ignore[reportArgumentType]
+            value = getattr(self, f.name)
+            value = python_number(value) if is_real(value) else value
+            object.__setattr__(self, f.name, value)
+            fault = self._stabilization_fault(value) if f.name == "stabilization" else self._fault(f, value)
+            faults += [fault] if fault else []
+        if faults:
+            raise DeclarationError("\n".join(f"{type(self).__name__}: {fault}." for fault in faults))
+
+    def _stabilization_fault(self, value: object) -> str:
+        if value is None or isinstance(value, self.stabilizations):
+            return ""
+        if isinstance(value, AugmentedLagrangian):
+            return "AugmentedLagrangian(...) is for solvers that eliminate the multipliers: use CVODES()"
+        allowed = ", ".join(f"{kind.__name__}(...)" for kind in self.stabilizations)
+        return f"stabilization={value!r} is not a stabilization: use {allowed} or None"
+
+    def _fault(self, option: Field, value: Any) -> str:
+        """Why an option cannot have a value, or empty."""
+        name, counts = option.name, isinstance(option.default, int)
+        if isinstance(option.default, bool):
+            require_truth(type(self).__name__, name, value)
+            return ""
+        if value is None and option.default is None:
+            return ""
+        if counts and is_real(value) and not is_whole(value):
+            return f"{name}={value!r} must be an integer"
+        low, high = self.limits.get(name, _LIMITS.get(name, (0.0, np.inf)))
+        if (is_finite_number(value) or (counts and is_whole(value))) and (
+            low < value < high or value in self.limits.get(name, ())
+        ):
+            return ""
+        below = f" and below {high:g}" if high < np.inf else ""
+        within = f"from {low:g} to {high:g}" if name in self.limits else f"above {low:g}{below}"
+        return f"{name}={shown(value)} must be a number {within}"
+
+    def __repr__(self) -> str:
+        default = type(self)()
+        options = [f.name for f in fields(self) if getattr(self, f.name) != getattr(default, f.name)]  # pyright: ignore[reportArgumentType]
+        return f"{type(self).__name__}({', '.join(f'{name}={getattr(self, name)!r}' for name in options)})"
+
+
+_LIMITS = {"rtol": (_LEAST_RTOL, 1.0), "atol": (1e-30, np.inf), "tolerance": (0.0, 1.0)}
+"""Of options of several solvers. At a tolerance of 1 Newton's method would end at once. SUNDIALS has no end at absolute
+tolerances whose weights are too large to be squared and summed."""
+
+
+def _longest_taken(step: float, times: Array | None) -> float:
+    """The longest of the steps that a given one becomes between output times."""
+    if times is None or len(times) < 2:
+        return step
+    return float((np.diff(times) / interval_steps(times, step)).max())

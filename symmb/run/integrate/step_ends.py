@@ -1,0 +1,109 @@
+"""Where steps of one problem end besides output times: at its switches of time and of the state."""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.declare.symbolic import On, batch, branches, has_kinks, with_common_expressions
+from symmb.equations.model import DAE
+from symmb.run.codegen import StepEnds
+from symmb.run.events import TimeSwitches, time_switches
+from symmb.run.integrate.initial_value_problem import InitialValueProblem
+
+_HYSTERESIS = 1e-13
+"""Change of a switch, relative to that by the sizes of all states, which is rounding."""
+_BESIDE, _NEAR, _SEVERAL = 64, 1e-10, 4.0
+"""States beside each other, their distance over their size, from whose deviations from a line the rounding of a switch
+is seen, and a safety factor on it."""
+_SIDES = 64
+"""Combinations of sides on which changes of switches are evaluated."""
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchedProblem:
+    """A problem on the branches of one side of each switch of the state.
+
+    Attributes
+    ----------
+    problem : its last parameters are the sides
+    switches : (2 m,) SX     switches and their rates
+    ends : StepEnds
+    ranged : (m,) SX         switches of which bounds are taken; None: all
+    """
+
+    problem: InitialValueProblem
+    switches: ca.SX
+    ends: StepEnds
+    ranged: ca.SX | None = None
+
+
+def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool = False) -> SwitchedProblem | None:
+    """The problem with its switches; None if it has none. Algebraic variables must be eliminated.
+
+    Those of time alone are found before a run, or stand `of_time` among those of the state.
+    """
+    x, p, t = problem.x, problem.p, problem.t
+    f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))])
+    smooth = not has_kinks(f)
+    stops = None if dae.sampling is None and (smooth or of_time) else stops_in_time(dae, times)
+    if smooth:
+        return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
+    branch = branches(
+        with_common_expressions(f), [(x, On.STATE), (p, On.PARAMETERS), (t, On.STATE if of_time else On.TIME)]
+    )
+    (rates,) = branch.outputs
+    ode = rates[: x.numel(), :]
+
+    def slopes(values: ca.SX) -> ca.SX:
+        return ca.densify(ca.jtimes(values, x, ode) + ca.jacobian(values, t))
+
+    others = x[dae.n_q :]  # fronts of velocities come from smooth friction, whose fast motion step control follows
+    fronts, exponents = (
+        [value for value in ca.vertsplit(values) if not ca.depends_on(value, others)]
+        for values in (branch.fronts, branch.exponents)
+    )
+    switches = ca.vertcat(branch.switches, *fronts, *(slopes(exponent) for exponent in exponents))
+    if not switches.numel():
+        return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
+    sides = ca.vertcat(branch.sides, ca.SX.sym("side", switches.numel() - branch.sides.numel()))
+    on_branches = replace(problem, p=ca.vertcat(p, sides), ode=ode, quad=rates[x.numel() :, :])
+    ends = StepEnds(hysteresis_of(dae, switches, x, p, t, sides), stops)
+    return SwitchedProblem(on_branches, ca.vertcat(switches, slopes(switches)), ends)
+
+
+@dataclass(frozen=True)
+class StopsInTime:
+    """Switches of time alone, of samples x0, p."""
+
+    switches: TimeSwitches
+
+    def __call__(self, x0: Array, p: Array) -> Array:
+        return self.switches(p)
+
+
+def stops_in_time(dae: DAE, times: Array) -> StopsInTime | None:
+    """The switches of time of a DAE; None if it has none."""
+    switches = dae.remembered(time_switches, times)
+    return None if switches is None else StopsInTime(switches)
+
+
+def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
+    """Above the rounding of each switch, at states of their own sizes: those of other parts have no effect."""
+    size, m = np.maximum(dae.state_sizes, 1e-300), sides.numel()
+    change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
+    # A switch may depend on the state on some sides of the others only. The least change is that of a real combination:
+    # others may be far from where the motion can be.
+    on_sides = np.vstack([np.ones(m), np.random.default_rng(0).choice([-1.0, 1.0], (_SIDES, m))])
+    values = np.nan_to_num(batch(change, size, dae.p_nominal, np.zeros(1), on_sides)[0].reshape(-1, m), posinf=0.0)
+    least = np.where(values > 0, values, np.inf).min(axis=0)
+    values = np.where(values[0] > 0, values[0], np.where(np.isfinite(least), least, 1.0))
+    # Where a large number is added to a small state, the sum is rounded by more than the state.
+    value, share = ca.Function("value", [x, p, t, sides], [ca.densify(switches)]), np.linspace(0.0, 1.0, _BESIDE)
+    near = batch(value, size * (1 + _NEAR * share[:, None]), dae.p_nominal, np.zeros(1), on_sides[0])[0].reshape(-1, m)
+    line = np.column_stack([np.ones(_BESIDE), share])
+    known = np.isfinite(near).all(axis=0)
+    rounding = np.zeros(m)
+    rounding[known] = np.ptp(near[:, known] - line @ (np.linalg.pinv(line) @ near[:, known]), axis=0)
+    return tuple(np.maximum(_HYSTERESIS * values, _SEVERAL * rounding).tolist())

@@ -1,0 +1,101 @@
+"""Stiffness of a motion: eigenvalues of its linearisation along a run."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.declare.symbolic import batch, pattern
+from symmb.equations.model import DAE
+from symmb.run.integrate.initial_value_problem import build_problem
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """The fastest rates of the linearised motions.
+
+    Attributes
+    ----------
+    decay : float            largest rate of decay [1/s]
+    growth : float           largest rate of growth [1/s]
+    frequency : float        largest angular frequency [rad/s]
+    """
+
+    decay: float
+    growth: float
+    frequency: float
+
+    @property
+    def rate(self) -> float:
+        """The rate that limits the step of explicit methods: their product must be below about 3."""
+        return max(self.decay, self.frequency)
+
+    def is_stiff(self, span: float) -> bool:
+        """Whether the decay is so fast that the steps should not resolve it over this time [s].
+
+        Near an unstable position motions decay as fast as others grow, which the steps must resolve.
+        """
+        return self.decay * span > STIFF and self.decay > 10 * self.growth
+
+
+STIFF = 2e3
+"""A motion is stiff if its horizon holds more shortest time constants: explicit steps are about as long as one."""
+
+
+_MOST, _LARGEST, _ROUGH = 600, 6, 1e-2
+"""States up to which all eigenvalues are computed, and beyond them how many of the largest, and their relative error:
+all take n^3 operations, a minute of 3,000 states."""
+
+
+def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
+    """From the Jacobian of x' = f(x, p, t) at states X (m, n_x) of the times (m,), parameters p (n_p,)."""
+    decay = growth = frequency = 0.0
+    for state, time in zip(X, times, strict=True) if X.size else ():
+        eigenvalues = dae.remembered(_Linearization).eigenvalues(state, p, np.array([time]))
+        if np.isfinite(eigenvalues).all():
+            decay = max(decay, float(-eigenvalues.real.min()))
+            growth = max(growth, float(eigenvalues.real.max()))
+            frequency = max(frequency, float(np.abs(eigenvalues.imag).max()))
+    return Stiffness(decay, growth, frequency)
+
+
+class _Linearization:
+    """The Jacobian of x' = f(x, p, t), from those of the sparse equations that have the multipliers as unknowns z.
+
+    Columns of these Jacobians without entries in common rows are computed as one: most are of different bodies.
+    """
+
+    def __init__(self, dae: DAE, _: Array) -> None:
+        problem = build_problem(dae, None, algebraic=True, work=False)
+        x, z, at = problem.x, problem.z, [problem.x, problem.z, problem.p, problem.t]
+        dx, dz, values = ca.SX.sym("dx", x.numel()), ca.SX.sym("dz", z.numel()), ca.vertcat(problem.ode, problem.alg)
+        self._z = ca.Function("z", [x, problem.p, problem.t], [problem.z_guess])
+        change = ca.jtimes(values, ca.vertcat(x, z), ca.vertcat(dx, dz))
+        self._along = ca.Function("along", [*at, dx, dz], [ca.densify(change)])
+        f = ca.Function("values", at, [values])
+        entries = ca.horzcat(f.jac_sparsity(0, 0), f.jac_sparsity(0, 1))
+        colours = entries.uni_coloring()
+        self._rows, self._columns = np.array(entries.get_triplet(), dtype=np.intp)
+        self._seeds = pattern(colours).T.astype(float)  # (colours, n_x + n_z)
+        self._colours = self._seeds.argmax(axis=0)[self._columns]
+
+    def eigenvalues(self, x: Array, p: Array, t: Array) -> Array:
+        """Those of the Jacobian at a state (n_x,), the largest ones of large systems; nan where it does not exist."""
+        from scipy import sparse
+
+        n = len(x)
+        (z,) = batch(self._z, x, p, t)
+        (changes,) = batch(self._along, x, z[0], p, t, self._seeds[:, :n], self._seeds[:, n:])
+        values = changes.reshape(len(self._seeds), -1)[self._colours, self._rows]
+        J = sparse.csc_array((values, (self._rows, self._columns)), shape=(self._seeds.shape[1],) * 2)
+        A, B, C, D = J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]
+        try:
+            if n <= _MOST:
+                full = A.toarray() - B.toarray() @ np.linalg.solve(D.toarray(), C.toarray())
+                return np.linalg.eigvals(full) if np.isfinite(full).all() else np.full(n, np.nan)
+            solved = sparse.linalg.splu(D).solve if len(z[0]) else np.copy
+            operator = sparse.linalg.LinearOperator((n, n), lambda v: A @ v - B @ solved(C @ v), dtype=float)
+            return sparse.linalg.eigs(operator, k=_LARGEST, tol=_ROUGH, return_eigenvectors=False)
+        except (np.linalg.LinAlgError, sparse.linalg.ArpackError, RuntimeError):
+            return np.full(n, np.nan)

@@ -1,0 +1,131 @@
+"""Where steps of solvers end that cannot find switches of the state: runs of DormandPrince tell them when."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.declare.symbolic import has_kinks
+from symmb.equations.model import DAE
+from symmb.equations.start import Start
+from symmb.run.codegen import Engine, FailureCode, Tolerances, compiler_advice, has_compiler
+from symmb.run.events import time_switches
+from symmb.run.integrate.explicit import DormandPrince
+from symmb.run.integrate.initial_value_problem import build_problem
+from symmb.run.integrate.side_walk import Stops, no_stops
+from symmb.run.integrate.step_ends import switched
+
+_SHARE = 0.1
+"""Tolerance of these runs over that of the solver, whose motion is as exact in time as they are."""
+_LEAST_RTOL = 1e-12
+"""Least tolerance of these runs: below it, steps are rounding."""
+_SAFE_RTOL = 1e-8
+"""Tolerance of a second run where the first one breaks down."""
+_MOST_STEPS = 20_000
+"""Steps of these runs. Stiff motions need more: later passes are left to the solver's own step control."""
+
+_AT_ONCE = 1e-9
+"""Time after the start, over the horizon, within which a pass belongs to the start."""
+
+
+class SwitchPasses:
+    """Switches of time, and passes of switches of the state by a run of DormandPrince. It can be pickled.
+
+    Parameters
+    ----------
+    dae : DAE
+    times : (n_t,) array     output times [s]
+    rtol : float             relative tolerance of the solver
+    start : Start, optional  the engine of the solver computes the start
+    of_state : bool          whether switches of the state are looked for, if there is a compiler
+    """
+
+    def __init__(
+        self, dae: DAE, times: Array, rtol: float = 1e-8, start: Start | None = None, of_state: bool = True
+    ) -> None:
+        self._dae, self._times = dae, times
+        self._of_time = dae.remembered(time_switches, times)
+        self._engine: Engine | None = None
+        if of_state and len(times) > 1 and has_kinks(dae.rhs) and has_compiler():
+            x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
+            t = ca.SX.sym("t")
+            nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
+            solver = DormandPrince(max(_SHARE * rtol, _LEAST_RTOL))
+            engine = solver.engine(dae, times[[0, -1]], nothing, start=start)
+            engine.most_steps = _MOST_STEPS
+            self._engine = engine if engine.ends.hysteresis else None
+
+    @property
+    def are_possible(self) -> bool:
+        """Whether a run may have such stops."""
+        return self._of_time is not None or self._engine is not None
+
+    def __call__(self, x0: Array, p: Array) -> Array:
+        """Stops (N, k) in order, infinite behind the last one [s], of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
+        return self.stops(x0, p).times
+
+    def stops(self, x0: Array, p: Array) -> Stops:
+        """The stops with the passes among them, of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
+        dae, p = self._dae, p[:, : len(self._dae.p_names)]
+        stops = np.empty((len(p), 0)) if self._of_time is None else self._of_time(p)
+        if self._engine is None:
+            return no_stops(len(p))._replace(times=stops)
+        passes, until, sticks = _passes(self._engine, x0[:, : dae.n_q + dae.n_v + dae.n_s], p)
+        passes = np.where(np.isnan(passes), np.inf, passes)
+        stops = np.sort(np.hstack([stops, passes, sticks[:, None]]), axis=1)
+        return Stops(stops[:, np.isfinite(stops).any(axis=0)], passes, until, sticks)
+
+    def first(self, x0: Array, p: Array) -> float:
+        """The first pass of a switch of the state by one sample, x0 (1, n_x), p (1, n_p) [s]; nan if there is none."""
+        if self._engine is None:
+            return np.nan
+        passes = _passes(self._engine, x0, p)[0].ravel()
+        span = float(np.ptp(self._times))  # a motion may begin on a switch
+        return float(np.fmin.reduce(passes[passes - self._times[0] > _AT_ONCE * span], initial=np.nan))
+
+
+def follows_switches(dae: DAE) -> bool:
+    """Whether switches of the state are left to the control of steps, because no compiled run tells their passes."""
+    return not has_compiler() and dae.remembered(_switches_with_state)
+
+
+def _switches_with_state(dae: DAE, _: Array) -> bool:
+    if not has_kinks(dae.rhs):
+        return False
+    found = switched(build_problem(dae, None, algebraic=False, work=False), dae, np.zeros(2))
+    return found is not None and bool(found.ends.hysteresis)
+
+
+def follow_doubts(dae: DAE) -> tuple[str, ...]:
+    """What is doubtful about runs that leave switches of the state to the control of steps."""
+    if not follows_switches(dae):
+        return ()
+    text = "The equations have switches of the state, at which no step ends without a C compiler"
+    return (f"{text}: short pulses may be missed. {compiler_advice()}",)
+
+
+def _passes(engine: Engine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
+    """Passes (N, k) of switches of the state, nan behind the last one, and `until` and `sticks` of `Stops`."""
+    passes, until, sticks = _passes_by(engine, x0, p)
+    control, again = engine.control, np.isfinite(until)
+    if not again.any() or not isinstance(control, Tolerances) or control.rtol >= _SAFE_RTOL:
+        return passes, until, sticks
+    # Where a force rises over a way of a few thousand roundings of the position, smaller tolerances are noise.
+    engine.control = replace(control, rtol=_SAFE_RTOL, atol=control.atol * _SAFE_RTOL / control.rtol)
+    others = _passes_by(engine, x0[again], p[again])
+    engine.control = control
+    better = others[1] > until[again]
+    for old, new in zip((passes, until, sticks), others, strict=True):
+        old[np.flatnonzero(again)[better]] = new[better]
+    return passes, until, sticks
+
+
+def _passes_by(engine: Engine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
+    _, failed_samples = engine.values(x0, p)
+    until = np.where(np.isnan(failed_samples.t_failed), np.inf, failed_samples.t_failed)
+    sticks = np.where(failed_samples.failure == FailureCode.STICKS, until, np.inf)
+    passes = failed_samples.passes
+    if passes is None:
+        return np.empty((len(p), 0)), until, sticks
+    return passes, np.fmin(until, np.where(np.isnan(passes[:, -1]), np.inf, passes[:, -1])), sticks

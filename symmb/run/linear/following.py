@@ -1,0 +1,87 @@
+"""Modes followed along a way through the parameters by their shapes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.run.linear.eigenvalues import Eigenvalues
+
+_ALIKE = 0.9
+"""Overlap of two shapes from which they belong to the same mode: shapes at right angles to the first have up to 0.1."""
+_ALIKE_ALONE = 0.5
+"""The same for a mode that is the only one on both sides."""
+_SHORTEST = 2.0**-10
+"""Shortest step along the way. Shapes that turn within less of it cross there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """Modes at the end of a way.
+
+    Attributes
+    ----------
+    values : (n,) complex      eigenvalues in the order of the modes at the start; nan of modes that have ended
+    errors : (n,)              their errors by rounding
+    places : (n,)              their numbers among the eigenvalues at the end; -1 of modes that have ended
+    crossings : set of pairs   numbers of modes whose frequencies cross on the way
+    veerings : set of pairs    numbers of modes that exchange their shapes within the shortest step
+    """
+
+    values: Array
+    errors: Array
+    places: Indices
+    crossings: set[tuple[int, int]]
+    veerings: set[tuple[int, int]]
+
+
+def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eigenvalues, Array]) -> Followed:
+    """Follow all oscillations from 0 to 1.
+
+    `at` gives eigenvalues and shapes (n_z, n) at a share of the way. Steps are halved until the shape of each mode
+    overlaps by `_ALIKE` with the one that follows it, and no two frequencies change their order. What changes it within
+    the shortest step crosses, if shapes stay alike there.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    eigen, shapes = start
+    place = np.flatnonzero(eigen.oscillating)
+    n, share, step = len(place), 0.0, 1.0
+    modes = np.arange(n)
+    crossings: set[tuple[int, int]] = set()
+    veerings: set[tuple[int, int]] = set()
+    while share < 1.0:
+        step = min(step, 1.0 - share)
+        new, new_shapes = at(share + step)
+        candidates = np.flatnonzero(new.oscillating)
+        overlap = _overlaps(shapes[:, place], new_shapes[:, candidates])
+        rows, columns = linear_sum_assignment(-overlap)
+        alike, following = overlap[rows, columns], candidates[columns]
+        swapped = _swapped(np.abs(eigen.values[place[rows]]), np.abs(new.values[following]))
+        least = _ALIKE if len(place) + len(candidates) > 2 else _ALIKE_ALONE
+        if step > _SHORTEST and (len(rows) < len(place) or alike.min(initial=1.0) < least or swapped):
+            step /= 2
+            continue
+        turned = set(modes[rows[alike < _ALIKE]].tolist())
+        crossings |= {(int(modes[rows[i]]), int(modes[rows[j]])) for i, j in swapped}
+        veerings |= {(i, j) for i in turned for j in turned if i < j}
+        modes, place, eigen, shapes = modes[rows], following, new, new_shapes
+        share, step = share + step, 2 * step
+    values: Array = np.full(n, np.nan, dtype=complex)
+    errors, places = np.zeros(n), np.full(n, -1, dtype=np.intp)
+    values[modes], errors[modes], places[modes] = eigen.values[place], eigen.errors[place], place
+    values = np.where(np.abs(values.real) <= errors, 1j * values.imag, values)
+    return Followed(values, errors, places, crossings, veerings)
+
+
+def _swapped(before: Array, after: Array) -> list[tuple[int, int]]:
+    """Pairs of modes whose frequencies change their order."""
+    signs = [np.sign(values[:, None] - values) for values in (before, after)]
+    return [(int(i), int(j)) for i, j in np.argwhere(np.triu(signs[0] * signs[1] < 0, 1))]
+
+
+def _overlaps(one: Array, other: Array) -> Array:
+    """Modal assurance criterion of shapes in columns, (n, m) (Allemang & Brown 1982)."""
+    norms = np.linalg.norm(one, axis=0)[:, None] * np.linalg.norm(other, axis=0)[None]
+    return (np.abs(one.conj().T @ other) / np.maximum(norms, 1e-300)) ** 2

@@ -1,0 +1,175 @@
+"""Linearisation of a scene at its start, or of a run at a time."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from symmb._errors import DeclarationError, warn_of
+from symmb._options import require_names
+from symmb._types import Array, Indices
+from symmb.equations.model import DAE, Scene
+from symmb.run.formulations import Formulation, formulations
+from symmb.run.linear.doubts import doubts_of
+from symmb.run.linear.inputs import with_inputs, with_uniform
+from symmb.run.linear.linear_equations import Blocks, LinearEquations, independent
+from symmb.run.linear.motion import Origin
+from symmb.run.linear.point import point_of, require_smooth, started
+from symmb.run.linear.result import Linearization
+from symmb.run.linear.steady import SteadyMotion
+from symmb.run.simulation import Trajectory
+from symmb.run.verification import attached_loads, with_loads
+
+
+def linearize(
+    subject: Scene | Trajectory,
+    time: float | None = None,
+    parameters: Mapping[str, float] | None = None,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] | None = None,
+) -> Linearization:
+    """Linearise a scene at its start, or a run at one of its times.
+
+    Derivatives are exact. The constraints are eliminated: the states are independent displacements and velocities, and
+    first-order states.
+
+    Parameters
+    ----------
+    subject : Scene or Trajectory
+        a scene that starts in equilibrium or in a steady motion, or a run
+    time : float, optional
+        an output time of the run [s]; default: its last one
+    parameters : mapping, optional
+        values in place of the nominal ones, of a scene
+    inputs : names
+        of actuators, which get an additional force or torque, of inputs, or of parameters
+    outputs : names, optional
+        of outputs; default: all of the scene
+
+    Raises
+    ------
+    DeclarationError
+        If a name is unknown, an input moves constraints, or the equations have no derivative there
+    AssemblyError, SimulationError
+        If the scene does not start
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", mass=3.0, inertia=1.0)
+    >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, 1))
+    >>> scene = mb.Scene(mb.System(rod, pin, mb.Gravity(0, -9.81)), equilibrium=True)
+    >>> lin = linearize(scene)
+    >>> float((2 * np.pi * lin.frequencies[0]) ** 2 * 4 / 3 / 9.81)  # inertia 4 kg m^2 about the pin
+    1.0
+    """
+    scene, values, t, of_bodies = point_of(subject, time, parameters)
+    known = scene.curve_names
+    names = require_names("outputs", "output", known if outputs is None else outputs, known)
+    chosen = [known.index(name) for name in names]
+    extended, input_numbers = with_inputs(scene, inputs)
+    extended, starts, uniform = with_uniform(extended)
+    formulation, loads = formulation_of(extended), attached_loads(extended)
+    formulation = with_loads(extended, formulation, loads)
+    p = np.array([*values.values(), *[0.0] * (len(extended.system.parameters) - len(values))])
+    point = started(extended, formulation, p, t, of_bodies)
+    equations = LinearEquations(formulation, (*input_numbers, *starts))
+    require_smooth(formulation, point, equations)
+    blocks = equations.blocks(point.x[None], p[None], t)
+    _require_free_inputs(inputs, blocks)
+    _require_slopes_of_outputs(names, blocks.C[0][chosen], blocks.D[0][chosen])
+    free = free_states(equations, blocks, len(uniform))
+    motion = SteadyMotion(equations, point, blocks, free)
+    doubts = doubts_of(extended, motion, blocks, loads)
+    n, n_u, more = len(free), len(inputs), np.zeros((len(motion.lift), len(uniform)))
+    lift = np.hstack([motion.lift, more])
+    # Outputs deviate with uniform motions as they do with the starts of these.
+    of_starts = blocks.D[0][:, n_u:].copy()
+    of_starts[:, 1::2] -= (t - scene.times[0]) * of_starts[:, ::2]
+    whole = np.zeros((n + len(uniform),) * 2)
+    whole[:n, :n] = motion.A
+    whole[np.arange(n, len(whole), 2), np.arange(n + 1, len(whole), 2)] = 1.0
+    result = Linearization(
+        name=scene.name,
+        A=whole,
+        B=np.vstack([blocks.B[0][free, :n_u], np.zeros((len(uniform), n_u))]),
+        C=np.hstack([blocks.C[0] @ motion.lift, of_starts])[chosen],
+        D=blocks.D[0][chosen, :n_u],
+        states=(*(state_names(formulation.dae)[k] for k in free), *uniform),
+        inputs=tuple(inputs),
+        outputs=tuple(names),
+        time=t,
+        parameters=values,
+        doubts=doubts,
+        shapes=blocks.bodies[0] @ lift,
+        displacements=displacement_names((formulation.bodies or formulation).dae),
+        origin=Origin(extended, formulation, point, lift),
+    )
+    warn_of(result.doubts, f"linearize({scene.name})")
+    return result
+
+
+def formulation_of(scene: Scene) -> Formulation:
+    """The scene in coordinates of its joints if it has some: these do not turn with bodies that spin in a joint."""
+    can_choose = scene.coordinates is None and not scene.system.collected.gated
+    if can_choose and scene.system.joint_space().joints.names:
+        with suppress(DeclarationError):
+            scene = replace(scene, coordinates="joint")
+            return cast(Formulation, formulations(scene)[1])
+    bodies, joints, *_ = formulations(replace(scene, coordinates="body") if scene.coordinates is None else scene)
+    return joints or bodies
+
+
+def _require_slopes_of_outputs(names: Sequence[str], *parts: Array) -> None:
+    """DeclarationError if an output has no derivative, as a norm at 0."""
+    for name, *rows in zip(names, *parts, strict=True):
+        if not all(np.isfinite(row).all() for row in rows):
+            raise DeclarationError(
+                f"linearize: output {name!r} has no finite derivative at this state, as a square root or a norm at 0. "
+                "Leave it out, or linearise a state beside it."
+            )
+
+
+def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
+    """DeclarationError if an input moves constraints: states would depend on its rate."""
+    moved = np.abs(blocks.row_inputs[0]).max(axis=0, initial=0.0)
+    for name, size in zip(inputs, moved, strict=False):
+        if size > _MOVED * np.abs(blocks.rows[0]).max(initial=0.0):
+            raise DeclarationError(
+                f"linearize: input {name!r} moves constraints, such as a length or a place. Inputs are forces, or "
+                "parameters of forces."
+            )
+
+
+def free_states(equations: LinearEquations, blocks: Blocks, others: int = 0) -> Indices:
+    """Numbers of independent displacements, velocities and first-order states, without those of events.
+
+    DeclarationError if there are none, and no others either.
+    """
+    dae = equations.dae
+    flags = 2 * dae.n_v + dae.impacts.states if dae.impacts is not None else np.zeros(0, dtype=np.intp)
+    free = np.setdiff1d(independent(equations, blocks), flags)
+    if not len(free) + others:
+        raise DeclarationError("linearize: the scene has no state that can deviate: nothing in it moves freely.")
+    return free
+
+
+def state_names(dae: DAE) -> tuple[str, ...]:
+    """Names of displacements, velocities and first-order states."""
+    return (*displacement_names(dae), *dae.v_names, *dae.s_names)
+
+
+def displacement_names(dae: DAE) -> tuple[str, ...]:
+    """Names of displacements along velocities: "rod.x" for "rod.vx", "top.rotation_x" for "top.omega_x"."""
+    found = []
+    for owner, _, part in (name.rpartition(".") for name in dae.v_names):
+        other = part.removesuffix("_rate").removesuffix("_dot").replace("omega_", "rotation_")
+        found.append(f"{owner}.{_DISPLACEMENTS.get(part, other)}")
+    return tuple(found)
+
+
+_DISPLACEMENTS = {"vx": "x", "vy": "y", "vz": "z", "omega": "theta"}
+_MOVED = 1e-12
+"""Share of the slopes of constraints below which those with respect to an input are rounding."""

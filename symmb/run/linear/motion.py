@@ -1,0 +1,96 @@
+"""A mode as a motion of the scene, to be looked at."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import SimulationError
+from symmb._types import Array
+from symmb.declare.mechanics import FlexibleBody
+from symmb.declare.symbolic import batch, common
+from symmb.equations.model import Scene
+from symmb.run.formulations import Formulation
+from symmb.run.integrate import project
+from symmb.run.linear.point import LinearizationPoint
+from symmb.run.simulation import Trajectory, prepare_equations
+
+_PERIODS, _PICTURES = 3, 36
+"""Oscillations of the motion, and its output times in each."""
+_TRAVEL, _TURN = 0.15, 0.25
+"""Largest displacement over the length of the scene, and largest angle [rad]: they can be seen, and look linear."""
+_PROJECTIONS = 4
+"""Newton steps that close joints which large linear displacements open: the last one moves parts by rounding."""
+_STARTED = ("held", "solved", "free", "redundant")
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where a linearisation was made.
+
+    Attributes
+    ----------
+    scene : Scene
+    formulation : Formulation
+    point : LinearizationPoint
+    lift : (n_z, n) array      displacements, velocities and first-order states for the states of the linearisation
+    """
+
+    scene: Scene
+    formulation: Formulation
+    point: LinearizationPoint
+    lift: Array
+
+    def motion(self, label: str, eigenvalue: complex, vector: Array, shape: Array) -> Trajectory:
+        """The undamped oscillation with an eigenvector (n,) and the displacements of the bodies (n_b,) in it."""
+        form, p, rate = self.formulation, self.point.p, abs(eigenvalue.imag)
+        phase = np.linspace(0.0, 2 * np.pi * _PERIODS, _PERIODS * _PICTURES + 1)
+        deviation = self._amplitude(shape) * self.lift @ vector
+        Z = np.real(np.exp(1j * phase)[:, None] * deviation)
+        X = batch(self._displaced(), self.point.x, Z, p)[0]
+        if not np.isfinite(X).all():
+            raise SimulationError(f"{label} has no visible motion: joints do not close beside the state.")
+        scene = self.scene.curves.with_name(label).with_times(self.point.t + phase / rate)
+        run = Trajectory(
+            scene=scene,
+            simulator=prepare_equations(scene),
+            parameters=dict(zip(self.scene.system.parameters, p.tolist(), strict=True)),
+            solver="linearize",
+            reason="",
+            t=np.asarray(scene.times, dtype=float),
+            x=form.in_bodies(X, p)[1],
+            work=np.full(len(X), np.nan),
+            statistics={"start": {name: [] for name in _STARTED}, "integrator": {}},
+            setup_seconds=0.0,
+            run_seconds=0.0,
+        )
+        doubt = "A mode without its damping, with an amplitude that can be seen. It is no run of the scene."
+        vars(run).update(doubts=(doubt,))  # in place of those of a run
+        return run
+
+    def _displaced(self) -> ca.Function:
+        """(x, z, p) -> the state that a linear deviation z leads to, with joints closed."""
+        dae = self.formulation.dae
+        x, p = ca.SX.sym("x", len(self.point.x)), ca.SX.sym("p", len(self.point.p))
+        z = ca.SX.sym("z", len(self.lift))
+        delta, more = z[: dae.n_v], z[dae.n_v :]
+        moved = ca.vertcat(dae.retract(x[: dae.n_q, :], delta), x[dae.n_q :] + more)
+        closed = project(dae, moved, p, ca.SX(self.point.t), _PROJECTIONS)
+        return common("displaced", [x, z, p], [ca.densify(moved if closed is None else closed)])
+
+    def _amplitude(self, shape: Array) -> float:
+        """The factor of displacements of bodies (n_b,) with which they are visible."""
+        system, (dae, x) = self.scene.system, self.formulation.in_bodies(self.point.x[None], self.point.p)
+        places, turns = [], []
+        for body in system.bodies:
+            places.append(body.frame.velocity)
+            if isinstance(body, FlexibleBody):
+                places += [body.node(number).velocity for number in range(len(body.modes.positions))]
+            turns.append(body.frame.omega)
+        moved = [ca.densify(self.scene.expression(ca.vertcat(*some))) for some in (places, turns)]
+        rates = ca.Function("rates", [system.q, system.v, system.p], moved)
+        V = np.stack([np.zeros(len(shape)), shape.real, shape.imag])
+        values = batch(rates, x[0, : dae.n_q], V, self.point.p)
+        travel, turn = (np.linalg.norm(some[1:] - some[0], axis=0).max(initial=0.0) for some in values)
+        limits = [limit / size for limit, size in ((_TRAVEL * dae.scales.length, travel), (_TURN, turn)) if size]
+        return float(min(limits))

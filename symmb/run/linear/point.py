@@ -1,0 +1,127 @@
+"""The state at which a scene is linearised."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError
+from symmb._options import is_finite_number, shown
+from symmb._types import Array
+from symmb.equations.model import DAE, Scene
+from symmb.run.events import kinks
+from symmb.run.formulations import Formulation
+from symmb.run.linear.linear_equations import LinearEquations
+from symmb.run.simulation import DAESimulator, Trajectory, parameter_values, scene_of
+
+_ON = 1e-9
+"""Distance from a switch, in sizes of the states, below which a state is on it."""
+_ASIDE = 1e-7
+"""Distance on both sides of a switch, in the same sizes, at which derivatives are compared."""
+_SAME = 1e-4
+"""Relative difference up to which they agree: a force with a continuous slope changes it by 1e-7 and a factor."""
+_SHRINKS, _NOISE = 0.9, 1e-12
+"""Share of a difference that may be left at half the distance: a continuous force leaves half, a jump all of it. And a
+share of the rates at displacements of the scene's size that is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearizationPoint:
+    """A state x (n_x,) of a formulation with parameters p (n_p,) at a time t [s]."""
+
+    x: Array
+    p: Array
+    t: float
+
+
+def point_of(
+    subject: Scene | DAESimulator | Trajectory, time: float | None, parameters: Mapping[str, float] | None
+) -> tuple[Scene, dict[str, float], float, Array | None]:
+    """Scene, parameters, time, and the state of the bodies if the subject is a run."""
+    if not isinstance(subject, Trajectory):
+        subject = scene_of(subject)
+        if time is not None:
+            raise DeclarationError("linearize: a scene is linearised at its start. Give time= with a run of simulate.")
+        values = parameter_values(subject, {} if parameters is None else parameters)
+        return subject, values, float(subject.times[0]), None
+    if subject.scene is None:
+        raise DeclarationError("linearize: the run was read from a file. Give Trajectory.load the scene.")
+    if parameters is not None:
+        raise DeclarationError("linearize: a run has its own parameters. Give parameters= with a scene.")
+    time = float(subject.t[-1]) if time is None else time
+    if not is_finite_number(time) or not (subject.t == time).any():
+        raise DeclarationError(
+            f"linearize: time must be one of the run's {len(subject.t)} output times, "
+            f"{subject.t[0]:g} to {subject.t[-1]:g} s, got {shown(time)}."
+        )
+    return subject.scene, subject.parameters, float(time), subject.x[int(np.argmax(subject.t == time))]
+
+
+def started(scene: Scene, formulation: Formulation, p: Array, t: float, of_bodies: Array | None) -> LinearizationPoint:
+    """The point at the start of a formulation, or at a state of the bodies."""
+    if of_bodies is None:
+        X, (fault,) = formulation.start.states(p[None])
+        if fault:
+            raise SimulationError(f"linearize: {scene.name} does not start: {fault}.")
+        return LinearizationPoint(X[0], p, t)
+    if formulation.bodies is None:
+        return LinearizationPoint(of_bodies, p, t)
+    joints, system = scene.system.joint_space().joints, scene.system
+    states = [ca.vertcat(system.q, system.v, system.s), system.p]
+    measured = ca.Function("measured", states, [ca.densify(ca.vertcat(*joints.of_joints))])
+    return LinearizationPoint(measured(of_bodies, p).full().ravel(), p, t)
+
+
+def require_smooth(formulation: Formulation, point: LinearizationPoint, equations: LinearEquations) -> None:
+    """DeclarationError if the equations have no derivative at a point."""
+    dae, x = formulation.dae, point.x
+    blocks = equations.blocks(x[None], point.p[None], point.t)
+    if not all(np.isfinite(block).all() for block in (blocks.A, blocks.B, blocks.rows)):
+        raise DeclarationError(
+            "linearize: a derivative of the equations is infinite at this state, or 0/0, as that of a square root or "
+            "of a norm at 0. Linearise a state beside it."
+        )
+    if dae.sampling is not None:
+        raise DeclarationError(
+            "linearize: the scene has Sampled values, which change at instants. Write the law of the controller as an "
+            "expression without Sampled."
+        )
+    if dae.impacts is not None:
+        at = (*np.split(x, [dae.n_q, dae.n_q + dae.n_v]), point.p, point.t)
+        gaps = dae.impacts.gaps(*at)[0].full().ravel()
+        touching = gaps <= _ON * dae.scales.length
+        if touching.any():
+            name = dae.impacts.names[int(touching.argmax())]
+            raise DeclarationError(f"linearize: Impact {name!r} is closed at this state. An impact has no derivative.")
+    switches = kinks(dae, np.array([point.t]))
+    if switches is None:
+        return
+    f, states = switches.switches, ca.SX.sym("x", len(x))
+    p, t = ca.SX.sym("p", len(point.p)), ca.SX.sym("t")
+    slopes = ca.Function("slopes", [states, p, t], [ca.jacobian(f(states, p, t), states)])(x, point.p, point.t).full()
+    sizes = np.maximum(np.abs(x), np.concatenate([dae.state_sizes]))
+    values, slopes = f(x, point.p, point.t).full().ravel(), slopes * sizes
+    steep = np.linalg.norm(slopes, axis=1)
+    for k in np.flatnonzero((np.abs(values) <= _ON * steep) & (steep > 0)):
+        aside = _ASIDE * sizes * slopes[k] / steep[k]
+        blocks = equations.blocks(np.stack([x - aside, x + aside]), np.stack([point.p] * 2), point.t)
+        near, far = (np.abs(_jump(dae, point, share * aside)) for share in (0.5, 1.0))
+        noise = _NOISE * float((np.abs(blocks.A).max(axis=0) @ equations.sizes).max())
+        jumps = bool((near > _SHRINKS * far + noise).any())
+        if jumps or np.abs(blocks.A[1] - blocks.A[0]).max() > _SAME * np.abs(blocks.A).max():
+            how = "jump there" if jumps else "have different slopes on both sides"
+            raise DeclarationError(
+                f"linearize: a switch of the equations ({', '.join(switches.names)}) lies at this very state, and the "
+                f"forces {how}. Linearise a state beside it."
+            )
+
+
+def _jump(dae: DAE, point: LinearizationPoint, aside: Array) -> Array:
+    """Differences of accelerations and rates (n,) on two sides of a point."""
+    sides = []
+    for x in (point.x - aside, point.x + aside):
+        parts = np.split(x, [dae.n_q, dae.n_q + dae.n_v])[: 2 + bool(dae.n_s)]
+        _, *rates = (rate.full().ravel() for rate in dae.rhs(*parts, point.p, point.t))
+        sides.append(np.concatenate(rates))
+    return sides[1] - sides[0]

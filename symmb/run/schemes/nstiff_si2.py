@@ -1,0 +1,115 @@
+"""Second-order BDF on the stabilised index-2 form, which is NSTIFF-SI2, and on the index-3 form."""
+
+import casadi as ca
+
+from symmb.equations.model import DAE
+from symmb.run.schemes.step import At, Step, sizes
+
+
+def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
+    """The step of eqs. (5)-(7) of Wang & Yang (2021), for steps of varying length; or of index 3, if not stabilised.
+
+    With unknowns v', q', lam, mu and the new state q, v from the BDF formula,
+
+        M v' + G' lam - Q = 0,      N v - q' + Phi_q' mu = 0,      Phi / (b h) = 0,      (G v + Phi_t) / (b h) = 0,
+
+    where b = 2/3 at equal steps. The norms of quaternions are rows of Phi in the second and third equation; mu vanishes
+    at the exact solution, and is weighed where motions are not of the size of 1 m. Of index 3 there is no mu, and
+    velocity-only rows are all that is left of the last equation.
+
+    References
+    ----------
+    Wang, Yang (2021), Nonlinear Dynamics, eqs. (5)-(8); Negrut, Rampalli, Ottarsson, Sajdak (2007), ASME Journal of
+    Computational and Nonlinear Dynamics 2, 73-85, for the scaling of Phi.
+    """
+    n_q, n_v, n_x = dae.n_q, dae.n_v, dae.n_q + dae.n_v + dae.n_s
+    x, p, t, h = ca.SX.sym("x", n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t"), ca.SX.sym("h")
+    n_quad = 1 if work and dae.power is not None else 0
+    # history: state, work, power, state before, length of the last step
+    w = ca.SX.sym("w", 2 * n_x + 2 * n_quad + 1)
+    now, before, h_last = w[:n_x], w[n_x + 2 * n_quad : -1], w[-1]
+    W, power_now = w[n_x : n_x + n_quad], w[n_x + n_quad : n_x + 2 * n_quad]
+    ratio = h / h_last
+    b = (1 + ratio) / (1 + 2 * ratio)
+    past = ((1 + ratio) ** 2 * now - ratio**2 * before) / (1 + 2 * ratio)
+
+    heads = quaternions(dae) if stabilized else []
+    # Unknowns and residuals are shares of what a step can change: the matrix is as good with any units and any step.
+    tau, length, energy = b * h, dae.scales.length, dae.scales.energy
+    of_q, of_v, row_scales = ca.DM(dae.coordinate_scales), ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
+    n_c, of_c = dae.n_c, row_scales[: dae.n_c, :]
+    of_positions = ca.vertcat(of_c, ca.DM.ones(len(heads)))
+    unit_x = ca.vertcat(of_q / tau, of_v / tau**2, ca.DM.ones(dae.n_s) / tau)
+    unit_lam = energy / row_scales / tau**2
+    unit_mu = length**2 / of_positions / tau if stabilized else ca.SX(0, 1)
+    units = ca.vertcat(unit_x, unit_lam, unit_mu)
+    z = ca.SX.sym("z", units.numel())
+    rate, lam, mu = ca.vertsplit(units * z, [0, n_x, n_x + dae.n_r, z.numel()])
+    new = past + b * h * rate
+    at = At(dae, new, p, t)
+    positions, towards = _positions(dae, x, p, t, mu.numel(), heads)(new, mu, p, t)
+    here, z_lam, z_mu = At(dae, now, p, t - h), lam / unit_lam, mu / unit_mu
+    if stabilized:
+        positions = ca.vertcat(here.independent(positions[:n_c, :] / of_c, z_mu[:n_c, :], of_c), positions[n_c:, :])
+        rows = positions, here.independent(tau * at.Phi_dot() / row_scales, z_lam, row_scales)
+    else:
+        rows = (here.independent(ca.vertcat(positions, tau * at.Phi_dot()[n_c:, :]) / row_scales, z_lam, row_scales),)
+    residual = ca.vertcat(
+        tau**2 / energy * of_v * at.unbalance(rate[n_q : n_q + n_v, :], lam),
+        tau / of_q * (at.qdot - rate[:n_q, :] + towards),
+        tau * (at.sdot - rate[n_q + n_v :, :]),
+        *rows,
+    )
+    power = at.power(lam) if n_quad else ca.SX(0, 1)
+    begin = _first_history(At(dae, x, p, t), h, n_quad)
+    vdot_now, lam_now = here.solved()
+    rate_now = ca.vertcat(here.qdot, vdot_now, here.sdot)
+    # Errors of this formula and of the explicit one are multiples of the third derivative: a share of their difference.
+    predicted = now + (1 + ratio) * h * rate_now - ratio**2 * (now - before)
+    return Step(
+        x=x,
+        begin=begin,
+        w=w,
+        z=z,
+        p=p,
+        t=t,
+        h=h,
+        guess=ca.vertcat(rate_now, lam_now, ca.SX.zeros(mu.numel())) / units,
+        residual=ca.densify(residual),
+        following=ca.vertcat(new, W + h * (power_now + power) / 2, power, now, h),
+        weight=ca.vertcat(tau * unit_x / sizes(dae, now)[0], ca.SX(z.numel() - n_x, 1)),
+        error=(new - predicted) * (1 + ratio) / (2 + 3 * ratio),
+        n_x=n_x,
+        n_quad=n_quad,
+        order=2,
+        growth=2.0,
+    )
+
+
+def _positions(dae: DAE, x: ca.SX, p: ca.SX, t: ca.SX, n_mu: int, heads: list[int]) -> ca.Function:
+    """(x, mu, p, t) -> rows of Phi and of the quaternions' norms, and the correction of q' by mu."""
+    q, mu = x[: dae.n_q], ca.SX.sym("mu", n_mu)
+    norms = ca.vertcat(*[(ca.sumsqr(q[i : i + 4]) - 1) / 2 for i in heads]) if heads else ca.SX(0, 1)
+    rows = ca.densify(ca.vertcat(At(dae, x, p, t).Phi(), norms))
+    if not n_mu:
+        return ca.Function("positions", [x, mu, p, t], [rows, ca.SX.zeros(dae.n_q)])
+    # Angles are moved as if they were lengths: otherwise the correction would depend on the unit of length.
+    weights = (ca.DM(dae.coordinate_scales) / dae.scales.length) ** 2
+    back = weights * ca.densify(ca.jacobian(rows, q).T @ mu)
+    return ca.Function("positions", [x, mu, p, t], [rows, back])
+
+
+def _first_history(first: At, h: ca.SX, n_quad: int) -> ca.SX:
+    """The history at the start, with the state one step before it from a Taylor expansion of order 2."""
+    vdot, lam = first.solved()
+    slope = ca.vertcat(first.qdot, vdot, first.sdot)
+    bend = ca.jtimes(slope, first.x, slope) + ca.jacobian(slope, first.t)
+    power = first.power(lam) if n_quad else ca.SX(0, 1)
+    return ca.vertcat(first.x, ca.SX.zeros(n_quad), power, first.x - h * slope + h**2 / 2 * bend, h)
+
+
+def quaternions(dae: DAE) -> list[int]:
+    """Where quaternions stand in q: index of each scalar part."""
+    return [
+        i for i, (name, one) in enumerate(zip(dae.q_names, dae.q_neutral, strict=True)) if one and name[-3:] == ".e0"
+    ]

@@ -1,0 +1,171 @@
+"""What an implicit scheme is: one step as a system of equations in SX."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from symmb.declare.symbolic import general_solver, independent, is_zero, jets
+from symmb.equations.model import DAE, is_linear
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of an implicit scheme from the history w to the time t, of length h.
+
+    Attributes
+    ----------
+    x (n_x,), begin        the state at the start, and the history that it makes with a first step of length h at time t
+    w, z                   history and unknowns, SX symbols
+    p, t, h                parameters, time at the end of the step, its length, SX symbols
+    guess                  of z, in w, p, t, h
+    residual               zero at the solution, in z, w, p, t, h
+    following              history at the end of the step, in z, w, p, t, h
+    weight                 what a change of each unknown counts in the test of Newton's method, in z, w, p, t, h
+    error                  estimated error of the state (n_x,) at the end of the step, or nothing, in z, w, p, t, h
+    n_x, n_quad            the history begins with the state x (n_x,), the integral of the power (n_quad,) follows
+    order : int
+    growth : float         how many times as long as the one before a step may be
+    projected              the state on the constraints, in x, p, t; None if it stays where the step leads
+    """
+
+    x: ca.SX
+    begin: ca.SX
+    w: ca.SX
+    z: ca.SX
+    p: ca.SX
+    t: ca.SX
+    h: ca.SX
+    guess: ca.SX
+    residual: ca.SX
+    following: ca.SX
+    weight: ca.SX
+    error: ca.SX
+    n_x: int
+    n_quad: int
+    order: int
+    growth: float
+    projected: ca.SX | None = None
+
+    def newton(self) -> tuple[ca.SX, ca.SX]:
+        """The change of z to be taken off in Newton's method (n_z,), and what of it counts, by weight."""
+        if not self.z.numel():
+            return self.z, self.z
+        change = general_solver(ca.jacobian(self.residual, self.z))(self.residual)
+        counted = [i for i in range(change.numel()) if not is_zero(self.weight[i])]
+        return change, (self.weight * change)[counted]
+
+    def jets(self, order: int) -> "Step":
+        """The step of the Taylor coefficients along p_0 + p_1 eps; states stand as (x_0, ..., x_k) in front of w."""
+        if order == 0:
+            return self
+        n_w, n_x = self.w.numel(), self.n_x
+
+        def curve(symbol: ca.SX, name: str) -> list[ca.SX]:
+            return [symbol, *(ca.SX.sym(f"{name}_{j}", symbol.numel()) for j in range(1, order + 1))]
+
+        X, W, Z, P = curve(self.x, "x"), curve(self.w, "w"), curve(self.z, "z"), curve(self.p, "p")
+
+        def expand(f: ca.SX, *curves: Sequence[ca.SX]) -> list[ca.SX]:
+            coefficients = jets(f, [*curves, P])
+            higher, zeros = ca.vertcat(*P[2:]), ca.SX.zeros(self.p.numel() * (order - 1))
+            return [ca.substitute(c, higher, zeros) for c in coefficients] if order > 1 else coefficients
+
+        def stacked(histories: Sequence[ca.SX]) -> ca.SX:
+            return ca.vertcat(*[w[:n_x] for w in histories], *[w[n_x:n_w] for w in histories])
+
+        return replace(
+            self,
+            x=ca.vertcat(*X),
+            begin=stacked(expand(self.begin, X)),
+            w=stacked(W),
+            z=ca.vertcat(*Z),
+            p=ca.vertcat(*P[:2]),
+            guess=ca.vertcat(*expand(self.guess, W)),
+            residual=ca.vertcat(*expand(self.residual, Z, W)),
+            following=stacked(expand(self.following, Z, W)),
+            weight=ca.repmat(self.weight, order + 1, 1),
+            error=ca.vertcat(*expand(self.error, Z, W)),
+            n_x=n_x * (order + 1),
+            n_quad=0,
+        )
+
+
+@dataclass(frozen=True)
+class At:
+    """The DAE at one state: velocities, forces, rows; empty where the scene has none."""
+
+    dae: DAE
+    x: ca.SX
+    p: ca.SX
+    t: ca.SX
+
+    @property
+    def arguments(self) -> tuple[ca.SX, ...]:
+        """The state split into the arguments of the DAE's Functions."""
+        return self.dae.arguments(self.x, self.p, self.t)
+
+    @property
+    def qdot(self) -> ca.SX:
+        """N v, (n_q,)."""
+        return self._rates()[0]
+
+    @property
+    def sdot(self) -> ca.SX:
+        """Rates of the first-order states, (n_s,)."""
+        return self._rates()[2] if self.dae.n_s else ca.SX(0, 1)
+
+    def _rates(self) -> Sequence[ca.SX]:
+        return self.dae.rhs.call(list(self.arguments))
+
+    def solved(self) -> tuple[ca.SX, ca.SX]:
+        """Accelerations (n_v,) and multipliers (n_r,) of the index-1 equations."""
+        gamma = self.dae.gamma(*self.arguments) if self.dae.gamma is not None else ca.SX(0, 1)
+        vdot, lam = self.dae.forward.call([*self.arguments, gamma])
+        return vdot, lam
+
+    def unbalance(self, vdot: ca.SX, lam: ca.SX) -> ca.SX:
+        """M v' + G' lam - Q, (n_v,)."""
+        a = self.arguments
+        f = self.dae.inertia(*a, vdot) - self.dae.Q(*a)
+        return f + self.dae.G(*a).T @ lam if self.dae.G is not None else f
+
+    def power(self, lam: ca.SX) -> ca.SX:
+        """Power of forces without potential [W], no entry if there are none."""
+        return self.dae.power(*self.arguments, lam) if self.dae.power is not None else ca.SX(0, 1)
+
+    def independent(self, rows: ca.SX, multipliers: ca.SX, scales: ca.SX | ca.DM) -> ca.SX:
+        """Rows over their scales (n_r,), or position rows (n_c,), made independent where some are redundant.
+
+        Combinations that vanish at this state are replaced by those of the multipliers, in units of their own.
+        """
+        if self.dae.vanishing is None:
+            return rows
+        of_all, of_positions = self.dae.vanishing(*self.arguments)
+        return independent(rows, multipliers, scales * (of_all if rows.numel() == self.dae.n_r else of_positions))
+
+    def Phi(self) -> ca.SX:
+        """Position rows, (n_c,)."""
+        return self.dae.Phi(*self.arguments) if self.dae.Phi is not None else ca.SX(0, 1)
+
+    def Phi_dot(self) -> ca.SX:
+        """Rates of all rows, (n_r,)."""
+        return self.dae.Phi_dot(*self.arguments) if self.dae.Phi_dot is not None else ca.SX(0, 1)
+
+
+def sizes(dae: DAE, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """By what changes are measured: of the state x (n_x,), and of displacements along v (n_v,).
+
+    Lengths are measured by the largest length, angles by the largest angle, and so with their rates.
+    """
+    names = [*dae.q_names, *dae.v_names, *dae.s_names]
+    linear = [is_linear(name) for name in names]
+    rates = range(dae.n_q, dae.n_q + dae.n_v)
+    both = (True, False)
+    largest = {(kind, rate): ca.SX(dae.scales.size if kind else 1.0) for kind in both for rate in both}
+    for i, kind in enumerate(linear):
+        largest[kind, i in rates] = ca.fmax(largest[kind, i in rates], ca.fabs(x[i]))
+    return (
+        ca.vertcat(*[largest[kind, i in rates] for i, kind in enumerate(linear)]),
+        ca.vertcat(*[largest[linear[i], False] for i in rates]),
+    )

@@ -1,0 +1,312 @@
+"""Runs and their derivatives with respect to parameters, as arrays and as functions of JAX and PyTorch."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._names import ByName
+from symmb._options import optional_package, shown
+from symmb._types import Array, Expr
+from symmb._units import units_of_parameters
+from symmb.connect import Jets, Kinked, Simulator
+from symmb.equations.model import Scene
+from symmb.run.integrate import Solver
+from symmb.run.simulation.figure_simulator import FigureSimulator
+from symmb.run.simulation.subject import chosen_parameters, simulator_for
+
+_APART = 1e-3
+"""Distance of the runs of a difference, as a share of the nominal parameter."""
+_DISAGREES = 0.02
+"""How far differences may be from derivatives, over the largest of an output: they err by some shares of `_APART`."""
+
+
+class Differentiable:
+    """Runs as a function of some parameters, with exact first derivatives.
+
+    Attributes
+    ----------
+    simulator : Simulator
+        with derivatives
+    parameters : dict
+        n_p nominal values by name
+    """
+
+    def __init__(
+        self,
+        owner: str,
+        scene: Scene | Simulator,
+        parameters: Sequence[str] | None,
+        solver: Solver | str | None,
+        times: Sequence[float] | Array | None,
+        outputs: Mapping[str, Expr] | None,
+    ) -> None:
+        simulator = simulator_for(owner, scene, solver, times, outputs)
+        if isinstance(simulator, FigureSimulator):
+            raise SimulationError(
+                f"{owner}: scalar outputs have no derivatives: {', '.join(simulator.figures)}. Leave them out of "
+                "outputs, or ask bounds for contributions."
+            )
+        if not isinstance(simulator, Jets):
+            raise SimulationError(f"{owner}: {shown(scene)} gives no derivatives. Give a Scene.")
+        nominal = dict(simulator.parameters)
+        some = chosen_parameters(owner, parameters, nominal)
+        self._owner, self._nominal = owner, np.array(list(nominal.values()))
+        self._columns = np.array([[*nominal].index(name) for name in some])
+        self.simulator = simulator
+        units = units_of_parameters(simulator.parameters)
+        self.parameters = ByName({name: nominal[name] for name in some}, units)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n_t, n_y) of a run."""
+        return len(self.simulator.times), len(self.simulator.outputs)
+
+    def values(self, P: Array) -> Array:
+        """Outputs (..., n_t, n_y) for parameters (..., n_p).
+
+        Raises
+        ------
+        SimulationError
+            If a run breaks down
+        """
+        samples = self.simulator.run(self._samples(P))
+        if samples.messages:
+            raise SimulationError(f"{self._owner}: a run breaks down: {samples.messages[0]}.")
+        return samples.Y.reshape(*np.shape(P)[:-1], *self.shape)
+
+    def slopes(self, P: Array) -> tuple[Array, Array]:
+        """Outputs (..., n_t, n_y) and derivatives (..., n_t, n_y, n_p) for parameters (..., n_p).
+
+        Raises
+        ------
+        SimulationError
+            If a run breaks down
+        """
+        batch, n_p = np.shape(P)[:-1], len(self._columns)
+        points = np.repeat(self._samples(P), n_p, axis=0)
+        directions = np.eye(len(self._nominal))[np.tile(self._columns, len(points) // n_p)]
+        if not len(points):
+            return np.zeros((*batch, *self.shape)), np.zeros((*batch, *self.shape, n_p))
+        Y, dY = np.asarray(self.simulator.jets(points, directions, 1), dtype=float)
+        if not np.isfinite(dY).all():
+            raise SimulationError(f"{self._owner}: the derivatives are not finite.")
+        dY = np.moveaxis(dY.reshape(-1, n_p, *self.shape), 1, -1)
+        return Y[::n_p].reshape(*batch, *self.shape), dY.reshape(*batch, *self.shape, n_p)
+
+    def at_nominal(self) -> tuple[Array, Array]:
+        """The nominal run (n_t, n_y) and its derivatives (n_t, n_y, n_p), as of `checked_slopes`."""
+        return self.checked_slopes(self._nominal[self._columns])
+
+    def checked_slopes(self, P: Array) -> tuple[Array, Array]:
+        """The same as `slopes`. A warning tells jumps of runs, where derivatives are not those of differences."""
+        Y, dY = self.slopes(P)
+        if isinstance(self.simulator, Kinked):
+            n_p = len(self._columns)
+            for p, own in zip(np.reshape(P, (-1, n_p)), dY.reshape(-1, *self.shape, n_p), strict=True):
+                if doubt := self._doubt(p, own):
+                    warn_of([doubt], self._owner)
+                    break
+        return Y, dY
+
+    def _doubt(self, p: Array, dY: Array) -> str:
+        """What makes derivatives dY (n_t, n_y, n_p) at p (n_p,) wrong, empty if nothing does."""
+        kink = cast(Kinked, self.simulator).kink(self._samples(p)[0])
+        if kink is None:
+            return ""
+        steps = _APART * np.where(p, np.abs(p), 1.0)
+        ends = self.values(p + np.concatenate([np.diag(steps), -np.diag(steps)]))
+        differences = np.moveaxis((ends[: len(p)] - ends[len(p) :]) / (2 * steps[:, None, None]), 0, -1)
+        off = np.abs(differences - dY) > _DISAGREES * np.maximum(np.abs(dY), np.abs(differences)).max(axis=0)
+        off[np.flatnonzero(self.simulator.times < kink[0])] = False
+        names = [name for name, one in zip(self.parameters, off.any(axis=(0, 1)), strict=True) if one]
+        if not names:
+            return ""
+        return (
+            f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they leave out the "
+            f"{kink[1]} that are met there."
+        )
+
+    def require_shape(self, shape: Sequence[int]) -> None:
+        """DeclarationError unless arrays of a shape hold the parameters (..., n_p)."""
+        if not shape or shape[-1] != len(self._columns):
+            raise DeclarationError(
+                f"{self._owner}: expected an array (..., {len(self._columns)}) of {', '.join(self.parameters)}, "
+                f"got one of shape {tuple(shape)}."
+            )
+
+    def _samples(self, P: Array) -> Array:
+        """Parameters (N, d) of the simulator for (..., n_p)."""
+        P = np.asarray(P, dtype=float)
+        self.require_shape(P.shape)
+        samples = np.tile(self._nominal, (int(np.prod(P.shape[:-1])), 1))
+        samples[:, self._columns] = P.reshape(-1, len(self._columns))
+        return samples
+
+
+_NO_SECOND = "symmb has first derivatives of runs only, and second ones were asked for."
+
+
+def jax_function(
+    scene: Scene | Simulator,
+    parameters: Sequence[str] | None = None,
+    solver: Solver | str | None = None,
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Callable[[Any], Any]:
+    """The runs of a scene as a function that JAX differentiates, maps and compiles into its own.
+
+    It takes parameters (..., n_p) and gives outputs (..., n_t, n_y). All runs of a call are made together by the
+    compiled code of symmb, on the host. Derivatives are exact first ones, along each parameter; they serve `jax.jvp`
+    and `jax.grad`. There are no second derivatives. A warning says where a run meets jumps, which derivatives do not
+    show. Switch on double precision, `jax.config.update("jax_enable_x64", True)`, or outputs are rounded to single
+    precision. It needs JAX, which `pip install 'symmb[jax]'` installs.
+
+    Parameters
+    ----------
+    scene : Scene
+        or a simulator with derivatives
+    parameters : list of str
+        those that the function takes, in this order; default: all. Others have their nominal values.
+    solver, times, outputs
+        of a scene, instead of its own
+
+    Raises
+    ------
+    DeclarationError
+        If a parameter is unknown or named twice, or there is none
+    ImportError
+        If JAX is not installed
+    AssemblyError
+        If the scene cannot be started
+    SimulationError
+        If the nominal run breaks down, or the simulator gives values only. If a later run breaks down, JAX raises an
+        error of its own, whose text has the reason; second derivatives raise a SimulationError
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
+    >>> import jax  # doctest: +SKIP
+    >>> f = mb.jax_function(scene)  # doctest: +SKIP
+    >>> jax.grad(lambda u: f(u)[-1, 0])(jax.numpy.array([1.5]))  # doctest: +SKIP
+    Array([2.], dtype=float32)
+    """
+    return _function("jax", _of_jax, scene, parameters, solver, times, outputs)
+
+
+def torch_function(
+    scene: Scene | Simulator,
+    parameters: Sequence[str] | None = None,
+    solver: Solver | str | None = None,
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Callable[[Any], Any]:
+    """The runs of a scene as a function that PyTorch differentiates.
+
+    It takes a tensor of parameters (..., n_p) and gives outputs (..., n_t, n_y) of its type. All runs of a call are
+    made together by the compiled code of symmb, on the CPU. Derivatives are exact first ones; there are no second
+    ones, and none by `torch.func`. A warning says where a run meets jumps, which derivatives do not show. It needs
+    PyTorch, which `pip install 'symmb[torch]'` installs.
+
+    Parameters
+    ----------
+    scene, parameters, solver, times, outputs
+        those of `jax_function`
+
+    Raises
+    ------
+    DeclarationError, ImportError, AssemblyError, SimulationError
+        As `jax_function` does; a later run that breaks down raises a SimulationError
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
+    >>> import torch  # doctest: +SKIP
+    >>> u = torch.tensor([1.5], dtype=torch.float64, requires_grad=True)  # doctest: +SKIP
+    >>> mb.torch_function(scene)(u)[-1, 0].backward()  # doctest: +SKIP
+    >>> u.grad  # doctest: +SKIP
+    tensor([2.], dtype=torch.float64)
+    """
+    return _function("torch", _of_torch, scene, parameters, solver, times, outputs)
+
+
+def _function(
+    package: str, wrapped: Callable[[Any, Differentiable], Callable[[Any], Any]], *subject: Any
+) -> Callable[[Any], Any]:
+    """The runs of a subject as a function of arrays of a package."""
+    owner = f"{package}_function"
+    module, runs = optional_package(package, owner, package), Differentiable(owner, *subject)
+    runs.at_nominal()
+    return wrapped(module, runs)
+
+
+def _of_jax(jax: Any, runs: Differentiable) -> Callable[[Any], Any]:
+    def called(f: Callable[[Array], Any], shapes: Sequence[tuple[int, ...]], u: Any) -> Any:
+        results = [jax.ShapeDtypeStruct((*u.shape[:-1], *shape), u.dtype) for shape in shapes]
+        own = lambda u: [np.asarray(a, dtype=u.dtype) for a in f(np.asarray(u))]  # noqa: E731
+        return jax.pure_callback(own, results, u, vmap_method="broadcast_all")
+
+    @jax.custom_jvp
+    def function(u: Any) -> Any:
+        return called(lambda u: [runs.values(u)], [runs.shape], u)[0]
+
+    @jax.custom_jvp
+    def slopes(u: Any) -> Any:
+        return tuple(called(runs.checked_slopes, [runs.shape, (*runs.shape, len(runs.parameters))], u))
+
+    @slopes.defjvp
+    def second(point: Sequence[Any], tangent: Sequence[Any]) -> Any:
+        raise SimulationError(f"jax_function: {_NO_SECOND}")
+
+    @function.defjvp
+    def jvp(point: Sequence[Any], tangent: Sequence[Any]) -> tuple[Any, Any]:
+        y, dy = slopes(*point)
+        return y, jax.numpy.einsum("...typ,...p->...ty", dy, *tangent)
+
+    def checked(u: Any) -> Any:
+        try:
+            u = jax.numpy.asarray(u)
+        except (TypeError, ValueError):
+            raise DeclarationError(f"jax_function: expected an array of numbers, got {shown(u)}.") from None
+        if u.dtype == bool or jax.numpy.issubdtype(u.dtype, jax.numpy.complexfloating):
+            raise DeclarationError(f"jax_function: expected real numbers, got {u.dtype}.")
+        runs.require_shape(u.shape)
+        return function(u.astype(jax.dtypes.canonicalize_dtype(float)))
+
+    return checked
+
+
+def _of_torch(torch: Any, runs: Differentiable) -> Callable[[Any], Any]:
+    class Runs(torch.autograd.Function):
+        @staticmethod
+        def forward(ctx: Any, u: Any) -> Any:
+            P = u.detach().cpu().double().numpy()
+            if not ctx.needs_input_grad[0]:
+                return torch.as_tensor(runs.values(P)).to(u)
+            y, dy = runs.checked_slopes(P)
+            ctx.save_for_backward(torch.as_tensor(dy).to(u))
+            return torch.as_tensor(y).to(u)
+
+        @staticmethod
+        def backward(ctx: Any, of_y: Any) -> Any:
+            if torch.is_grad_enabled():  # by create_graph=True, for second ones
+                raise SimulationError(f"torch_function: {_NO_SECOND}")
+            return torch.einsum("...ty,...typ->...p", of_y, *ctx.saved_tensors)
+
+    def checked(u: Any) -> Any:
+        if not (isinstance(u, torch.Tensor) and u.is_floating_point() and u.layout == torch.strided):
+            raise DeclarationError(f"torch_function: expected a dense tensor of real numbers, got {shown(u)}.")
+        return Runs.apply(u)
+
+    return checked

@@ -1,0 +1,156 @@
+"""Trajectories of many samples of a DAE, and messages of failed samples."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from threading import RLock
+from typing import cast
+
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.connect import BLOCK, Ensemble
+from symmb.declare.symbolic import batch
+from symmb.run.codegen import BLAMED, REASONS, Engine, FailedSamples
+from symmb.run.formulations import Formulation
+from symmb.run.integrate import Run
+
+LOCK = RLock()
+"""CasADi's reference counts are not atomic: one Python thread at a time calls CasADi. CasADi's own threads compute."""
+IRREGULAR_OUTPUT = REASONS[1]
+NAMED_SAMPLES = 5
+"""Failed samples of a block whose messages name joints: as many as are printed."""
+_COMPILED_BLOCK = 1024
+"""Samples of a block for the engine; up to 8 times as many of small models. tests/benchmarks/ensemble.py"""
+_STATELESS_VALUES = 10**6
+"""Values of a block of a scene without states: enough for a call to take much longer than its overhead."""
+
+
+def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) -> int:
+    """Samples of a block for n_x states and `values` outputs and times of a sample."""
+    if not n_x:
+        return max(BLOCK, _STATELESS_VALUES // values)
+    if not compiled:
+        return BLOCK
+    return _COMPILED_BLOCK * (1 if keeps_trajectories else max(1, min(8, 100 // n_x)))
+
+
+def ensemble_of_runs(form: Formulation, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:
+    """N runs with parameters P (N, d) and outputs Y (N, n_t, n_y) at times (n_t,) as an Ensemble."""
+    ok = np.array([not run.message and bool(np.isfinite(y).all()) for run, y in zip(runs, Y, strict=True)], dtype=bool)
+    t_failed = np.full(len(runs), math.nan)
+    for k in np.flatnonzero(~ok):
+        first_irregular = times[int(np.argmin(np.isfinite(Y[k]).all(axis=1)))]
+        t_failed[k] = runs[k].t_failed if runs[k].message else first_irregular
+    reasons = [run.message or IRREGULAR_OUTPUT for run in runs]
+    events = None
+    if form.dae.impacts is not None:
+        event_times = [[event.time for event in run.events] for run in runs]
+        events = np.array([np.searchsorted(when, times, "right") for when in event_times], dtype=np.intp)
+    texts = failure_texts(form, P, t_failed, reasons, lambda k: (runs[k].X, times))
+    return Ensemble(Y, ok, t_failed, texts, events)
+
+
+def ensemble_of_expressions(form: Formulation, P: Array, times: Array, threads: int) -> Ensemble:
+    """The outputs of a scene without states, for N samples P (N, d), all in one call."""
+    N, n_t = len(P), len(times)
+    arguments = (np.zeros((N * n_t, 0)), np.repeat(P, n_t, axis=0), np.tile(times, N)[:, None])
+    Y = batch(form.y, *arguments, threads=threads)[0].reshape(N, n_t, -1)
+    faults = form.start.states(P)[1]  # no state can be nan
+    Y[[k for k, fault in enumerate(faults) if fault]] = np.nan
+    finite = np.asarray(np.isfinite(Y).all(axis=2), dtype=bool)
+    ok: Mask = np.asarray(finite.all(axis=1), dtype=bool)
+    t_failed = np.where(ok, np.nan, times[finite.argmin(axis=1)])
+    no_states, reasons = (np.zeros((0, 0)), times[:0]), [fault or IRREGULAR_OUTPUT for fault in faults]
+    return Ensemble(Y, ok, t_failed, failure_texts(form, P, t_failed, reasons, lambda k: no_states))
+
+
+def failure_texts(
+    form: Formulation, P: Array, t_failed: Array, reasons: Sequence[str], states: Callable[[int], tuple[Array, Array]]
+) -> tuple[str, ...]:
+    """A text for each failed sample: time, parameters, reason, and of the first the joints of a singular position.
+
+    `states` of a sample gives some (m, n_x), which may be nan, and their times (m,).
+    """
+    texts = []
+    for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
+        values = "".join(f", {n} = {v:.6g}" for n, v in zip(form.dae.p_names, P[k], strict=True))
+        near = None
+        if len(texts) < NAMED_SAMPLES:
+            near = form.singularity(*states(k), P[k])
+        texts.append(f"t = {t_failed[k]:g} s{values}: {reasons[k]}{f'; {near}' if near else ''}")
+    return tuple(texts)
+
+
+@dataclass(eq=False)
+class CompiledEnsemble:
+    """An Ensemble from the engine. It computes trajectories or extremes at their first use."""
+
+    form: Formulation
+    engine: Engine
+    P: Array
+    t_start: float
+    threads: int
+
+    def __post_init__(self) -> None:
+        self._x0 = np.empty((len(self.P), 0)) if self.engine.starts else self.form.start.states(self.P)[0]
+        self._failed: FailedSamples | None = None
+
+    @property
+    def Y(self) -> Array:
+        """(N, n_t, n_y) outputs, nan where a sample failed."""
+        return self._trajectories
+
+    @cached_property
+    def _trajectories(self) -> Array:
+        Y, self._failed = self.engine.values(self._x0, self.P, self.threads)
+        return Y
+
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
+        if "_trajectories" in self.__dict__:
+            return Ensemble(self.Y, self.ok, self.t_failed, ()).extremes()
+        lower, upper, self._failed = self.engine.extremes(self._x0, self.P, self.threads)
+        return lower, upper
+
+    @property
+    def failed_samples(self) -> FailedSamples:
+        """The failed samples of the engine."""
+        if self._failed is None:
+            _ = self.Y
+        return cast(FailedSamples, self._failed)
+
+    @property
+    def events(self) -> Indices | None:
+        """(N, n_t) events of contacts of each sample so far; None in scenes without."""
+        if self.engine.contacts is None:
+            return None
+        rows = self.failed_samples.events
+        rows = rows[rows[:, 2] != BLAMED]
+        counts = np.zeros((len(self.P), len(self.engine.times) + 1), dtype=np.intp)
+        np.add.at(counts, (rows[:, 0].astype(np.intp), np.searchsorted(self.engine.times, rows[:, 3])), 1)
+        return np.cumsum(counts[:, :-1], axis=1)
+
+    @property
+    def t_failed(self) -> Array:
+        """(N,) time at which a sample failed [s], nan where ok."""
+        return self.failed_samples.t_failed
+
+    @property
+    def ok(self) -> Mask:
+        """(N,) bool."""
+        return np.isnan(self.t_failed)
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """A message for each failed sample, in order."""
+        failed = self.failed_samples
+        reasons = failed.reasons
+        at_start = np.flatnonzero(self.t_failed == self.t_start)
+        with LOCK:
+            start_faults = self.form.start.states(self.P[at_start])[1] if at_start.size else ()
+        for k, fault in zip(at_start.tolist(), start_faults, strict=True):
+            reasons[k] = fault or reasons[k]
+        X = failed.x_failed[:, : self.form.y.numel_in(0)]
+        return failure_texts(self.form, self.P, failed.t_failed, reasons, lambda k: (X[[k]], failed.t_failed[[k]]))

@@ -1,0 +1,406 @@
+"""Runs of a scene with figures of its motion, from runs at times between which curves are exact polynomials."""
+
+import copy
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar, cast
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import SimulationError, WithWarnings
+from symmb._names import ByName
+from symmb._options import require_instance
+from symmb._types import Array, Executor, Indices, Mask
+from symmb.connect import Ensemble, Progress, Reduction, Samples, checked_samples, digest, stream
+from symmb.declare.symbolic import common
+from symmb.equations.model import Scene
+from symmb.run.simulation.dae_simulator import DAESimulator
+from symmb.run.simulation.ensembles import LOCK, CompiledEnsemble
+from symmb.run.simulation.figure_values import TOUCHED, Curves, Rule
+from symmb.run.simulation.panels import Panels
+
+S = TypeVar("S")
+
+_BLOCK = 64
+"""Samples of a block: their values at all times take some MB."""
+_LEAST, _MOST = 64, 2048
+"""Panels of a run at first."""
+_FEW = 0.1
+"""Share of panels of the nominal run that are not exact up to which there are enough."""
+_PARTS, _LEVELS = 8, 9
+"""Parts of a panel that is not exact, and how often it is divided at most."""
+_MOST_DIVIDED = 2**15
+"""Panels of a sample that are divided at once at most: a curve with more bends is noise."""
+_ROUNDING = 1e-6
+"""Size of a curve, over its change by the sizes of all states, below which it is rounding: a speed of what is held."""
+_SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
+"""Width over the horizon below which panels are not divided; distance from an event over the horizon, and from a bend
+over the width of the panel, at which they end."""
+_NOISE = 1e-9
+"""Error of a figure over the largest value of its expression, or of a time over the horizon."""
+_SHIFT = 0.137
+"""Share of a panel by which panels are shifted: curves bend at round numbers, which no middle of a panel should be."""
+_SAME = 1e-13
+"""Distance over the horizon of times that are the same."""
+
+
+class FigureSimulator(WithWarnings):
+    """A scene with figures of its motion, for studies. It has the interface of `DAESimulator`, but for derivatives.
+
+    Figures are the same at all times; if there is nothing else, there is one time, 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    curves : DAESimulator
+        of `scene.curves`
+    """
+
+    def __init__(self, scene: Scene, curves: DAESimulator) -> None:
+        self.scene: Scene | None = scene
+        self.curves, self.name, self.box = curves, scene.name, scene.box
+        self.parameters = ByName(curves.parameters)
+        self.outputs, self.units = scene.output_names, scene.units
+        self.times = curves.times if scene.curve_names else np.zeros(1)
+        self.solver, self.reason, self.threads = curves.solver, curves.reason, curves.threads
+        self._span = float(np.ptp(curves.times))
+        self._columns = [self.outputs.index(name) for name in scene.curve_names]
+        self._rules, n = list[Rule](), len(scene.curve_names)
+        for name, f in scene.figures.items():
+            expression = -1 if f.expression is None else n
+            n += f.expression is not None
+            self._rules.append(Rule(name, f.kind, expression, -1 if f.margin is None else n, f.is_strict, f.window))
+            n += f.margin is not None
+        self._with_rates = _with_rates(curves)
+        self._count = 0
+        self.doubts: tuple[str, ...] = curves.start.doubts
+        self.noise: Array | None = None
+        self.nominal: Array | None = None
+
+    def __repr__(self) -> str:
+        return f"FigureSimulator({self.name!r}, {self.solver!r})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._first_times()
+        return self.__dict__ | {"scene": None}
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Names of the scalar outputs, which are one number per run."""
+        return tuple(rule.name for rule in self._rules)
+
+    @property
+    def setup_seconds(self) -> float:
+        """Time for deriving, compiling and starting so far [s]."""
+        return self.curves.setup_seconds + self._with_rates.setup_seconds
+
+    def prepare(self) -> None:
+        """Prepare the runs, if they are not prepared yet."""
+        self._with_rates.prepare()
+
+    def solved_by(self, curves: DAESimulator) -> "FigureSimulator":
+        """The same figures of curves by another solver."""
+        other = copy.copy(self)
+        vars(other).update(curves=curves, solver=curves.solver, _with_rates=_with_rates(curves), scene=self.scene)
+        return other
+
+    def tighter(self) -> "FigureSimulator":
+        """The same simulator with a solver ten times more accurate, or more if its steps would be the same."""
+        return self.solved_by(self.curves.tighter())
+
+    def second_look(self) -> None:
+        """Run the nominal parameters in two ways, at the first time. `warnings` and `noise` say what is seen."""
+        if self.noise is not None:
+            return
+        self.curves.second_look()
+        self.doubts = self.curves.doubts
+        P = np.array([list(self.parameters.values())])
+        first, second = self.run(P), self.tighter().run(P)
+        self.noise = noise = np.zeros(len(self.outputs))
+        if not first.ok.all():
+            self.doubts = (*self.doubts, f"The nominal run fails at {first.messages[0]}.")
+            return
+        self.nominal = first.Y[0]
+        if second.ok.all():
+            noise += np.abs(second.Y[0] - first.Y[0]).max(axis=0)
+        if self._columns:
+            noise[self._columns] = cast(Array, self.curves.noise)[: len(self._columns)]
+        sizes = np.abs(cast(Array, self.curves.nominal)).max(axis=0)
+        for rule in self._rules:
+            size = self._span if rule.expression < 0 else sizes[rule.expression]
+            noise[self.outputs.index(rule.name)] += _NOISE * size
+
+    def run(self, P: Array) -> Samples:
+        """Run samples P (N, d) as one block. Outputs of a sample are nan after its failure."""
+        P = np.ascontiguousarray(checked_samples(self, P, None))
+        with LOCK:
+            return self._run(P)
+
+    def stream(
+        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
+    ) -> S:
+        """Run samples block by block, and reduce each block."""
+        require_instance("stream: reduction", reduction, Reduction, "a Reduction")
+        return stream(self, P, reduction, executor, progress, _BLOCK)
+
+    def identity(self) -> str:
+        """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
+        return digest(self._with_rates.identity(), self.outputs, tuple(self._rules))
+
+    def values(self, p: Array) -> tuple[Array, tuple[str, ...]]:
+        """Outputs (n_t, n_y) of the run with parameters p (d,), and the figures whose condition never holds: nan.
+
+        Raises
+        ------
+        SimulationError        if the run breaks down
+        """
+        with LOCK:
+            traces, Y = self._values(p[None])
+        if not traces.ok[0]:
+            raise SimulationError(f"{self.name}: {traces.texts[0]}.")
+        return Y[0], tuple(name for name in self.figures if np.isnan(Y[0, 0, self.outputs.index(name)]))
+
+    def _run(self, P: Array) -> Ensemble:
+        traces, Y = self._values(P)
+        ok, t_failed, texts = traces.ok.copy(), traces.t_failed.copy(), dict(traces.texts)
+        for rule in self._rules:
+            for i in np.flatnonzero(np.isnan(Y[:, 0, self.outputs.index(rule.name)]) & ok).tolist():
+                values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
+                ok[i], t_failed[i] = False, rule.window[1]
+                texts[i] = (
+                    f"t = {t_failed[i]:g} s{values}: the condition of output {rule.name!r} does not hold in the run"
+                )
+        Y[~ok] = np.nan
+        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
+
+    def _values(self, P: Array) -> "tuple[_Traces, Array]":
+        """Curves of samples, and outputs (N, n_t, n_y): nan of figures whose condition never holds."""
+        times, grid = self._first_times()
+        traces = self._traces(times, P)
+        Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
+        at = np.searchsorted(times, self.curves.times - _SAME * self._span)
+        if self._columns:
+            Y[:, :, self._columns] = np.moveaxis(traces.Y[0, : len(self._columns)], 0, 2)[:, at]
+        good, count = np.flatnonzero(traces.ok), len(grid) - 1
+        panels = _panels(traces, np.repeat(good, count), np.tile(grid[:-1], len(good)), np.tile(grid[1:], len(good)))
+        sizes = self._sizes(traces)
+        panels = self._refined(panels, sizes, P, traces.stops)
+        curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
+        for rule in self._rules:
+            Y[:, :, self.outputs.index(rule.name)] = curves.figure(rule)[:, None]
+        return traces, Y
+
+    def _first_times(self) -> tuple[Array, Array]:
+        """Times of runs at first, and the ends of their panels: as many as the nominal run needs."""
+        P, count = np.array([list(self.parameters.values())]), self._least_count() if not self._count else 0
+        while not self._count:
+            times, grid = self._times_of(count)
+            traces = self._traces(times, P)
+            if not traces.ok.all():
+                self._count = _MOST // 4
+                break
+            zeros = np.zeros(len(grid) - 1, dtype=np.intp)
+            panels = _panels(traces, zeros, grid[:-1], grid[1:])
+            sizes = self._sizes(traces)
+            off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
+            off &= ~_with_stop(panels, traces.stops)
+            if off.mean() <= _FEW or count >= _MOST:
+                self._count = count
+            count = min(2 * count, _MOST)
+        return self._times_of(self._count)
+
+    def _sizes(self, traces: "_Traces") -> Array:
+        """Sizes (N, n_c) of curves of samples."""
+        return np.maximum(np.abs(traces.Y[0]).max(axis=2).T, self._rounding)
+
+    @cached_property
+    def _rounding(self) -> Array:
+        """Sizes (n_c,) of curves below which they are rounding."""
+        form = self.curves.formulation
+        x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
+        change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
+        f = ca.Function("change", [x, p, t], [ca.densify(change)])
+        sizes = f(form.dae.state_sizes, form.dae.p_nominal, float(self.curves.times[0])).full().ravel()
+        return _ROUNDING * np.where(np.isfinite(sizes), sizes, 0.0)
+
+    def _least_count(self) -> int:
+        """Panels that are as many as every second step of the nominal run, and shorter than pulses of laws of time."""
+        runs = self._with_rates
+        runs.run(np.array([list(self.parameters.values())])).t_failed.sum()
+        steps = runs.engine().counts.steps if runs.compiled else 0
+        return int(np.clip(max(steps / 2, self._span / self.curves.longest_step), _LEAST, _MOST))
+
+    def _times_of(self, count: int) -> tuple[Array, Array]:
+        ends = self.curves.times[[0, -1]]
+        windows = [end for rule in self._rules for end in rule.window]
+        inner = ends[0] + self._span / count * (np.arange(1, count) + _SHIFT)
+        grid = _distinct(np.concatenate([ends, inner, windows]), 1e-9 * self._span, windows)
+        return _distinct(np.concatenate([self.curves.times, *_nodes(grid[:-1], grid[1:])]), _SAME * self._span), grid
+
+    def _traces(self, times: Array, P: Array) -> "_Traces":
+        """The curves and their rates at times (n_t,) that begin and end with the scene."""
+        ensemble = self._with_rates.at_times(times).run(P)
+        Y = np.ascontiguousarray(np.moveaxis(ensemble.Y, -1, 0)).reshape(2, -1, len(P), len(times))
+        stops: list[Array] = [np.empty(0)] * len(P)
+        if isinstance(ensemble, CompiledEnsemble):
+            failed = ensemble.failed_samples
+            events = [failed.events[failed.events[:, 0] == i, 3] for i in range(len(P))]
+            passes = stops if failed.passes is None else [row[np.isfinite(row)] for row in failed.passes]
+            stops = [np.concatenate(pair) for pair in zip(events, passes, strict=True)]
+        texts = dict(zip(np.flatnonzero(~ensemble.ok).tolist(), ensemble.messages, strict=True))
+        return _Traces(times, Y, ensemble.ok, ensemble.t_failed, texts, stops)
+
+    def _refined(self, panels: Panels, sizes: Array, P: Array, stops: Sequence[Array]) -> Panels:
+        """Panels that are divided, in further runs, until they are exact or so short that it does not matter."""
+        done, has_stops = list[Panels](), any(own.size for own in stops)
+        best = np.full((len(self._rules), len(P)), -np.inf)
+        for level in range(_LEVELS):
+            off = ~panels.is_exact(sizes) & (panels.width > _SHORTEST * self._span)
+            divided = self._divided(panels, off, sizes, best)
+            if level == 0 and has_stops:
+                divided |= _with_stop(panels, stops)
+            if not divided.any() or divided.sum() > _MOST_DIVIDED * len(P):
+                break
+            coarse, coarse_off, fine = panels.of(divided), off[:, divided], list[Panels]()
+            together = 8 if self._with_rates.compiled else len(P)
+            used = np.unique(coarse.sample)
+            for group in np.array_split(used, -(-len(used) // together)):
+                mine = np.isin(coarse.sample, group)
+                sample, begin, end = self._parts(coarse.of(mine), coarse_off[:, mine], stops)
+                ends = self.curves.times[[0, -1]]
+                times = _distinct(np.concatenate([ends, *_nodes(begin, end)]), _SAME * self._span)
+                traces = self._traces(times, P[group])
+                if not traces.ok.all():  # only the run at first counts
+                    divided &= ~np.isin(panels.sample, group)
+                    continue
+                new = _panels(traces, np.searchsorted(group, sample), begin, end)
+                fine.append(Panels(sample, begin, end, new.nodes))
+            done.append(panels.of(~divided))
+            panels = Panels.joined(fine) if fine else panels.of(slice(0, 0))
+        return Panels.joined([*done, panels])
+
+    def _parts(self, panels: Panels, off: Mask, stops: Sequence[Array]) -> tuple[Indices, Array, Array]:
+        """Samples, begins and ends of the parts into which panels are divided: evenly, at stops and about bends.
+
+        Those of the first division have no bends: most of them are only too long.
+        """
+        own_stops = _with_stop(panels, stops)
+        even = ~own_stops & (panels.width > 0.5 * self._span / self._count)
+        width = panels.width[even, None] / _PARTS
+        begin = panels.begin[even, None] + width * np.arange(_PARTS)
+        parts = [(np.repeat(panels.sample[even], _PARTS), begin.ravel(), (begin + width).ravel())]
+        bends, beside = panels.bends(), _BESIDE * self._span
+        for k in np.flatnonzero(~even):
+            a, b, i = panels.begin[k], panels.end[k], int(panels.sample[k])
+            near = bends[off[:, k] & np.isfinite(bends[:, k]), k]
+            own = stops[i][(stops[i] > a) & (stops[i] < b)]
+            kept = [a, b, *own - beside, *own + beside]
+            close = _NEAR * (b - a)
+            inner = np.concatenate([kept, np.linspace(a, b, _PARTS + 1), near - 0.7 * close, near + 1.3 * close])
+            ends = _distinct(inner[(inner >= a) & (inner <= b)], beside / 2, kept)
+            parts.append((np.full(len(ends) - 1, i), ends[:-1], ends[1:]))
+        sample, begin, end = (np.concatenate(some) for some in zip(*parts, strict=True))
+        return sample, begin, end
+
+    def _divided(self, panels: Panels, off: Mask, sizes: Array, best: Array) -> Mask:
+        """(n,) whether curves of panels that are off may count for a figure.
+
+        `best` (n_f, N) are the largest values of each figure and sample so far, and times with a minus before which its
+        condition holds. It brings them up to date.
+        """
+        divided, slack = np.zeros(off.shape[1], dtype=bool), 4 * panels.misfit
+        for number, rule in enumerate(self._rules):
+            e, g, inside = rule.expression, rule.margin, rule.inside(panels)
+            if rule.kind == "mean":
+                divided |= inside & off[e]
+            elif rule.kind in ("maximum", "minimum"):
+                values = (rule.sign * panels.nodes[e, 0, ::2]).max(axis=0)
+                np.maximum.at(best[number], panels.sample[inside], values[inside])
+                some = np.flatnonzero(inside & off[e])
+                high = (rule.sign * panels.of(some).bernstein(e)).max(axis=1) + slack[e, some]
+                divided[some] |= high >= best[number, panels.sample[some]]
+            elif rule.kind != "final":
+                holds = inside & (panels.nodes[g, 0].min(axis=0) < -TOUCHED * sizes[panels.sample, g])
+                np.maximum.at(best[number], panels.sample[holds], -panels.end[holds])  # what is later does not count
+                inside &= -panels.begin > best[number, panels.sample]
+                some = np.flatnonzero(inside & (off[g] | (off[e] if e >= 0 else False)))
+                low = panels.of(some).bernstein(g).min(axis=1) - slack[g, some]
+                is_above = panels.nodes[g, 0][:, some].max(axis=0) + slack[g, some] > 0
+                divided[some] |= (low <= TOUCHED * sizes[panels.sample[some], g]) & is_above
+        return divided
+
+
+SceneSimulator = DAESimulator | FigureSimulator
+"""What runs a scene in studies."""
+
+
+def motion_of(simulator: object) -> DAESimulator | None:
+    """What runs the motion of a scene; None of other simulators."""
+    simulator = simulator.curves if isinstance(simulator, FigureSimulator) else simulator
+    return simulator if isinstance(simulator, DAESimulator) else None
+
+
+class _Traces(NamedTuple):
+    """Curves of samples at times (n_t,): Y (2, n_c, N, n_t), with their rates, and when steps of samples meet kinks."""
+
+    times: Array
+    Y: Array
+    ok: Mask
+    t_failed: Array
+    texts: Mapping[int, str]
+    stops: Sequence[Array]
+
+
+def _with_rates(curves: DAESimulator) -> DAESimulator:
+    """The simulator with the rates of its outputs behind them."""
+    form = curves.formulation
+    x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
+    y = ca.densify(form.y(x, p, t))
+    rates = ca.jtimes(y, t, ca.SX(1))
+    if x.numel():
+        rates += ca.jtimes(y, x, ca.densify(ca.vertcat(*map(ca.vec, form.dae.rhs(*form.dae.arguments(x, p, t))))))
+    # A speed sqrt(vx^2 + vy^2) has no rate at rest: panels with a rate of 0 there are divided.
+    rates = ca.if_else(ca.fabs(rates) < ca.inf, rates, 0)
+    return curves.with_output_function(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
+
+
+def _nodes(begin: Array, end: Array) -> tuple[Array, Array, Array]:
+    return begin, (begin + end) / 2, end
+
+
+def _distinct(times: Array, distance: float, kept: Sequence[float] = ()) -> Array:
+    """Times in order, each more than a distance behind the last one, in favour of those to be kept and of the ends."""
+    times = np.unique(times)
+    if np.diff(times).min() > distance:
+        return times
+    priority = np.isin(times, [*kept, times[0], times[-1]])
+    chosen = [0]
+    for k in range(1, len(times)):
+        if times[k] - times[chosen[-1]] > distance or (priority[k] and priority[chosen[-1]]):
+            chosen.append(k)
+        elif priority[k]:
+            chosen[-1] = k
+    return times[chosen]
+
+
+def _panels(traces: _Traces, sample: Indices, begin: Array, end: Array) -> Panels:
+    """Panels between times of traces, sample numbers being those of traces."""
+    half = np.append(np.diff(traces.times) / 2, np.inf)
+    at = []
+    for time in _nodes(begin, end):
+        k = np.clip(np.searchsorted(traces.times, time), 1, len(traces.times) - 1)
+        at.append(np.where(time - traces.times[k - 1] < half[k - 1], k - 1, k))
+    Y = traces.Y.reshape(2, traces.Y.shape[1], -1)
+    return Panels(sample, begin, end, Y.take(sample * len(traces.times) + np.stack(at), axis=2).swapaxes(0, 1))
+
+
+def _with_stop(panels: Panels, stops: Sequence[Array]) -> Mask:
+    """(n,) panels within which steps of their samples end."""
+    has = np.zeros(len(panels.sample), dtype=bool)
+    for i, own in enumerate(stops):
+        if own.size:
+            mine = panels.sample == i
+            counts = np.searchsorted(np.sort(own), [panels.begin[mine], panels.end[mine]])
+            has[mine] = counts[0] < counts[1]
+    return has

@@ -1,0 +1,137 @@
+"""Figures of motions from their curves, of many samples at once."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.run.simulation.panels import GRID, ON_GRID, Panels, highest, values_at
+
+TOUCHED = 1e-9
+"""Margin over its largest value in a run up to which a condition is touched."""
+_BISECTIONS, _ROUNDING = 50, 1e-14
+
+
+class Rule(NamedTuple):
+    """How a scalar output follows from curves: `expression` and `margin` are numbers of curves, -1 without."""
+
+    name: str
+    kind: str
+    expression: int
+    margin: int
+    is_strict: bool
+    window: tuple[float, float]
+
+    @property
+    def sign(self) -> float:
+        """By which the expression is multiplied, so that its maximum is looked for."""
+        return -1.0 if self.kind == "minimum" else 1.0
+
+    def inside(self, panels: Panels) -> Mask:
+        """(n,) which panels are in the window."""
+        middle = (panels.begin + panels.end) / 2
+        return np.asarray((middle > self.window[0]) & (middle < self.window[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Curves of samples by their panels, in order, of which some are exact (n_c, n).
+
+    The others are no longer than `shortest` [s], or do not matter.
+    """
+
+    panels: Panels
+    exact: Mask
+    sizes: Array
+    shortest: float
+
+    def figure(self, rule: Rule) -> Array:
+        """(N,) the figure of each sample, nan where its condition does not hold, or the sample has no panels."""
+        own = rule.inside(self.panels)
+        if own.all():
+            return self._figure(rule)
+        return Curves(self.panels.of(own), self.exact[:, own], self.sizes, self.shortest)._figure(rule)
+
+    def _figure(self, rule: Rule) -> Array:
+        panels, e = self.panels, rule.expression
+        values = np.full(len(self.sizes), np.nan)
+        if not panels.sample.size:
+            return values
+        samples, first = np.unique(panels.sample, return_index=True)
+        if rule.kind == "final":
+            values[samples] = panels.nodes[e, 0, 2, np.append(first[1:], len(panels.sample)) - 1]
+        elif rule.kind == "mean":
+            integrals = panels.width * panels.bernstein(e, self.exact).mean(axis=1)
+            values[samples] = np.add.reduceat(integrals, first) / np.add.reduceat(panels.width, first)
+        elif rule.kind in ("maximum", "minimum"):
+            B = rule.sign * panels.bernstein(e, self.exact)
+            best = np.full(len(values), -np.inf)
+            np.maximum.at(best, panels.sample, B[:, [0, -1]].max(axis=1))
+            higher = B.max(axis=1) > best[panels.sample] + _ROUNDING * self.sizes[panels.sample, e]
+            np.maximum.at(best, panels.sample[higher], highest(B[higher])[1])
+            values[samples] = rule.sign * best[samples]
+        else:
+            place, x = self._passages(rule, samples, first)
+            k = place[found := place >= 0]
+            if rule.kind == "first_time":
+                values[samples[found]] = panels.begin[k] + x[found] * panels.width[k]
+            else:
+                at = values_at(panels.of(k).bernstein(e), x[found])
+                values[samples[found]] = np.where(self.exact[e, k], at, panels.nodes[e, 0, 0, k])
+        return values
+
+    def _passages(self, rule: Rule, samples: Indices, first: Indices) -> tuple[Indices, Array]:
+        """Numbers of the panels in which the condition of a figure first holds, -1 without, and places in them.
+
+        That is where the margin becomes 0 or less from above its tolerance, or is as small at its least. So a gap that
+        an impact closes counts, and one that is 0 at the begin does not if it opens. A margin that is 0 from the begin
+        on counts where it falls below 0.
+        """
+        panels, g = self.panels, rule.margin
+        B, ends = panels.bernstein(g, self.exact), panels.nodes[g]
+        tolerance = TOUCHED * self.sizes[panels.sample, g]
+        short = panels.width <= self.shortest
+        tolerance[short] += np.abs(ends[1][:, short]).max(axis=0, initial=0.0) * panels.width[short]
+        low, high, found = np.zeros(len(B)), np.zeros(len(B)), np.zeros(len(B), dtype=bool)
+        comes_from_above = np.append(False, B[:-1, -1] > tolerance[:-1])
+        comes_from_above[first] = False
+        found |= comes_from_above & (B[:, 0] <= tolerance)
+        known = -1
+        for k in np.flatnonzero((B.min(axis=1) <= tolerance) & (B.max(axis=1) > tolerance) & ~found):
+            if panels.sample[k] != known:  # later passages do not count
+                found[k], low[k], high[k] = _passage(B[k], tolerance[k])
+                known = panels.sample[k] if found[k] else known
+        found |= B.min(axis=1) < -tolerance  # after both sides were equal: a force that begins
+        value, rate = ends[:, 0, first]
+        holds = value < -tolerance[first]
+        holds |= (value <= tolerance[first]) & ((rate < 0) if rule.is_strict else True)
+        found[first] |= holds
+        high[first[holds]] = 0.0
+        numbers = np.append(np.flatnonzero(found), len(found))
+        place = numbers[np.searchsorted(numbers, first)]
+        place = np.where((place < len(found)) & (place < np.append(first[1:], len(found))), place, -1)
+        a, b, chosen = low[place], high[place], B[place]
+        for _ in range(_BISECTIONS):
+            middle = (a + b) / 2
+            positive = values_at(chosen, middle) > 0
+            a, b = np.where(positive, middle, a), np.where(positive, b, middle)
+        return place, np.where(low[place] < high[place], b, high[place])
+
+
+def _passage(B: Array, tolerance: float) -> tuple[bool, float, float]:
+    """Whether a polynomial B (6,) comes down to a tolerance, and places between which it passes 0; equal if it does
+    not."""
+    x, values = GRID, B @ ON_GRID
+    if values.min() > tolerance:
+        least = highest(-B[None])[0]
+        x = np.unique(np.append(x, least))
+        values = values_at(B, x)
+    passes = np.flatnonzero((values[1:] <= tolerance) & (values[:-1] > tolerance))
+    if not passes.size:
+        return False, 0.0, 0.0
+    j = int(passes[0]) + 1
+    beyond = j if values[j] <= 0 else j + 1
+    if beyond == len(x) or values[beyond] > 0:
+        return True, float(x[j]), float(x[j])
+    return True, float(x[beyond - 1]), float(x[beyond])

@@ -1,0 +1,271 @@
+"""What is doubtful about one run: switches, impacts and small states that it may miss, and laws that it leaves."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Expr
+from symmb.declare.mechanics import (
+    AbstractBody,
+    AxisJoint,
+    Constraint,
+    Element,
+    Gear,
+    Ground,
+    OwnState,
+    Point,
+    VelocityConstraint,
+)
+from symmb.declare.symbolic import batch, has_kinks
+from symmb.equations.model import Scene
+from symmb.run.codegen import MOST_PASSES
+from symmb.run.events import Kinks
+from symmb.run.formulations import output_function
+from symmb.run.integrate import Run, Solver, SwitchPasses, follow_doubts, stiffness
+from symmb.run.simulation.dae_simulator import DAESimulator
+from symmb.run.simulation.solver_choice import Pilot
+from symmb.run.simulation.trajectory import Trajectory
+
+_SAME = 1e-12
+"""Share of the horizon by which two switches at one time may differ by rounding."""
+_CROWDED = 0.1
+"""Share of fixed steps with a switch from which errors are visible: those of a motor on pulses are a tenth of it."""
+_BELOW = 1e-6
+"""Share of the length of the scene by which a gap may be below 0: that of a closed contact is rounding."""
+_ROUNDING = 1e-9
+"""Share of the largest value of a margin by which it may be below 0 by rounding and errors of the run."""
+SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
+_INSIDE = 1e3
+"""Size of a first-order state over its absolute tolerance up to which its values have few digits."""
+_VERY_STIFF = 1e8
+"""Decay over a run, in its shortest time constants, of reactions whose slow part may follow from rests that are within
+the tolerances: hydraulics and contacts decay by 1e6. tests/simulation/test_small_states.py"""
+_FINER, _MANY = 1e-6, 1e3
+"""Absolute tolerances of a run that tells what they do, over those of the run; and errors in the unit of the relative
+tolerance from which on they are doubted."""
+_LEAST = 1e-28
+"""Least absolute tolerance."""
+_SHARE = 1e-2
+"""Share of an output that is off at a time."""
+_TIMES = 5
+"""Times at which stiffness is estimated."""
+
+
+_SAME_AXIS = 1e-6
+"""Sine of an angle between two axes that are one, and their distance over that of their points from the origin."""
+Hinge = tuple[Point, ca.SX, AbstractBody]
+"""A point on an axis, its direction in world axes (3,), and the body that holds it."""
+
+
+class Runs(Protocol):
+    """Runs of a scene with parameters p (n_p,) by several solvers."""
+
+    scene: Scene
+    simulator: DAESimulator
+    p: Array
+    x0: Array
+    done: dict[Solver, tuple[Run, Trajectory]]
+
+    def run(self, solver: Solver) -> Pilot: ...
+
+
+def run_doubts(runs: Runs, solver: Solver, trajectory: Trajectory, switches: Kinks | None) -> tuple[str, ...]:
+    """All of them, of a run whose equations have such switches."""
+    return (
+        *_switch_doubts(runs, solver),
+        *_gap_doubts(runs, solver),
+        *_element_doubts(runs, trajectory),
+        *_carrier_doubts(runs.scene.system.elements, lambda e: np.asarray(trajectory(e))[:1]),
+        *(_pass_doubts(runs, solver, switches) if switches else ()),
+        *_small_state_doubts(runs, solver, trajectory),
+    )
+
+
+def _switch_doubts(runs: Runs, solver: Solver) -> tuple[str, ...]:
+    """Whether steps of a fixed length pass over contacts, pulses of forces, or switches to which the motion sticks."""
+    simulator = runs.simulator
+    step = solver.step_taken(simulator.times)
+    if doubts := follow_doubts(simulator.dae):
+        return doubts
+    if not step or simulator.dae.impacts is not None or not has_kinks(simulator.dae.rhs):
+        return ()
+    stops = SwitchPasses(simulator.dae, simulator.times).stops(runs.x0, runs.p[None]).of(0)
+    if np.isfinite(stops.sticks):
+        return (
+            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s. Fixed steps pass it again and "
+            f"again: {SMOOTH}.",
+        )
+    times, span = stops.times[np.isfinite(stops.times)], np.ptp(simulator.times)
+    if (share := len(times) * step / span) > _CROWDED:
+        return (
+            f"The equations switch {len(times)} times, and steps of {step:.1g} s do not end there: forces jump or bend "
+            f"in {min(share, 1):.0%} of the steps. Take shorter ones, or DormandPrince(), whose steps end there.",
+        )
+    distances = np.diff(times)
+    distances[distances < _SAME * span] = np.inf
+    if not (distances <= step).any():
+        return ()
+    return (
+        f"Two switches of the equations are {distances.min():.1g} s apart at t = {times[distances.argmin()]:.6g} s. A "
+        f"step is {step:.1g} s long, so that contacts or pulses may be missed.",
+    )
+
+
+def _gap_doubts(runs: Runs, solver: Solver) -> tuple[str, ...]:
+    """Whether the states of a run are below the gap of an impact."""
+    dae, states = runs.simulator.dae, runs.done[solver][1].examination
+    if dae.impacts is None or not dae.impacts.names:
+        return ()
+    x, p, t = ca.SX.sym("x", states.x.shape[1]), ca.SX.sym("p", len(runs.p)), ca.SX.sym("t")
+    gaps = ca.Function("gaps", [x, p, t], dae.impacts.gaps.call([*dae.arguments(x, p, t)])[:1])
+    (values,) = batch(gaps, states.x, runs.p, states.t[:, None])
+    k, i = np.unravel_index(int(values.argmin()), values.shape)
+    if values[k, i] >= -_BELOW * dae.scales.length:
+        return ()
+    name = dae.impacts.names[i]
+    return (f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: an impact is missed.",)
+
+
+def _element_doubts(runs: Runs, trajectory: Trajectory) -> Iterator[str]:
+    """Where the run leaves what the laws of its elements are made for, at its output times and between them."""
+    scene, dae, states = runs.scene, runs.simulator.dae, trajectory.examination
+    elements, bind, lam = scene.system.elements, scene.system.bind, scene.system.lam
+    known = scene.remembered(_element_doubts, lambda: [
+        *((e.title, *doubt) for e in elements if isinstance(e, Element) for doubt in e.doubtful(bind)),
+        *((e.title, e.pressure(lam(e.name)), _LETS_GO) for e in elements if isinstance(e, Constraint) and e.unilateral),
+    ])  # fmt: skip
+    if not known:
+        return
+    every = ca.vertcat(*(ca.vec(margins) for _, margins, _ in known))
+    f = scene.remembered((_element_doubts, "values"), lambda: output_function(dae, scene, scene.expression(every)))
+    t, first = np.unique(np.append(states.t, trajectory.t), return_index=True)
+    values = batch(f, np.vstack([states.x, trajectory.x])[first], runs.p, t[:, None])[0].reshape(len(t), -1)
+    below = values < -_ROUNDING * np.abs(values).max(axis=0)
+    ends = np.cumsum([margins.numel() for _, margins, _ in known])
+    for (title, _, what), own in zip(known, np.split(below, ends[:-1], axis=1), strict=True):
+        if own.any():
+            yield f"{title}: " + what.format(f" at t = {t[own.any(axis=1).argmax()]:.6g} s")
+
+
+_LETS_GO = (
+    "the contact or rope that it models lets go{}, where its force has the wrong sign. Use a contact or a Rope to "
+    "follow the motion from there."
+)
+
+
+def _pass_doubts(runs: Runs, solver: Solver, switches: Kinks) -> tuple[str, ...]:
+    """Whether the states of a run change the side of a switch near which it noted no pass."""
+    (run, trajectory), dae = runs.done[solver], runs.simulator.dae
+    states = trajectory.examination
+    if run.stops is None or dae.sampling is not None:  # sampled laws have sides of their own
+        return ()
+    stops, later = run.stops, states.t >= run.stops.until
+    is_full = len(stops.passes) >= MOST_PASSES and not solver.meets_switches
+    if is_full and switches.met(states.switch_values[later]):
+        return (
+            f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
+            f"{solver!r} do not end at them, and may miss some. Use DormandPrince().",
+        )
+    ends = np.append(stops.passes, [event.time for event in trajectory.events])  # an event may pass a switch as well
+    missed = switches.passed_over(states.switch_values[~later], states.t[~later], ends)
+    if np.isnan(missed):
+        return ()
+    return (
+        f"The equations have {switches}. The motion passes one of them after t = {missed:.6g} s, where no step of the "
+        "run ended. Others may be missed as well.",
+    )
+
+
+def _small_state_doubts(runs: Runs, solver: Solver, run: Trajectory) -> Iterator[str]:
+    """The doubt that outputs change with the absolute tolerances.
+
+    It looks at first-order states, and at velocities that constraints determine: others that are so small are rounding.
+    """
+    dae, states, elements, p = runs.simulator.bodies.judged, run.examination, runs.scene.system.elements, runs.p
+    if not solver.controls_step or not any(isinstance(e, OwnState | VelocityConstraint) for e in elements):
+        return
+    tolerances = solver.tolerances(dae)
+    absolute, names = tolerances.absolute(states.x.shape[1]), [e.name for e in elements if isinstance(e, OwnState)]
+    own = dae.n_q + dae.n_v + np.array([k for k, name in enumerate(dae.s_names) if name in names], dtype=np.intp)
+    sizes = np.abs(states.x[:, own]).max(axis=0, initial=0.0)
+    some = np.unique(np.linspace(0, len(states.t) - 1, _TIMES).astype(int))
+    is_small = ((sizes > 0) & (sizes < _INSIDE * absolute[own])).any()
+    if not is_small:
+        X, shortest = runs.simulator.shortest_equations(states.x[some], p)
+        if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
+            return
+    atol = max(_FINER * float(absolute.min()), _LEAST)
+    if atol >= absolute.min() or runs.run(other := replace(solver, atol=atol)).message:  # pyright: ignore
+        return
+    finer = runs.done[other][1]
+    change, size = np.abs(run.values - finer.values), np.abs(finer.values)
+    most = size.max(axis=0)  # below the finer tolerances all is rounding
+    wrong = (change > _SHARE * size) & (change > _MANY * tolerances.rtol * most) & (most > atol)
+    if wrong.any():
+        k, i = np.argwhere(wrong)[0]
+        yield (
+            f"Output {run.names[i]!r} depends on states within their absolute tolerances: at t = {run.t[k]:.6g} s "
+            f"it is {run.values[k, i]:.3g}, and {finer.values[k, i]:.3g} at smaller ones. Choose "
+            f"{type(solver).__name__}(atol=...) far below these states."
+        )
+
+
+def _carrier_doubts(elements: Sequence[object], value: Callable[[Expr], Array]) -> Iterator[str]:
+    """Doubts about gears without a carrier; `value` gives numbers of expressions at the start.
+
+    An axis may move if all hinges of a wheel are on bodies that may turn about other axes. At the ratio 1 this makes
+    no difference.
+    """
+    joints = [e for e in elements if isinstance(e, AxisJoint) and not isinstance(e, Gear)]
+    ground = _fixed_to(Ground(), joints)
+    for gear in elements:
+        if not isinstance(gear, Gear) or gear.carrier is not None or float(np.ravel(value(gear.ratio))[0]) == 1:
+            continue
+        for wheel in gear.bodies():
+            names = _fixed_to(wheel, joints)
+            hinges = [] if names & ground else _hinges(names, joints)
+            if not hinges or any(_name(holder) in ground for *_, holder in hinges):
+                continue
+            point, axis, holder = hinges[0]
+            pivots = _hinges(_fixed_to(holder, joints), joints)
+            if not any(_name(other) in ground and _is_same(point, axis, p, u, value) for p, u, other in pivots):
+                yield (
+                    f"{gear.title}: Body {holder.name!r} holds the axis of {wheel.name!r} and may turn, but the angles "
+                    f"are those against the ground. Write carrier={holder.name}, or carrier=Ground() if this is meant."
+                )
+
+
+def _name(body: AbstractBody) -> str | None:
+    return None if isinstance(body.owner, Ground) else body.owner.name
+
+
+def _fixed_to(body: AbstractBody, joints: Sequence[AxisJoint]) -> set[str | None]:
+    """Names of the bodies that do not turn against a body, None of the ground."""
+    names, before = {_name(body)}, 0
+    while len(names) > before:
+        before = len(names)
+        for joint in joints:
+            pair = {_name(b) for b in joint.bodies()}
+            if joint.aligns and not joint.turns and pair & names:
+                names |= pair
+    return names
+
+
+def _hinges(names: set[str | None], joints: Sequence[AxisJoint]) -> list[Hinge]:
+    """The hinges between bodies of these names and others."""
+    found = []
+    for joint in (j for j in joints if j.turns):
+        a, b = joint.point_a, joint.point_b
+        if (_name(a.body) in names) != (_name(b.body) in names):
+            found.append((a, joint.frames[0][:, 2], (b if _name(a.body) in names else a).body))
+    return found
+
+
+def _is_same(p: Point, u: ca.SX, r: Point, w: ca.SX, value: Callable[[Expr], Array]) -> bool:
+    """Whether two axes are one."""
+    size = 1 + ca.norm_1(p.r) + ca.norm_1(r.r)
+    beside = ca.vertcat(ca.cross(u, w), ca.cross(p.r - r.r, u) / size)
+    return bool(np.abs(value(beside)).max() < _SAME_AXIS)

@@ -1,0 +1,424 @@
+"""One run of a scene, by a solver that pilot runs choose if none is given."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, overload
+
+import numpy as np
+
+from symmb._doubt import Doubt
+from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
+from symmb._interrupts import carry, kept_interrupts, runs_of
+from symmb._names import ByName, counted, did_you_mean, normal_keys
+from symmb._options import require_truth, shown
+from symmb._progress import Progress
+from symmb._types import Array, Expr
+from symmb._units import number_in, units_of_parameters
+from symmb.equations.model import DAE, Scene, compile_dae
+from symmb.equations.start import prepare_start
+from symmb.run.integrate import EventDriven, Run, Solver, solver_of, stiffness
+from symmb.run.simulation.dae_simulator import DAESimulator
+from symmb.run.simulation.figure_simulator import FigureSimulator
+from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
+from symmb.run.simulation.solver_choice import MANY, Pilot, choose, for_one_run
+from symmb.run.simulation.subject import (
+    figure_simulator,
+    prepare_equations,
+    require_own,
+    scene_of,
+    simulator_for,
+    simulator_with,
+    with_options,
+)
+from symmb.run.simulation.sweep import Sweep, swept
+from symmb.run.simulation.trajectory import Trajectory
+from symmb.run.verification import Examination, work_of
+
+_POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
+"""Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
+singular position, above which other solvers are tried. Calibrated by tests/test_problems.py."""
+_STIFFNESS_SAMPLES = 5
+"""Times at which stiffness is estimated."""
+_CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
+"""Runs at tighter tolerances at most, each ten times tighter; largest difference of two runs over the sizes of the
+states, a tenth of the error that default runs may have; and least size of a state over that of its part of the
+scene."""
+_STICKS = f"where it sticks to one, {SMOOTH}"
+
+
+@overload
+def simulate(
+    scene: Scene | DAESimulator,
+    solver: Solver | str | None = None,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    rtol: float | None = None,
+    atol: float | None = None,
+    check: bool = False,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Trajectory: ...
+
+
+@overload
+def simulate(
+    scene: Scene | DAESimulator,
+    solver: Solver | str | None,
+    parameters: Sequence[Mapping[str, float]],
+    *,
+    rtol: float | None = None,
+    atol: float | None = None,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Sweep: ...
+
+
+@overload
+def simulate(
+    scene: Scene | DAESimulator,
+    solver: Solver | str | None = None,
+    *,
+    parameters: Sequence[Mapping[str, float]],
+    rtol: float | None = None,
+    atol: float | None = None,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Sweep: ...
+
+
+def simulate(
+    scene: Scene | DAESimulator,
+    solver: Solver | str | None = None,
+    parameters: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
+    *,
+    rtol: float | None = None,
+    atol: float | None = None,
+    check: bool = False,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Trajectory | Sweep:
+    """Run a scene once, or once for each of several sets of parameters.
+
+    Parameters
+    ----------
+    scene : Scene
+        or one of `prepare`, which has a solver
+    solver : Solver
+        or its text on the command line, such as "cvodes:1e-9";
+        default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes; CVODES with
+        AugmentedLagrangian() if these fail; EventDriven() with impacts, and joints that open or close.
+        `trajectory.reason` gives the reason
+    parameters : mapping
+        values instead of the nominal ones; a list of them makes all these runs side by side
+    rtol, atol : float
+        relative and absolute tolerance of the default solver, instead of its own
+    check : bool
+        run a second time in another way: by a solver of another family, and in other coordinates if the scene has any.
+        `trajectory.error` (n_t, n_y) is the difference, and warnings say from when on digits are lost
+    times, outputs
+        instead of those of the scene
+
+    Returns
+    -------
+    Trajectory
+        its `warnings` say what is uncertain about it, and Python issues a SymmbWarning; for a list of parameters a
+        Sweep
+
+    Raises
+    ------
+    DeclarationError
+        If a parameter is unknown or not finite
+    AssemblyError
+        If the scene cannot be started
+    SimulationError
+        If the run breaks down, leaves its constraints, or has an output that is not finite
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), start={"ball.vx": 2.0}, times=[0.0, 1.0])
+    >>> traj = mb.simulate(fall)
+    >>> float(traj["ball.y"][-1].round(6)), float(traj(ball.x)[-1])
+    (-4.905, 2.0)
+    """
+    own = scene_of(scene)
+    solver = solver_of(solver)
+    require_truth("simulate", "check", check)
+    if isinstance(scene, DAESimulator):
+        require_own(scene, solver, times, outputs)
+    tolerances: dict[str, Any] = {k: x for k, x in (("rtol", rtol), ("atol", atol)) if x is not None}
+    if tolerances and (solver is not None or isinstance(scene, DAESimulator)):
+        raise DeclarationError("simulate: rtol and atol are of the default solver. Write solver=CVODES(rtol=1e-10).")
+    own = with_options(own, times, outputs)
+    if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
+        if check:
+            raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
+        if tolerances:
+            solver = simulator_with(own).solver.at(**tolerances)
+        return swept(simulator_for("simulate", scene, solver, times, outputs), parameters, "simulate")
+    if tolerances and own.system.collected.has_events:
+        solver = EventDriven(**tolerances)
+    values = parameter_values(own, {} if parameters is None else parameters)
+    chosen = scene.solver if isinstance(scene, DAESimulator) else solver
+    with kept_interrupts(), Progress(f"{own.name}: equations") as progress:
+        if isinstance(scene, DAESimulator):
+            prepared: DAESimulator | None = scene
+        else:
+            has_solver = solver is not None or own.system.collected.has_events
+            prepared = simulator_with(own, solver) if has_solver else None
+        runs = _PilotRuns(own, values, prepared)
+        progress(f"{own.name}: running", 0, 0)
+        solver, trajectory = _simulated(runs, check, tolerances)
+        if own.figures:
+            trajectory = with_figures_of(trajectory, figure_simulator(own, solver if tolerances else chosen), check)
+    warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
+    return trajectory
+
+
+def _simulated(runs: "_PilotRuns", check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:
+    """The solver that was chosen, and its run with all that is told about it."""
+    if runs.start_fault:
+        begin = f"t = {runs.simulator.times[0]:g} s"
+        fault = f"{runs.scene.name} does not start at {begin}{runs.where}: {runs.start_fault}. {_start_fault(runs)}"
+        raise SimulationError(fault.rstrip())
+    if runs.solver is not None:
+        solver, reason = runs.solver, runs.reason
+        runs.run(solver)
+    else:
+        stiff, ends = runs.starts_stiff, runs.simulator.dae.sampling is not None
+        switches = ends or runs.simulator.bodies.kinks(runs.simulator.times) is not None
+        solver, reason = choose(
+            partial(for_one_run, stiff, switches), lambda solver: runs.judge(solver.at(**tolerances))
+        )
+        solver = solver.at(**tolerances)
+        reason = f"a part of the motion decays too fast for explicit steps; {reason}" if stiff else reason
+        reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
+    run, trajectory = runs.done[solver]
+    switches = runs.simulator.bodies.kinks(runs.simulator.times)
+    if run.message:
+        raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
+    states = trajectory.examination
+    count = switches.met(states.switch_values) if switches and reason else 0
+    reason = f"{reason}; {switches} met at least {counted(count, 'time')}" if count else reason
+    if runs.solver is None and switches is not None and switches.on_state.any():
+        solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
+    trajectory = replace(trajectory, reason=reason)
+    _require_sound(runs, trajectory)
+    doubts = run_doubts(runs, solver, trajectory, switches)
+    trajectory = replace(trajectory, run_doubts=doubts)
+    if check:
+        ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
+        doubts = (*doubts, *ways.doubts, *filter(None, [ways.unchecked]))
+        trajectory = replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
+    return solver, trajectory
+
+
+def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: bool) -> Trajectory:
+    """The trajectory with the figures of its scene, and their errors if they are to be checked.
+
+    Those whose condition never holds are nan, which is a doubt.
+
+    Raises
+    ------
+    SimulationError        if the run breaks down in the solver of studies
+    """
+    p = np.array([*trajectory.parameters.values()])
+    Y, lacking = simulator.values(p)
+    columns = [simulator.outputs.index(name) for name in simulator.figures]
+    values = dict(zip(simulator.figures, Y[0, columns].tolist(), strict=True))
+    error = None
+    if trajectory.error is not None:
+        error = np.abs((simulator.tighter().values(p)[0] if check else Y)[:1] - Y[:1]).repeat(len(trajectory.t), axis=0)
+        others = [k for k in range(len(simulator.outputs)) if k not in columns]
+        error[:, others] = trajectory.error
+    doubts = (Doubt(f"Output {name!r} is nan: its condition does not hold in the run.", [name]) for name in lacking)
+    return replace(trajectory, figures=values, error=error, run_doubts=(*trajectory.run_doubts, *doubts))
+
+
+def _start_fault(runs: "_PilotRuns") -> str:
+    """What the assembly says if the parameters of the run are the nominal ones, such as a joint that stays open."""
+    scene = runs.scene
+    try:
+        prepare_start(scene, replace(compile_dae(scene.system), p_nominal=runs.p))
+    except SymmbError as error:
+        return str(error)
+    return ""
+
+
+def _confirmed(
+    runs: "_PilotRuns", solver: Solver, trajectory: Trajectory, reason: str
+) -> tuple[Solver, Trajectory, str]:
+    """The solver, run and reason after runs at tighter tolerances, while two of them do not agree.
+
+    A switch of the state that is met at a small angle magnifies errors: a wall that is touched shortly before a motion
+    turns back, by several hundred.
+    """
+    sizes = runs.simulator.dae.state_sizes
+    for _ in range(_CONFIRMATIONS):
+        tighter = solver.tighter(times=runs.simulator.times)
+        if runs.run(tighter).message:
+            break
+        finer = runs.done[tighter][1]
+        least = np.maximum(np.abs(finer.x).max(axis=0), _LEAST * sizes)
+        difference = float((np.abs(finer.x - trajectory.x) / least).max(initial=0.0))
+        if difference <= _AGREEMENT:
+            break
+        reason = f"{reason}; {tighter!r}, because switches magnify the errors of {solver!r} to {difference:.0e}"
+        solver, trajectory = tighter, finer
+    return solver, trajectory, reason
+
+
+def _require_sound(runs: "_PilotRuns", trajectory: Trajectory) -> None:
+    """SimulationError if the run has left its constraints, or has outputs that are not finite."""
+    about = f"{runs.scene.name}{runs.where} by {trajectory.solver}"
+    fault = trajectory.examination.fault
+    irregular = ~np.isfinite(trajectory.values)
+    if irregular.any():
+        k, i = np.argwhere(irregular)[0]
+        fault = f"output {trajectory.names[i]!r} is {trajectory.values[k, i]} at t = {trajectory.t[k]:g} s"
+    if fault:
+        raise SimulationError(f"{about}: {fault}.")
+
+
+def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:
+    """Nominal values, of which some are replaced."""
+    nominal = scene.system.parameters
+    if not isinstance(changes, Mapping):
+        raise DeclarationError(f'parameters: expected values by name, such as {{"l1": 1.02}}, got {shown(changes)}.')
+    for name in (changes := normal_keys("parameters", changes)):
+        if not isinstance(name, str) or name not in nominal:
+            raise DeclarationError(f"No parameter {name!r}.{did_you_mean(name, nominal)}")
+    units = units_of_parameters(nominal)
+    values = {**nominal, **changes}
+    own = {n: number_in(f"Parameter {n!r}", f"parameter {n!r}", values[n], units.get(n, "")) for n in nominal}
+    return ByName(own, units)
+
+
+def _breakdown_text(runs: "_PilotRuns", solver: Solver, reason: str, switches: str) -> str:
+    """The reason why a run failed, its place, and possible causes."""
+    run, trajectory = runs.done[solver]
+    near = trajectory.singularity
+    parts = [
+        f"{runs.scene.name}: the run breaks down at t = {run.t_failed:g} s{runs.where}: {run.message}",
+        f"The position may be singular: {near}" if near else "",
+        f"The equations have {switches}, at which no motion can stay: {_STICKS}" if switches else "",
+        f"No other solver gets through: {reason}" if len(runs.done) > 1 else "",
+    ]
+    return ". ".join(filter(None, parts)) + "."
+
+
+class _PilotRuns:
+    """Runs of a scene with one set of parameters by several solvers, and what is wrong with them.
+
+    Attributes
+    ----------
+    simulator : DAESimulator
+    solver, reason              those that were prepared; None if a solver is to be chosen here, for one run
+    p, x0 : (n_p,), (1, n_x)    parameters, and the state at the start
+    start_fault : str           why the scene cannot start; empty if it can
+    where : str                 the parameters for a message; empty if there are none
+    done : dict                 solver -> its run and trajectory
+    """
+
+    def __init__(self, scene: Scene, parameters: Mapping[str, float], prepared: DAESimulator | None) -> None:
+        begin = time.perf_counter()
+        self.scene, self.parameters = scene, ByName(parameters)
+        self.p = np.array(list(parameters.values()))
+        self.simulator = self._at(prepared or prepare_equations(scene))
+        self.solver, self.reason = (prepared.solver, prepared.reason) if prepared else (None, "")
+        self.x0, (self.start_fault,) = self.simulator.start.states(self.p[None])
+        text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
+        self.where = f" ({text})" if text else ""
+        self.done: dict[Solver, tuple[Run, Trajectory]] = {}
+        self._setup = time.perf_counter() - begin
+
+    def _at(self, simulator: DAESimulator) -> DAESimulator:
+        """For runs that are judged, with the parameters of the run."""
+        return simulator.cautious().around(self.p)
+
+    def run(self, solver: Solver) -> Pilot:
+        """Run by a solver, and keep the trajectory."""
+        begin = time.perf_counter()
+        is_own = solver == self.simulator.solver
+        simulator = self.simulator if is_own else self._at(simulator_with(self.scene, solver))
+        form, times = simulator.formulation, simulator.times
+        x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
+        integration, fine, outputs = simulator.single()
+        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # cut, but for the start
+        built = time.perf_counter()
+        try:
+            run = form.run_of_bodies(integration.run(x0, self.p[None])[0], self.p)
+        except KeyboardInterrupt as interrupt:
+            for run in runs_of(interrupt):
+                at_outputs = form.run_of_bodies(run, self.p).at(outputs)
+                known = int(np.argmin(np.append(np.isfinite(at_outputs.X).all(axis=1), False)))
+                some = self._trajectory(simulator, at_outputs, {}, built - begin, time.perf_counter() - built, known)
+                carry(interrupt, some if known > 1 else None)
+            raise
+        seconds, counts = time.perf_counter() - built, integration.statistics()
+        examination = Examination.of(simulator, self.p, fine, run.X, work_of(run), is_close)
+        run = run.at(outputs)
+        trajectory = self._trajectory(simulator, run, counts, built - begin, seconds, len(times))
+        self.done[solver] = run, replace(trajectory, run_examination=examination)
+        return Pilot(run.message, counts.get("steps", 0), seconds, False)
+
+    def _trajectory(
+        self, simulator: DAESimulator, run: Run, counts: dict[str, int], setup: float, seconds: float, known: int
+    ) -> Trajectory:
+        """The trajectory of a run, at its first `known` times."""
+        start = simulator.start
+        names = {
+            "held": start.listed,
+            "solved": start.solved + start.solved_velocities,
+            "free": start.free + start.free_velocities,
+            "redundant": start.redundant,
+        }
+        times = simulator.times[:known]
+        return Trajectory(
+            scene=self.scene if known == len(simulator.times) else self.scene.with_times(times),
+            simulator=simulator,
+            parameters=self.parameters,
+            solver=repr(simulator.solver),
+            reason="",
+            t=times,
+            x=run.X[:known],
+            work=work_of(run)[:known],
+            statistics={"start": {key: list(some) for key, some in names.items()}, "integrator": counts},
+            setup_seconds=self._setup + setup,
+            run_seconds=seconds,
+            events=run.events,
+        )
+
+    def judge(self, solver: Solver) -> Pilot:
+        """Run by a solver, and return what is wrong with the result."""
+        pilot = self.run(solver)
+        run, trajectory = self.done[solver]
+        if pilot.message:
+            return replace(pilot, message=f"t = {run.t_failed:g} s, {run.message}")
+        drift = float(trajectory.examination.violation.max(initial=0.0))
+        if not drift < _POSITION_DRIFT:
+            doubt = f"drifts off its constraints by {drift:.0e} of its size"
+            return replace(pilot, doubt=doubt, drift=float(np.nan_to_num(drift, nan=np.inf)) / _POSITION_DRIFT)
+        singularity = trajectory.singularity
+        limit = _SINGULAR_ENERGY_DRIFT if singularity else _ENERGY_DRIFT
+        if trajectory.energy_drift > limit:
+            # Branches of the motion meet in singular positions: the solver may have taken another one.
+            where = f"{singularity}, " if singularity else ""
+            doubt = f"{where}energy drifts by {trajectory.energy_drift:.0e}"
+            return replace(pilot, doubt=doubt, drift=trajectory.energy_drift / limit)
+        states = trajectory.examination
+        return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(states.x, states.t))
+
+    @property
+    def starts_stiff(self) -> bool:
+        """Whether the motion linearised about the start is stiff over the horizon."""
+        X, dae = self.simulator.shortest_equations(self.x0, self.p)
+        return self._is_stiff(X, self.simulator.times[:1], dae)
+
+    def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
+        """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
+        some = np.unique(np.linspace(0, len(t) - 1, _STIFFNESS_SAMPLES).astype(int))
+        return stiffness(dae or self.simulator.dae, X[some], self.p, t[some]).is_stiff(np.ptp(self.simulator.times))

@@ -1,0 +1,194 @@
+"""The subject of a study: a scene, for which a simulator is made, or a simulator."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
+from symmb._options import require_names, shown
+from symmb._progress import Progress
+from symmb._types import Array, Expr
+from symmb._units import units_of_parameters
+from symmb.connect import Simulator
+from symmb.equations.model import Box, Scene
+from symmb.run.integrate import CVODES, Solver, solver_of
+from symmb.run.simulation.dae_simulator import DAESimulator
+from symmb.run.simulation.figure_simulator import FigureSimulator
+
+_SCENE = "Scene(system, times=...) makes one of a System."
+
+
+def simulator_of(
+    subject: Scene | Simulator,
+    box: Box | None,
+    solver: Solver | str | None = None,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> tuple[Simulator, Box]:
+    """The simulator and the box of a study, which is that of the scene if none is given.
+
+    Raises
+    ------
+    DeclarationError       if there is no box, subject, box or solver is something else, or a simulator is given
+                           options that only a scene takes
+    """
+    solver = solver_of(solver)
+    box = getattr(subject, "box", None) if box is None else box
+    if box is None:
+        raise DeclarationError("No box: which parameters are uncertain? Give box=Box(l1=(0.95, 1.05)).")
+    if not isinstance(box, Box):
+        raise DeclarationError(
+            f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
+        )
+    if isinstance(subject, Scene):
+        simulator = study_simulator(with_options(subject, times, outputs), solver)
+    elif not hasattr(subject, "outputs"):
+        raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
+    else:
+        require_own(subject, solver, times, outputs)
+        simulator = with_figures(subject)
+    return simulator, box.with_units(units_of_parameters(simulator.parameters))
+
+
+def simulator_for(
+    owner: str,
+    subject: Scene | Simulator,
+    solver: Solver | str | None,
+    times: Sequence[float] | Array | None,
+    outputs: Mapping[str, Expr] | None,
+) -> Simulator:
+    """The simulator of a scene with these options, or the given one, which takes none.
+
+    Raises
+    ------
+    DeclarationError       if it is something else, or takes no options
+    """
+    solver = solver_of(solver)
+    if isinstance(subject, Scene):
+        return study_simulator(with_options(subject, times, outputs), solver)
+    if not hasattr(subject, "outputs"):
+        raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
+    require_own(subject, solver, times, outputs)
+    return with_figures(subject)
+
+
+def chosen_parameters(owner: str, names: Sequence[str] | None, nominal: Mapping[str, float]) -> list[str]:
+    """Names of parameters that are given, each once; all of them if none are.
+
+    Raises
+    ------
+    DeclarationError       if there is none, or a name is not known or stands there twice
+    """
+    if not nominal:
+        raise DeclarationError(f"{owner}: there is no parameter. Declare Parameters(k=...) and use p.k.")
+    if names is None:
+        return [*nominal]
+    some = require_names(f"{owner}: parameters", "parameter", names, nominal)
+    if not some:
+        raise DeclarationError(f"{owner}: the list of parameters is empty.")
+    if twice := [name for name, count in Counter(some).items() if count > 1]:
+        raise DeclarationError(f"{owner}: the list of parameters has {twice[0]!r} twice.")
+    return some
+
+
+def with_options(scene: Scene, times: Sequence[float] | Array | None, outputs: Mapping[str, Expr] | None) -> Scene:
+    """The scene with other times and outputs, if they are given."""
+    scene = scene if times is None else scene.with_times(times)
+    return scene if outputs is None else scene.with_outputs(outputs)
+
+
+def require_own(subject: object, solver: object, times: object, outputs: object) -> None:
+    """DeclarationError if a simulator is given options that only a scene takes."""
+    if solver is not None or times is not None or outputs is not None:
+        raise DeclarationError(f"{subject!r} has its own solver, times and outputs; only a Scene takes others.")
+
+
+def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
+    """Prepare what all runs of a scene share: equations, start, and solver. The scene remembers it.
+
+    The nominal parameters are run in two ways, which gives the warnings.
+
+    `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way, and take what is
+    prepared instead of a scene. So nothing is derived, chosen or compiled twice.
+
+    Parameters
+    ----------
+    scene : Scene
+    solver : Solver, optional
+        or its text on the command line, such as "cvodes:1e-9"; default: pilot runs choose one for many runs,
+        mostly DormandPrince()
+
+    Returns
+    -------
+    DAESimulator
+        `formulation`, `solver` and `reason` say what was chosen, `warnings` what is uncertain about the run at the
+        nominal parameters
+
+    Raises
+    ------
+    DeclarationError
+        If the solver cannot run the scene
+    AssemblyError
+        If the scene cannot be started
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), start={"ball.vx": 2.0}, times=[0.0, 1.0])
+    >>> prepared = mb.prepare(fall)
+    >>> prepared.solver, prepared is mb.prepare(fall), float(mb.simulate(prepared)["ball.y"][-1].round(6))
+    (DormandPrince(), True, -4.905)
+    """
+    scene = scene_of(scene)
+    solver = solver_of(solver)
+    with kept_interrupts(), Progress(f"{scene.name}: equations and trial runs") as progress:
+        simulator = simulator_with(scene, solver)
+        progress(f"{scene.name}: nominal run in two ways", 0, 0)
+        simulator.second_look()
+    return simulator
+
+
+def simulator_with(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
+    """The simulator that `prepare` gives, before it takes its second look."""
+    solver = solver_of(solver)
+    return scene.remembered(solver, lambda: DAESimulator(scene, solver))
+
+
+def study_simulator(scene: Scene, solver: Solver | None = None) -> Simulator:
+    """The simulator of a study: with the figures of a scene, if it has any."""
+    return figure_simulator(scene, solver) if scene.figures else simulator_with(scene, solver)
+
+
+def figure_simulator(scene: Scene, solver: Solver | None = None) -> FigureSimulator:
+    """The simulator of a study of a scene with figures."""
+    return scene.remembered(
+        (FigureSimulator, solver), lambda: FigureSimulator(scene, simulator_with(scene.curves, solver))
+    )
+
+
+def with_figures(simulator: Simulator) -> Simulator:
+    """What is prepared, with the figures of its scene, if it has any."""
+    if isinstance(simulator, DAESimulator) and simulator.scene is not None:
+        return study_simulator(simulator.scene, simulator.solver) if simulator.scene.figures else simulator
+    return simulator
+
+
+def prepare_equations(scene: Scene) -> DAESimulator:
+    """A scene prepared for those who integrate nothing, or choose the solver themselves: no pilot run is made."""
+    return simulator_with(scene, None if scene.system.collected.has_events else CVODES())
+
+
+def scene_of(subject: Scene | DAESimulator) -> Scene:
+    """A Scene, or the one that was prepared.
+
+    Raises
+    ------
+    DeclarationError       if it is something else
+    """
+    scene = subject.scene if isinstance(subject, DAESimulator) else subject
+    if isinstance(scene, Scene):
+        return scene
+    if hasattr(subject, "stream"):
+        raise DeclarationError(f"{subject!r} is a simulator. It runs samples P (N, d) of its parameters by run(P).")
+    raise DeclarationError(f"Expected a Scene, got {type(subject).__name__}. {_SCENE}")

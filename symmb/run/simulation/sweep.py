@@ -1,0 +1,311 @@
+"""Runs of a scene or a simulator with several values of its parameters."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError, WithWarnings, warn_of
+from symmb._interrupts import kept_interrupts
+from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
+from symmb._limits import require_memory, require_runs
+from symmb._names import ByName, counted, normal_keys
+from symmb._options import is_finite_number, numbers_of, require_name, shown
+from symmb._progress import shown_runs
+from symmb._table import over_times
+from symmb._types import Array, Executor, Expr, Indices, Mask
+from symmb._units import units_of_parameters
+from symmb.connect import Progress, Reduction, Samples, Simulator
+from symmb.equations.model import Scene
+from symmb.results import plot
+from symmb.results.files import NAMES, TIMES, Record, Saved, entry
+from symmb.run.integrate import Solver
+from symmb.run.simulation.subject import simulator_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from xarray import Dataset
+
+_NAMED = 3
+"""Failed runs whose reasons are printed."""
+Part = tuple[Indices, Array, Mask, tuple[str, ...]]
+"""Numbers of samples, their outputs, whether they are valid, and why the others are not."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(plot.OverTime, Result, WithWarnings, Saved):
+    """Runs with several values of parameters.
+
+    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs,
+    coloured by the first parameter that varies. `save` and `load` keep them.
+
+    Attributes
+    ----------
+    name : str
+        of the scene or simulator
+    t : (n_t,)
+        times [s]
+    names, units : n_y outputs and their units, '' where they are not known
+    parameters : dict
+        name -> (N,) values, of all parameters
+    grid : dict
+        name -> values (m,) of which all combinations are run, the last one changing fastest; empty if the runs are a
+        list
+    values : (N, n_t, n_y)
+        outputs, nan from a failure on
+    ok : (N,)
+        whether a run is valid
+    messages : tuple of str
+        why each of the others is not, in order
+    figures : tuple of str
+        scalar outputs, which are one number per run
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> runs = mb.sweep(scene, {"k": [3.0, 4.0, 5.0]})
+    >>> runs["x"].shape, runs["x"][:, -1].round(4)
+    ((3, 3), array([-0.9484, -0.6536, -0.2379]))
+    """
+
+    name: str
+    t: Array = field(metadata=TIMES)
+    names: tuple[str, ...] = field(metadata=NAMES)
+    units: tuple[str, ...]
+    parameters: dict[str, Array] = field(metadata=entry(Record.arrays, "ok"))
+    grid: dict[str, Array] = field(metadata=entry(Record.arrays, None))
+    values: Array = field(metadata=entry(Record.with_nan, "ok", "t", "names"))
+    ok: Mask = field(metadata=entry(Record.mask))
+    messages: tuple[str, ...]
+    figures: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, name: str) -> Array:
+        """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid. A figure of the motion has no times."""
+        name = require_name("Sweep", "output", name, self.names)
+        values = self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
+        return values[..., 0] if name in self.figures else values
+
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        return tuple(map(len, self.grid.values())) or (len(self),)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Which runs failed, in a sentence; empty if none did."""
+        if self.ok.all():
+            return ()
+        more = f" and {len(self.messages) - _NAMED} more" if len(self.messages) > _NAMED else ""
+        return (
+            f"{len(self.messages)} of {counted(len(self), 'run')} failed: {'; '.join(self.messages[:_NAMED])}{more}.",
+        )
+
+    def _head(self) -> str:
+        times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
+        units = units_of_parameters(self.parameters)
+        varied = ", ".join(
+            f"{name} from {values.min():g} to {values.max():g} {units.get(name, '')}".rstrip()
+            for name, values in self._varied().items()
+        )
+        lines = [
+            f"{self.name}: {counted(len(self), 'run')}, {times}",
+            f"  parameters  {varied or 'the same in all runs'}",
+        ]
+        return "\n".join([*lines, *(f"  warning     {doubt}" for doubt in self.doubts)])
+
+    def _varied(self) -> dict[str, Array]:
+        return {name: values for name, values in self.parameters.items() if np.ptp(values) > 0 or name in self.grid}
+
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        """Extremes of each output, with the time and the run, counted from 0."""
+        rows = [["output", "lowest", "at [s]", "run", "highest", "at [s]", "run"]]
+        for k, name in enumerate(names):
+            values = self.values[self.ok, :, k]
+            cells = [name]
+            for place in (values.argmin(), values.argmax()) if values.size else ():
+                run, i = np.unravel_index(place, values.shape)
+                cells += [f"{values[run, i]:.6g}", f"{self.t[i]:.6g}", f"{np.flatnonzero(self.ok)[run]}"]
+            rows.append(cells + ["–"] * (len(rows[0]) - len(cells)))
+        return over_times(rows, self.t)
+
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
+        by, values = next(iter(self._varied().items()), ("run", np.arange(len(self), dtype=float)))
+        order = np.argsort(values, kind="stable")
+        return plot.plot_family(
+            self.t,
+            self.values[order],
+            self.names,
+            [f"{by} = {values[k]:g} {units_of_parameters(self.parameters).get(by, '')}".rstrip() for k in order],
+            units=self.units,
+            chosen=columns,
+            title=self.name,
+            style=style,
+        )
+
+    def _record(self) -> dict[str, Any]:
+        return super()._record() | {"doubts": self.doubts}
+
+    def _labelled(self) -> Labelled:
+        coordinates, units = over_outputs(self.t, self.names, self.units, "value")
+        variables: dict[str, Named] = {
+            "value": (("sample", "time", "output"), self.values),
+            "ok": (("sample",), self.ok),
+        }
+        own = parameter_names([*self.parameters], [*coordinates, *variables, "sample"])
+        coordinates |= {name: (("sample",), p) for name, p in zip(own, self.parameters.values(), strict=True)}
+        coordinates |= {"sample": (("sample",), np.arange(len(self)))}
+        about = {"scene": self.name, "units": unit_text(self.names, self.units), "doubts": "\n".join(self.doubts)}
+        return Labelled(coordinates, variables, {k: v or None for k, v in about.items()}, units)
+
+    def to_xarray(self) -> "Dataset":
+        """An xarray.Dataset over the parameters of a grid, or over samples, and over time and output.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed
+        """
+        whole = self._labelled()
+        if not self.grid:
+            return whole.to_xarray()
+        own = tuple(parameter_names([*self.grid], ["time", "output", "unit", "value", "ok"]))
+        same = {name: pair for name, pair in whole.coordinates.items() if "sample" not in pair[0]}
+        along: dict[str, Named] = {n: ((n,), v) for n, v in zip(own, self.grid.values(), strict=True)}
+        over = self.values.reshape(*self._shape, len(self.t), len(self.names))
+        values = {"value": ((*own, "time", "output"), over), "ok": (own, self.ok.reshape(self._shape))}
+        return Labelled(same | along, values, whole.attributes, whole.units).to_xarray()
+
+
+def sweep(
+    scene: Scene | Simulator,
+    values: Mapping[str, Sequence[float] | Array],
+    solver: Solver | str | None = None,
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Runs with all combinations of values of some parameters; the others keep their nominal values.
+
+    Parameters
+    ----------
+    scene : Scene or simulator
+    values : mapping
+        name -> (m,) values
+    solver, times, outputs
+        of a scene, instead of its own
+    executor : anything with an ordered `map`, or an executor; default: runs in this process
+    progress : called with the finished runs and all runs; default: a bar, in notebooks and terminals
+
+    Raises
+    ------
+    DeclarationError
+        If a parameter is unknown, or values are no numbers
+    AssemblyError
+        If the scene cannot be started
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
+    >>> mb.sweep(scene, {"speed": [1.0, 2.0, 3.0]})["x"][:, -1].round(9).tolist()
+    [2.0, 4.0, 6.0]
+    """
+    if not isinstance(values, Mapping) or not values:
+        raise DeclarationError(f'sweep: expected values by name, such as {{"l1": [1.0, 1.1]}}, got {shown(values)}.')
+    grid = {}
+    for name, some in normal_keys("sweep", values).items():
+        column = numbers_of(some)
+        if column is None or column.ndim != 1 or not len(column) or not np.isfinite(column).all():
+            raise DeclarationError(
+                f"sweep: the values of {name!r} must be a list of finite numbers, got {shown(some)}."
+            )
+        grid[name] = column
+    simulator = simulator_for("sweep", scene, solver, times, outputs)
+    nominal = simulator.parameters
+    for name in grid:
+        require_name("sweep", "parameter", name, nominal)
+    count = math.prod(map(len, grid.values()))
+    require_runs("sweep", count, "Give fewer values.")
+    _require_room("sweep", simulator, count)
+    P = np.tile([float(value) for value in nominal.values()], (count, 1))
+    each = count
+    for name, column in grid.items():
+        each //= len(column)
+        P[:, [*nominal].index(name)] = np.resize(np.repeat(column, each), count)
+    return _of_rows(simulator, P, grid, "sweep", executor, progress)
+
+
+def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str) -> Sweep:
+    """Runs with parameters of which each replaces some of the nominal ones."""
+    nominal = simulator.parameters
+    if not runs:
+        raise DeclarationError(f"{owner}: there is no run to make.")
+    runs = [normal_keys(owner, run) for run in runs]
+    for run in runs:
+        if not isinstance(run, Mapping):
+            raise DeclarationError(f'{owner}: expected values by name, such as {{"l1": 1.02}}, got {shown(run)}.')
+        for name in run:
+            require_name(owner, "parameter", name, nominal)
+        for name, value in run.items():
+            if not is_finite_number(value):
+                raise DeclarationError(f"{owner}: parameter {name!r} is {shown(value)}, which is no finite number.")
+    _require_room(owner, simulator, len(runs))
+    P = np.array([[float(run.get(name, value)) for name, value in nominal.items()] for run in runs])
+    return _of_rows(simulator, P.reshape(len(runs), len(nominal)), {}, owner)
+
+
+def _require_room(owner: str, simulator: Simulator, runs: int) -> None:
+    numbers = len(simulator.parameters) + len(simulator.times) * len(simulator.outputs)
+    require_memory(owner, f"{counted(runs, 'run')}, with their outputs,", runs * numbers)
+
+
+def _of_rows(
+    simulator: Simulator,
+    P: Array,
+    grid: Mapping[str, Array],
+    owner: str,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Runs with parameters P (N, n_p)."""
+    with kept_interrupts(), shown_runs(progress, owner) as progress:
+        parts = simulator.stream(P, Reduction(list, _with_block, _joined), executor, progress)
+    Y, ok = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan), np.zeros(len(P), dtype=bool)
+    for indices, values, valid, _ in parts:
+        Y[indices], ok[indices] = values, valid
+    result = Sweep(
+        str(getattr(getattr(simulator, "scene", None), "name", repr(simulator))),
+        np.asarray(simulator.times),
+        tuple(simulator.outputs),
+        tuple(getattr(simulator, "units", ("",) * len(simulator.outputs))),
+        ByName(zip(simulator.parameters, P.T, strict=True), units_of_parameters(simulator.parameters)),
+        dict(grid),
+        Y,
+        ok,
+        tuple(text for *_, texts in parts for text in texts),
+        tuple(getattr(simulator, "figures", ())),
+    )
+    warn_of(result.doubts, owner)
+    return result
+
+
+def _with_block(parts: list[Part], block: Samples, indices: Indices) -> list[Part]:
+    return [*parts, (indices, np.array(block.Y), np.array(block.ok), block.messages)]
+
+
+def _joined(first: list[Part], second: list[Part]) -> list[Part]:
+    return first + second

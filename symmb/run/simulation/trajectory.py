@@ -1,0 +1,390 @@
+"""The trajectory of one run."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError, WithWarnings
+from symmb._labelled import Labelled, Result
+from symmb._names import did_you_mean, normal
+from symmb._options import require_instance
+from symmb._types import Array, Expr
+from symmb._units import with_units
+from symmb.declare.symbolic import batch
+from symmb.equations.model import Scene
+from symmb.equations.start import Singularity
+from symmb.results import files, plot
+from symmb.run.events import Event, event_doubts
+from symmb.run.formulations import output_function
+from symmb.run.simulation.dae_simulator import DAESimulator
+from symmb.run.simulation.subject import prepare_equations
+from symmb.run.simulation.trajectory_file import PLAIN, labelled, of_record, of_table
+from symmb.run.verification import Drift, Energy, Examination, drift, energy, linear_theory_doubts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_ROUNDING = 1e-12, 1e-30
+"""Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
+_START = {"held": "held", "solved": "solved for", "free": "left free"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
+    """One run of a scene.
+
+    `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
+    the scene, each (n_t,); a scalar output is one number. `save` and `load` keep it in a file.
+
+    Attributes
+    ----------
+    scene : Scene
+        None if it was read from a file without a scene
+    parameters : dict
+        values of this run
+    solver, reason : str
+        its text, and why symmb chose it if none was given
+    t : (n_t,)
+        times [s]
+    x : (n_t, n_x)
+        states (q, v, s)
+    work : (n_t,)
+        work of forces without potential, of drives and of impacts since the start [J]
+    statistics : dict
+        counts of the integrator, and a report on the start
+    setup_seconds, run_seconds : float
+    events : tuple of Event
+        impacts, and contacts and joints that close and open, in order
+    error : (n_t, n_y)
+        estimated error of the outputs, of a run with check=True; None for others
+    run_doubts : tuple of str
+        warnings of the start and the solver, in sentences; `warnings` (or `doubts`) has all
+    figures : dict
+        scalar outputs by name; `values` has them at all times
+    run_examination
+        the examination of the run between its output times as well; None if it was read
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=4.0)
+    >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    >>> system = mb.System(bob, spring, parameters=p)
+    >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
+    >>> run = mb.simulate(scene)
+    >>> run["x"].round(4), run(bob.x**2).round(4), run.parameters
+    (array([ 1.    , -0.4161, -0.6536]), array([1.    , 0.1732, 0.4272]), {'k': 4.0})
+    """
+
+    scene: Scene | None
+    simulator: DAESimulator | None
+    parameters: dict[str, float]
+    solver: str
+    reason: str
+    t: Array
+    x: Array
+    work: Array
+    statistics: dict[str, Any]
+    setup_seconds: float
+    run_seconds: float
+    events: tuple[Event, ...] = ()
+    error: Array | None = None
+    run_doubts: tuple[str, ...] = ()
+    run_examination: Examination | None = None
+    figures: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def _p(self) -> Array:
+        return np.array(list(self.parameters.values()))
+
+    @property
+    def _model(self) -> tuple[Scene, DAESimulator]:
+        if self.scene is None or self.simulator is None:
+            raise DeclarationError(
+                "The equations of this run are not known: it was read from a file. Give Trajectory.load the scene."
+            )
+        return self.scene, self.simulator
+
+    @cached_property
+    def name(self) -> str:
+        """The name of the scene."""
+        return self._model[0].name
+
+    @cached_property
+    def state_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+        """Names of coordinates, velocities and first-order states."""
+        dae = self._model[1].start.dae
+        return dae.q_names, dae.v_names, dae.s_names
+
+    @cached_property
+    def row_names(self) -> tuple[str, ...]:
+        """Names of all constraint rows, in the order of their multipliers."""
+        return self._model[1].start.dae.row_names
+
+    @property
+    def q(self) -> Array:
+        """Coordinates, (n_t, n_q)."""
+        return self.x[:, : len(self.state_names[0])]
+
+    @property
+    def v(self) -> Array:
+        """Velocities, (n_t, n_v)."""
+        q, v, _ = self.state_names
+        return self.x[:, len(q) : len(q) + len(v)]
+
+    @property
+    def s(self) -> Array:
+        """First-order states, (n_t, n_s)."""
+        return self.x[:, self.x.shape[1] - len(self.state_names[2]) :]
+
+    @cached_property
+    def lam(self) -> Array:
+        """Multipliers, (n_t, n_r) [N, N m]."""
+        return self._along(ca.SX(self._model[0].system.lam))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        scene, simulator = self._model
+        return scene.output_names if self.figures else simulator.outputs
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units of the outputs, '' where they are not known."""
+        return self._model[0].units if self.figures else self._model[1].units
+
+    @cached_property
+    def values(self) -> Array:
+        """Outputs, (n_t, n_y)."""
+        curves = self._of(self._model[1].y)
+        if not self.figures:
+            return curves
+        columns = iter(curves.T)
+        own = [np.full(len(self.t), self.figures[n]) if n in self.figures else next(columns) for n in self.names]
+        return np.stack(own, axis=1)
+
+    def _along(self, y: ca.SX) -> Array:
+        scene, simulator = self._model
+        return self._of(output_function(simulator.dae, scene, y))
+
+    def _of(self, f: ca.Function) -> Array:
+        """Values of a Function (x, p, t) along the run, (n_t, n)."""
+        if not f.numel_out(0):
+            return np.zeros((len(self.t), 0))
+        return batch(f, self.x, self._p, self.t[:, None])[0].reshape(len(self.t), -1)
+
+    def __call__(self, expression: Expr) -> Array:
+        """Any expression of coordinates, velocities, multipliers, parameters and `t` along the run, (n_t,) or (n_t, n).
+
+        Raises
+        ------
+        DeclarationError       if it contains a symbol that the scene does not know
+        """
+        scene, _ = self._model
+        bound = ca.vec(scene.expression(expression))
+        known = {state.sx.element_hash() for state in scene.system.collected.states}
+        for state in scene.system.bind.states(bound):
+            if state.sx.element_hash() not in known:
+                raise DeclarationError(f"{state.name!r} counts turns along the run: make it an output of the Scene.")
+        values = self._along(bound)
+        return values[:, 0] if bound.numel() == 1 else values
+
+    def __getitem__(self, name: str) -> Any:
+        require_instance("Trajectory", name, str, "the name of an output, a state or a multiplier")
+        name = normal(name)
+        if name in self.figures:
+            return self.figures[name]
+        if name in self.names:
+            return self.values[:, self.names.index(name)]
+        states = tuple(chain.from_iterable(self.state_names))
+        if name in states:
+            return self.x[:, states.index(name)]
+        if name in self.row_names:
+            return self.lam[:, self.row_names.index(name)]
+        raise DeclarationError(
+            f"No output or state {name!r}.{did_you_mean(str(name), (*self.names, *states, *self.row_names))}"
+        )
+
+    def reaction(self, joint: str) -> tuple[Array, Array]:
+        """Reaction of a joint on its second body, in world axes: force (n_t, 3) [N], torque (n_t, 3) [N m]."""
+        reaction = self._model[0].system.reaction(joint)
+        return self._along(reaction.force), self._along(reaction.torque)
+
+    @cached_property
+    def examination(self) -> Examination:
+        """The values that judge the run."""
+        return self.run_examination or Examination.of(self._model[1], self._p, self.t, self.x, self.work)
+
+    @cached_property
+    def drift(self) -> Drift:
+        """Violation of the constraints at the output times."""
+        return drift(self._model[1].bodies, self.x, self._p, self.t)
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Kinetic and potential energy and the work done at the output times."""
+        return energy(self._model[1].bodies, self.x, self._p, self.t, self.work)
+
+    @property
+    def singularity(self) -> Singularity | None:
+        """The time closest to a singular position, if one is close."""
+        return self.examination.singularity
+
+    @cached_property
+    def position_drift(self) -> float:
+        """Largest violation of a position row."""
+        return float(self.examination.drift.position.max(initial=0.0))
+
+    @cached_property
+    def velocity_drift(self) -> float:
+        """Largest violation of a velocity row."""
+        return float(self.examination.drift.velocity.max(initial=0.0))
+
+    @cached_property
+    def energy_drift(self) -> float:
+        """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
+        return self.examination.energy_drift
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """Warnings in sentences: what is uncertain. Empty if no problem is known."""
+        scene, simulator = self._model
+        doubts = (
+            *simulator.start.doubts,
+            *event_doubts(self.events),
+            *self.run_doubts,
+            *self.examination.doubts,
+            *linear_theory_doubts(scene, simulator.dae, self.x, self._p, self.t),
+        )
+        longest, step = simulator.longest_step, simulator.solver.step_taken(self.t)
+        if step <= longest:  # 0 where steps are controlled
+            return doubts
+        pulse = f"Steps of {step:.2g} s may miss a pulse in a function of time. Take less than {longest:.2g} s."
+        return (*doubts, pulse)
+
+    def _head(self) -> str:
+        return self._text
+
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        return _extremes(self.t, self.values, names)
+
+    @cached_property
+    def _text(self) -> str:
+        own = self.parameters
+        energy = "nothing moves" if math.isnan(self.energy_drift) else f"energy {self.energy_drift:.1e}"
+        drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}, {energy}"
+        return "\n".join(
+            [
+                f"{self.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
+                *([f"  solver      chosen: {self.reason}"] if self.reason else []),
+                f"  parameters  {', '.join(with_units({n: f'{v:g}' for n, v in own.items()}, own)) or 'none'}",
+                *_start_lines(self.statistics["start"]),
+                *_pulse_lines(self._model[1]),
+                *_event_lines(self.events),
+                *([f"  drift       {drifts}"] if self.x.shape[1] else []),
+                *([f"  singular    {self.singularity}"] if self.singularity else []),
+                *(f"  warning     {doubt}" for doubt in self.doubts),
+                f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
+            ]
+        )
+
+    @classmethod
+    def load(cls, path: str | Path, scene: Scene | None = None) -> "Trajectory":
+        """Read a file of `save`. A .csv file has times and outputs only.
+
+        Parameters
+        ----------
+        scene : Scene
+            the scene of the run; expressions and reactions can be evaluated only with it
+
+        Raises
+        ------
+        DeclarationError
+            If the file is damaged, has other contents, or is of another scene
+        """
+        known, derived = files.load(path, "what Trajectory.save writes", of_record, of_table)
+        simulator = None
+        if scene is not None:
+            require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
+            scene = scene.with_times(known["t"])
+            simulator = prepare_equations(scene)
+            dae = simulator.start.dae
+            names = (dae.q_names, dae.v_names, dae.s_names), list(dae.p_names)
+            if (derived["state_names"], list(known["parameters"])) != names:
+                raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")
+        run = cls(scene=scene, simulator=simulator, **known)
+        vars(run).update(derived)  # in place of the values that cached properties would compute
+        return run
+
+    def _record(self) -> dict[str, Any]:
+        q_names, v_names, s_names = self.state_names
+        return {name: getattr(self, name) for name in PLAIN} | {
+            "scene": self.name,
+            "names": np.array(self.names, dtype=str),
+            "q_names": q_names,
+            "v_names": v_names,
+            "s_names": s_names,
+            "events": [asdict(event) for event in self.events],
+            "drift": self.drift._asdict(),
+            "energy": self.energy._asdict(),
+            "text": self._text,
+        }
+
+    def _table(self) -> files.Table:
+        return {"t": self.t} | dict(zip(self.names, self.values.T, strict=True))
+
+    def _labelled(self) -> Labelled:
+        return labelled(self._record())
+
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
+        values = self.t, self.values, self.names
+        return plot.plot_trajectory(*values, units=self.units, chosen=columns, title=self.name, style=style)
+
+
+def _start_lines(start: Mapping[str, list[str]]) -> list[str]:
+    """What the start held, solved for and left free, and rows that are redundant."""
+    parts = "; ".join(f"{what} {', '.join(start[key])}" for key, what in _START.items() if start[key])
+    redundant = [f"  redundant   {', '.join(start['redundant'])}: smallest reactions"] if start["redundant"] else []
+    return [*([f"  start       {parts}"] if parts else []), *redundant]
+
+
+def _pulse_lines(simulator: DAESimulator) -> list[str]:
+    """The longest step that passes over no pulse in a law of time."""
+    longest = simulator.longest_step
+    if not math.isfinite(longest):
+        return []
+    passes = "at most {:.2g} s, so that none passes over one"
+    if getattr(simulator.solver, "rtol", None) is None:  # the user chose the fixed step
+        passes = "more than {:.2g} s may pass over one"
+    return [f"  pulses      in functions of time: steps of {passes.format(longest)}"]
+
+
+def _event_lines(events: Sequence[Event]) -> list[str]:
+    """Impacts by their names, other events with their times, and the work of all."""
+    if not events:
+        return []
+    counts = Counter(event.name for event in events if event.what == "impact")
+    parts = [f"{n} of {name!r}" for name, n in counts.items()]
+    parts += [f"{e.name!r} {e.what} at {e.time:.6g} s" for e in events if e.what != "impact"]
+    work = sum(event.work for event in events)
+    label = "impacts" if counts else "events"
+    return [f"  {label:<11} {', '.join(parts[:6] + ['...'] * (len(parts) > 6))}; work {work:.4g} J"]
+
+
+def _extremes(t: Array, values: Array, names: Sequence[str]) -> list[list[str]]:
+    """First, last, least and largest value of every output (n_t, n_y) as rows of text. Rounding is shown as 0."""
+    size = np.abs(values)
+    rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
+    values = np.where(size < rounding, 0.0, values)
+    head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "lowest", "highest"]
+    columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
+    return [head, *([name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(names))]

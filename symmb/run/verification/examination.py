@@ -1,0 +1,277 @@
+"""What is examined about a run: drift of its constraints and its energy, singular positions, and what to doubt."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+
+from symmb._types import Array, Mask
+from symmb.declare.symbolic import batch
+from symmb.equations.model import DAE
+from symmb.equations.start import Singularity
+from symmb.run.formulations import Formulation
+from symmb.run.integrate import CVODES, Run, refined
+from symmb.run.verification.two_ways import ROUNDING, TwoWays, Way, changes_of_outputs
+
+_MOST, _LEAST, _WORK = 10_000, 100, 2e9
+"""Most times at which a run is examined: times (number of velocities)^3 stays below `_WORK`, which takes seconds, but
+the least number is always examined."""
+_CLOSER, _NEAR = 2, 2000
+"""A run that fails is examined so often, each time closer to its failure, at most at so many times."""
+_EXAMINED = 1e-6
+"""Drift of energy over the largest kinetic energy at examined times above which that between them is computed."""
+_STILL = 1e-20
+"""Kinetic energy over that of a motion of the scene's size, below which speeds are rounding."""
+_ROUNDING = 1e-14
+"""Share of the largest energy up to which a change of energy may be rounding."""
+_FALLS = 0.5
+"""Share to which a drift of energy that is due to the tolerance falls at a tenth of it: to 0.1 by most solvers."""
+_OF_WORK = 1e-9
+"""Share of the work up to which its sum is off at the smallest tolerances: by CVODES 2e-10, which falls no further."""
+_SOUND = 1e-6
+"""Violation of positions, over the size of the scene, up to which a state is on its constraints."""
+_AGAIN = CVODES(rtol=1e-8, stiff=True)
+"""The solver that runs once more what was examined too coarsely: it compiles nothing, and stiffness is no burden."""
+_SMALL, _USUAL, _SINGULAR = 1e-6, 2e3, 1e2
+"""Drift of energy that raises a doubt: the least one; in relative tolerances; and the same near singular positions.
+Regular motion drifts by up to 1,000 tolerances with multistep methods, wrong branches by 300 and more.
+tests/test_problems.py"""
+_OF_STEPS = 0.01
+"""Drift of energy by fixed steps that is visible in the motion."""
+_UNREACHED = 1e-2
+"""Violation of positions, over the size of the scene, that no solver leaves where positions can be reached."""
+
+
+class Drift(NamedTuple):
+    """Largest violation of any row at every time: position (n_t,), velocity (n_t,), in the units of the rows."""
+
+    position: Array
+    velocity: Array
+
+    def __repr__(self) -> str:
+        return f"Drift(position at most {self.position.max():.1e}, velocity at most {self.velocity.max():.1e})"
+
+
+class Energy(NamedTuple):
+    """Energies at every time [J], each (n_t,): kinetic, potential, and the work done by forces without potential."""
+
+    kinetic: Array
+    potential: Array
+    work: Array
+
+    def __repr__(self) -> str:
+        ranges = (f"{name} {values.min():.4g} ... {values.max():.4g} J" for name, values in self._asdict().items())
+        return f"Energy({', '.join(ranges)})"
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """States of a run at times over its whole horizon, by which it is judged, whatever its output times.
+
+    Attributes
+    ----------
+    t, x, work : (m,), (m, n_x), (m,)    times [s], states, nan from a failure on, and work since the start [J]
+    is_close : bool                      whether the times are close together
+    """
+
+    way: Way
+    p: Array
+    t: Array
+    x: Array
+    work: Array
+    is_close: bool
+
+    @classmethod
+    def of(cls, way: Way, p: Array, t: Array, x: Array, work: Array, is_close: bool = False) -> "Examination":
+        """Of a run with states x (m, n_x): at all its times, or evenly chosen ones if they are many."""
+        known = _known(x)
+        end = len(known) - 1 if known.all() else int(known.argmin())  # the first time behind a failure
+        number = min(_number(way.bodies.dae), end + 1)
+        some = np.unique(np.append(np.linspace(0, end, number).astype(np.intp), max(end - 1, 0)))
+        if len(some) < len(t):
+            t, x, work = t[some], x[some], work[some]
+        return cls(way, p, t, x, work, is_close)
+
+    @cached_property
+    def drift(self) -> Drift:
+        """Violation of the constraints."""
+        return drift(self.way.bodies, self.x, self.p, self.t)
+
+    @cached_property
+    def violation(self) -> Array:
+        """Largest violation of a position row (m,) over its change by displacements of the scene's size [-]."""
+        dae, bodies = self.way.bodies.start.dae, self.way.bodies.judged
+        if dae.Phi is None or dae.G is None:
+            return np.zeros(len(self.t))
+        at = _at(dae, self.x, self.p, self.t)
+        G = dae.G(*(part[0] for part in at[:-2]), self.p, self.t[0]).full()[: dae.n_c]
+        changes = np.abs(G * bodies.displacement_scales).max(axis=1)
+        return np.abs(batch(dae.Phi, *at)[0] / np.where(changes > 0, changes, bodies.scales.length)).max(axis=1)
+
+    @cached_property
+    def switch_values(self) -> Array:
+        """What changes sign at the kinks and jumps of the equations (m, k)."""
+        kinks = self.way.bodies.kinks(self.way.times)
+        return np.empty((len(self.t), 0)) if kinks is None else kinks.values(self.x, self.p, self.t)
+
+    @cached_property
+    def _energy(self) -> Energy:
+        return energy(self.way.bodies, self.x, self.p, self.t, self.work)
+
+    @cached_property
+    def energy_drift(self) -> float:
+        """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
+        change, largest = _change(self._energy), float(self._energy.kinetic.max(initial=0.0))
+        if change > _EXAMINED * largest > 0 and not self.is_close:  # these may be the times at which it rests
+            t, x = self._again
+            T, *_ = energy(self.way.bodies, x, self.p, t, np.zeros(len(t)))
+            largest = max(largest, float(np.nanmax(T, initial=0.0)))
+        scales = self.way.bodies.judged.scales
+        return change / largest if largest > _STILL * scales.energy * scales.rate**2 else math.nan
+
+    @cached_property
+    def singularity(self) -> Singularity | None:
+        """The time closest to a singular position, if one is close."""
+        near = self.way.bodies.singularity(self.x, self.t, self.p)
+        if near or self.way.bodies.dae.G is None or self.way.bodies.dae.impacts is not None:
+            return near
+        if np.isnan(self.x[-1]).any():
+            return self._at_failure()
+        if not self.is_close and self._is_unexplained(self.energy_drift):
+            t, x = self._again
+            return self.way.bodies.singularity(x, t, self.p)
+        return None
+
+    @property
+    def fault(self) -> str:
+        """When and why the run leaves its constraints; empty if it does not."""
+        left = ~(self.violation <= _UNREACHED)
+        if not left.any():
+            return ""
+        cause = "drives contradict each other, jump within a step, or ask for positions that cannot be reached"
+        return (
+            f"the run leaves its constraints at t = {self.t[int(left.argmax())]:g} s, by up to "
+            f"{self.violation.max():.0e} of its size: {'steps are too long, ' if self._rtol is None else ''}{cause}"
+        )
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What drifts above the tolerance suggest. Energy drifts also at singular positions, where branches meet.
+
+        A drive may ask for velocities that jump: fixed steps keep them, and do not see their work.
+        """
+        position, energy = float(self.violation.max(initial=0.0)), self.energy_drift
+        is_singular = self.singularity is not None
+        if not is_singular and self._is_unexplained(energy):
+            energy *= not self._falls_with_tolerance()
+        if self._is_unexplained(position):
+            return (
+                f"The run leaves its constraints by {position:.0e} of its size: they contradict each other, or a "
+                "position is nearly singular.",
+            )
+        if self._rtol is None and energy > _OF_STEPS and self.way.bodies.dae.Phi_t is None:
+            return (
+                f"The energy drifts by {energy:.0%}: the steps are too long, or they damp the motion. Take shorter "
+                "ones.",
+            )
+        if not self._is_unexplained(energy, _SINGULAR if is_singular else _USUAL):
+            return ()
+        drift = f"The energy drifts by {energy:.0e}, which is more than rtol = {self._rtol:g} explains."
+        if is_singular:
+            return (f"{drift} The run may have taken another branch: try stabilization=AugmentedLagrangian().",)
+        return (f"{drift} Try a smaller one.",)
+
+    @property
+    def _rtol(self) -> float | None:
+        return getattr(self.way.solver, "rtol", None)
+
+    def _is_unexplained(self, drift: float, usual: float = _USUAL) -> bool:
+        """Whether a relative drift is larger than the tolerance explains. Solvers of fixed steps have no tolerance."""
+        return self._rtol is not None and drift > max(_SMALL, usual * self._rtol)
+
+    def _falls_with_tolerance(self) -> bool:
+        """Whether a run at a tenth of the tolerance has much less change of energy, and the same outputs.
+
+        So it is where forces in balance do much work, down to the digits of its sum. On a wrong branch it stays.
+        """
+        if _change(self._energy) <= _OF_WORK * float(np.abs(self._energy.work).max()):
+            return True
+        (dae, y), p, t = (self.way.bodies.dae, self.way.bodies.y), self.p, self.t
+        work = dae.power is not None or dae.impacts is not None
+        run = self.way.solver.tighter().integration(dae, t, work=work).run(self.x[:1], p[None])[0]
+        if run.message:
+            return False
+        if _change(energy(self.way.bodies, run.X, p, t, work_of(run))) >= _FALLS * _change(self._energy):
+            return False
+        values, others = (batch(y, x, p, t[:, None])[0].reshape(len(t), -1) for x in (self.x, run.X))
+        changes = partial(changes_of_outputs, y, dae, run.X, p, t)
+        return not TwoWays(t, self.way.outputs, values, others, ("", ""), changes, (ROUNDING, ROUNDING)).lost.any()
+
+    def _at_failure(self) -> Singularity | None:
+        """From the last state on the constraints on, where a run that fails is lost."""
+        dae, known = self.way.bodies.dae, _known(self.x)
+        sound = known & (self.drift.position <= _SOUND * dae.scales.length)
+        lost, k = int(known.argmin()), int(np.flatnonzero(sound).max(initial=0))
+        begin, end, x = float(self.t[k]), float(self.t[lost]), self.x[k]
+        for _ in range(_CLOSER if known[0] else 0):
+            t = np.linspace(begin, end, min(_NEAR, _number(dae)))
+            X = _AGAIN.integration(dae, t).run(x[None], self.p[None])[0].X
+            near, known = self.way.bodies.singularity(X, t, self.p), _known(X)
+            if near or known.all():
+                return near
+            lost = int(known.argmin())
+            begin, end, x = float(t[lost - 1]), float(t[lost]), X[lost - 1]
+        return None
+
+    @cached_property
+    def _again(self) -> tuple[Array, Array]:
+        """Times (m,) and states (m, n_x) of a second run; with impacts, of this one."""
+        dae = self.way.bodies.dae
+        if dae.impacts is not None:
+            return self.t, self.x
+        t, _ = refined(self.t[[0, -1]])
+        integration = dae.remembered(_AGAIN.integration, t, self.way.longest_step)
+        return t, integration.run(self.x[:1], self.p[None])[0].X
+
+
+def drift(bodies: Formulation, x: Array, p: Array, t: Array) -> Drift:
+    """Violation of the constraints in states x (m, n_x) at times t (m,) [s]."""
+    dae, zero = bodies.start.dae, np.zeros(len(t))
+    at = _at(dae, x, p, t)
+    position = zero if dae.Phi is None else np.abs(batch(dae.Phi, *at)[0]).max(axis=1)
+    velocity = zero if dae.Phi_dot is None else np.abs(batch(dae.Phi_dot, *at)[0]).max(axis=1)
+    return Drift(position, velocity)
+
+
+def energy(bodies: Formulation, x: Array, p: Array, t: Array, work: Array) -> Energy:
+    """Energies in states x (m, n_x) at times t (m,) [s]."""
+    T, V = batch(bodies.dae.energy, *_at(bodies.dae, x, p, t))
+    return Energy(T[:, 0], V[:, 0], work)
+
+
+def work_of(run: Run) -> Array:
+    """Work along a run since its start (m,) [J]."""
+    return run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(run.X))
+
+
+def _change(energy: Energy) -> float:
+    """Largest |T + V - W - E_0| [J], 0 if it is within the rounding of the energies."""
+    balance = energy.kinetic + energy.potential - energy.work
+    change = float(np.abs(balance - balance[0]).max(initial=0.0))
+    return change if change > _ROUNDING * max(float(np.abs(some).max(initial=0.0)) for some in energy) else 0.0
+
+
+def _at(dae: DAE, x: Array, p: Array, t: Array) -> tuple[Array, ...]:
+    q, v, s = np.split(x, [dae.n_q, dae.n_q + dae.n_v], axis=1)
+    return (q, v, *((s,) if dae.n_s else ()), p, t[:, None])
+
+
+def _number(dae: DAE) -> int:
+    return int(np.clip(_WORK / max(dae.n_v, 1) ** 3, _LEAST, _MOST))
+
+
+def _known(x: Array) -> Mask:
+    """Which states (m, n_x) are known."""
+    return np.atleast_1d(np.isfinite(x).all(axis=1))

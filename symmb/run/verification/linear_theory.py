@@ -1,0 +1,140 @@
+"""Where flexible bodies leave the linear theory of their modes, or meet loads that their modes do not follow."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.declare.mechanics import FlexibleBody
+from symmb.declare.symbolic import batch
+from symmb.equations.model import DAE, Scene
+from symmb.run.formulations import output_function
+from symmb.run.verification.missing_modes import AttachedLoads, along, attached_loads, left_out
+from symmb.run.verification.two_ways import Way
+
+TURN = 0.3
+"""Rotation of a cross section against the frame of its body [rad] up to which linear theory is taken to hold: a
+cantilever's deflection under a load at its end is then 4 % too large, and its shortening is 2 % of its length."""
+SPIN = 0.2
+"""Angular velocity over the first frequency of a body without geometric stiffening, from which centrifugal forces
+change this frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2."""
+SLENDER = 0.3
+"""Width over length of a body of nodes without rotations up to which it bends, so that tension makes it stiffer."""
+MISSING = 0.08
+"""Share of what deformations add to an output that modes may leave out."""
+ACCURATE = 0.01
+"""Relative error of squared frequencies that the common shapes of a box of parameters may have."""
+_ROUNDING = 1e-9
+"""Share of an interval by which rounding may leave it."""
+STRETCH = 1e-3
+"""Displacement, over the size of a body, along directions in which no mode moves, from which these count."""
+
+
+def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
+    """What is doubtful about flexible bodies in states X (m, n_x) of all bodies, with parameters p, at times t (m,)."""
+    known = np.isfinite(X).all(axis=1)
+    X, t = X[known], t[known]
+    some = attached_loads(scene) if len(t) else ()
+    doubts = [*deformation_doubts(scene, dae, X, p, t)] if some else []
+    for k, loads in enumerate(some):
+        f = scene.remembered((_stretched, k), lambda: output_function(dae, scene, loads.wrenches))  # noqa: B023
+        doubts += _stretched(loads, batch(f, X, p, t[:, None])[0].reshape(len(t), -1))
+    for lack in left_out(scene, dae, some, X, p, t) if some else ():
+        if lack.share > MISSING:
+            doubts.append(
+                f"FlexibleBody {lack.loads.body.name!r}: its modes lack {lack.share:.0%} of the deflections by the "
+                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, seen in {lack.output}, so that it is "
+                f"too stiff. {lack.loads.remedy}"
+            )
+    return tuple(doubts)
+
+
+def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
+    """Which flexible bodies bend or spin too much for linear theory in such states, or are not those of p (n_p,)."""
+    for k, body in enumerate(scene.system.bodies):
+        if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
+            moved = ca.vertcat(body.eta, body.frame.omega)
+            f = scene.remembered((deformation_doubts, k), lambda: output_function(dae, scene, moved))  # noqa: B023
+            eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
+            yield from (*_turned(body, eta, t), *_spun(body, omega, t), *_beyond(scene, body, p))
+
+
+@dataclass(frozen=True, eq=False)
+class LinearTheory:
+    """The linear theory of the flexible bodies of a scene, which is None without such bodies.
+
+    Runs are made in a way that compiles nothing, at its times.
+    """
+
+    scene: Scene | None
+    way: Callable[[], Way]
+    told: dict[bytes, tuple[str, ...]] = field(default_factory=dict)
+
+    def doubts(self, p: Array) -> tuple[str, ...]:
+        """Those of `linear_theory_doubts` about a run with parameters p (n_p,), which is made at the first time."""
+        if self.scene is None:
+            return ()
+        if p.tobytes() not in self.told:
+            way = self.way()
+            form = way.formulation
+            run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
+            at = *form.in_bodies(run.X, p), p, way.times
+            self.told[p.tobytes()] = linear_theory_doubts(self.scene, *at)
+        return self.told[p.tobytes()]
+
+
+def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
+    turn = body.modes.turns(eta)
+    first, worst = t[int((turn > TURN).argmax())], t[int(turn.argmax())]
+    if turn.max() > TURN:
+        yield (
+            f"FlexibleBody {body.name!r}: its cross sections turn by up to {turn.max():.2g} rad against its frame, at "
+            f"t = {worst:.3g} s, and by more than {TURN:g} rad from t = {first:.3g} s on. Its modes are linear: "
+            "deflections "
+            "become too large, and its ends do not come closer as they should. Divide it into several bodies."
+        )
+
+
+def _beyond(scene: Scene, body: FlexibleBody, p: Array) -> Iterator[str]:
+    family, values = body.modes.family, dict(zip(scene.system.parameters, p.tolist(), strict=True))
+    if family is not None and family.error > ACCURATE:
+        yield (
+            f"FlexibleBody {body.name!r}: its modes have common shapes for a box of parameters, by which squared "
+            f"frequencies have errors of up to {family.error:.1%}. Narrow the intervals of at=, or ask for more modes."
+        )
+    for name, (low, high) in family.box.items() if family is not None else ():
+        if not low - _ROUNDING * (high - low) <= values[name] <= high + _ROUNDING * (high - low):
+            yield (
+                f"FlexibleBody {body.name!r}: {name} = {values[name]:.6g} lies outside ({low:.6g}, {high:.6g}), for "
+                "which its modes were computed. Widen the interval of at=."
+            )
+
+
+def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
+    modes = body.modes
+    J = modes.J0 - modes.mass * (modes.center @ modes.center * np.eye(3) - np.outer(modes.center, modes.center))
+    # Spin about the axis of a slender body stretches it little.
+    rate = np.sqrt(np.einsum("ti,ij,tj->t", omega, J, omega) / np.linalg.eigvalsh(J)[-1])
+    lowest, worst = float(np.sqrt(modes.stiffness.min())), t[int(rate.argmax())]
+    extents = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(modes.positions.T)), 0.0))  # of the nodes, in rising order
+    bends = modes.rotations.any() or extents[1] < SLENDER * extents[2]
+    if rate.max() > SPIN * lowest and bends and not modes.is_stiffening:
+        yield (
+            f"FlexibleBody {body.name!r}: it turns at {rate.max():.3g} rad/s at t = {worst:.3g} s, which is "
+            f"{rate.max() / lowest:.2g} of its first frequency of {lowest:.3g} rad/s. Centrifugal forces then change "
+            "its stiffness, and its modes do not. Use FiniteElements.modes(clamped=..., stiffening=True)."
+        )
+
+
+def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
+    if loads.responses is None:
+        return
+    size = float(np.ptp(loads.body.modes.positions, axis=0).max())
+    moved = np.abs((w - along(loads, w)) @ loads.responses.left.T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
+    if moved > STRETCH * size:
+        yield (
+            f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction in which "
+            f"none of its modes moves. {loads.remedy}"
+        )

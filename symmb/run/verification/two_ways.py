@@ -1,0 +1,203 @@
+"""One run in two ways, which differ in kind: what both agree on can be trusted. How far outputs follow the states."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from symmb._doubt import Doubt
+from symmb._types import Array, Indices, Mask
+from symmb.connect import Samples
+from symmb.declare.symbolic import batch
+from symmb.equations.model import DAE
+from symmb.run.formulations import Formulation
+from symmb.run.integrate import CVODES, IDAS, Integration, Solver, StabilizedIndex2
+
+_CERTAIN, _EXACT = 1e-3, 1e-9
+"""Error of an output, over its range, up to which it counts as certain: three digits; and over its size, for an output
+that hardly changes."""
+_OF_WIDTH = 0.02
+"""Error of a run over the width of bounds from which they are doubtful, as other errors of bounds are."""
+_GLOBAL, _MULTISTEP, _USUAL = 100, 1000, 1e-8
+"""Errors of a run over the relative tolerance of its steps, up to which these explain it, and the same of multistep
+methods: 2,000 steps have 40 and 400. A tolerance that is larger than the usual one excuses nothing."""
+_NAMED = 4
+"""Outputs that a sentence names."""
+_TIMES = 101
+"""Times at which a study compares two ways: as many as a picture shows."""
+ROUNDING, _SHIFT = 1e-12, 1e-6
+"""Changes of states, over their sizes, that no solver resolves; and those that tell how outputs follow them."""
+_AROUND, _OF_STEPS = 10, 0.1
+"""States from which noise is told, and errors of steps over rtol and the sizes of states: atol is a hundredth of it."""
+
+
+class Way(Protocol):
+    """A simulator of a scene, by one solver in certain coordinates. `bodies` is the scene in those of its bodies."""
+
+    bodies: Formulation
+
+    @property
+    def times(self) -> Array: ...
+    @property
+    def parameters(self) -> dict[str, float]: ...
+    @property
+    def outputs(self) -> tuple[str, ...]: ...
+    @property
+    def solver(self) -> Solver: ...
+    @property
+    def formulation(self) -> Formulation: ...
+    @property
+    def way(self) -> str: ...
+    @property
+    def longest_step(self) -> float: ...
+    def run(self, P: Array) -> Samples: ...
+    def integration(self) -> Integration: ...
+
+
+@dataclass(frozen=True, eq=False)
+class TwoWays:
+    """Outputs of a run that was made in two ways: by two families of solvers, and in two sets of coordinates.
+
+    Attributes
+    ----------
+    t, names : (m,), (n_y,)        times [s], and names of the outputs
+    values, others : (m, n_y)      outputs in both ways, nan from a failure on
+    ways : (str, str)              solver and coordinates of both
+    floor : level -> (n_y,)        changes of the outputs if states change by a level of their sizes
+    levels : (float, float)        of both ways, what their tolerances explain
+    parameters : str               of both runs, such as "l1 = 1.02"
+    message : str                  when and why the other way failed; empty if it did not
+    seconds : float                time that the other way took [s]
+    unchecked : str                why the run is not checked to its end, or by another family, in a sentence
+    """
+
+    t: Array
+    names: tuple[str, ...]
+    values: Array
+    others: Array
+    ways: tuple[str, str]
+    floor: Callable[[float], Array]
+    levels: tuple[float, float]
+    parameters: str = ""
+    message: str = ""
+    seconds: float = 0.0
+    unchecked: str = ""
+
+    @classmethod
+    def of(cls, first: Way, second: Way, p: Array, values: Array) -> "TwoWays":
+        """A run with parameters p (n_p,), which has outputs `values` (n_t, n_y) in the first way.
+
+        They are compared at the times of the second way, which are some of those of the first.
+        """
+        begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
+        run = second.run(p[None])
+        parameters = ", ".join(f"{name} = {value:g}" for name, value in zip(first.parameters, p, strict=True))
+        message = "".join(f"breaks down at t = {run.t_failed[0]:g} s: {text}" for text in run.messages)
+        where = parameters and f", with {parameters},"
+        return cls(
+            t=second.times,
+            names=first.outputs,
+            values=values[some],
+            others=run.Y[0],
+            ways=(first.way, second.way),
+            floor=partial(_changes, second, p),
+            levels=(_error_of_runs(first.solver), _error_of_runs(second.solver)),
+            parameters=parameters,
+            message=message,
+            seconds=time.perf_counter() - begin,
+            unchecked=message and f"A second run by {second.way}{where} {message}.",
+        )
+
+    @property
+    def error(self) -> Array:
+        """How far both are apart (m, n_y); 0 where one of them failed."""
+        return np.nan_to_num(np.abs(self.values - self.others), nan=0.0, posinf=0.0)
+
+    @property
+    def _range(self) -> Array:
+        return np.ptp(np.nan_to_num(self.values), axis=0)
+
+    @cached_property
+    def lost(self) -> Mask:
+        """Where fewer than three digits of outputs are certain, (m, n_y)."""
+        return self.beyond(_CERTAIN * self._range, max(self.levels))
+
+    def beyond(self, limits: Array, level: float) -> Mask:
+        """Where errors (m, n_y) are beyond limits (n_y,), and beyond what a level of the states' sizes explains."""
+        size = np.abs(np.nan_to_num(self.values)).max(axis=0, initial=0.0)
+        large = self.error > np.maximum(limits, _EXACT * size)
+        return large & (self.error > self.floor(level)) if large.any() else large
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """From when on, and how far the ways are apart."""
+        return self._doubts(self.lost, self._range, "a thousandth of their range")
+
+    def is_large_beside(self, widths: Array) -> bool:
+        """Whether errors, of whichever way, are large beside the widths (n_y,) of bounds."""
+        return bool(self.beyond(_OF_WIDTH * widths, ROUNDING).any())
+
+    def doubts_of_widths(self, widths: Array) -> tuple[str, ...]:
+        """The same for errors that are large beside the widths (n_y,) of bounds; the other way is more accurate."""
+        lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
+        if lost.any():
+            lost &= widths > self.floor(self.levels[0])  # where nothing is uncertain, widths are errors alone
+        return self._doubts(
+            lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds", " Give a solver of a smaller rtol."
+        )
+
+    def _doubts(self, lost: Mask, sizes: Array, beyond: str, advice: str = "") -> tuple[str, ...]:
+        if not lost.any():
+            return ()
+        concerned = [name for name, some in zip(self.names, lost.T, strict=True) if some.any()]
+        listed = ", ".join(concerned[:_NAMED] + ["..."] * (len(concerned) > _NAMED))
+        shares = np.where(lost, self.error / np.maximum(sizes, np.finfo(float).tiny), 0.0)
+        k, i = np.unravel_index(int(shares.argmax()), lost.shape)
+        both = zip((self.values, self.others), self.ways, strict=True)
+        value, other = (f"{values[k, i]:.9g} by {way}" for values, way in both)
+        since = f"From t = {self.t[int(lost.any(axis=1).argmax())]:g} s on, errors of {listed} exceed {beyond}"
+        at = f"at t = {self.t[k]:g} s" + (self.parameters and f" and {self.parameters}")
+        return (Doubt(f"{since}: {at}, {self.names[i]} is {value}, and {other}.{advice}", concerned),)
+
+
+def times_to_compare(times: Array) -> Indices:
+    """Numbers of the times at which a study compares two ways, the first and the last among them."""
+    return np.unique(np.linspace(0, len(times) - 1, min(len(times), _TIMES)).round().astype(np.intp))
+
+
+def _error_of_runs(solver: Solver) -> float:
+    """Errors of states over their sizes that the tolerance explains; 0 for a solver of fixed steps, which has none."""
+    rtol = min(getattr(solver, "rtol", None) or 0.0, _USUAL)
+    return rtol * (_MULTISTEP if isinstance(solver, CVODES | IDAS | StabilizedIndex2) else _GLOBAL)
+
+
+def _changes(way: Way, p: Array, level: float) -> Array:
+    """Changes of outputs (n_y,) along the run with parameters p (n_p,) if states change by a level of their sizes."""
+    form = way.formulation
+    X = way.integration().run(form.start.states(p[None])[0], p[None])[0].X
+    return changes_of_outputs(way.bodies.y, *form.in_bodies(X, p), p, way.times, level)
+
+
+def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, level: float) -> Array:
+    """Changes of outputs y(x, p, t) along a run X (n_t, n_x) if states change by a level of their sizes, (n_y,)."""
+    signs = np.where(np.cos(np.arange(1, X.shape[1] + 1) ** 1.5) > 0, 1.0, -1.0)  # that no symmetry lets cancel
+    shifted, here = (batch(y, states, p, t[:, None])[0] for states in (X + _SHIFT * signs * dae.state_sizes, X))
+    change = np.nan_to_num(np.abs(shifted - here), posinf=0.0)
+    return level / _SHIFT * change.reshape(len(t), -1).max(axis=0)
+
+
+def noise_of_outputs(y: ca.Function, dae: DAE, x: Array, p: Array, t: float, rtol: float | None) -> Array:
+    """How far outputs y(x, p, t) are off (n_y,) if states are off by what a solver's steps leave.
+
+    The state x (n_x,) may be a special one, such as rest: the median over states around it counts.
+    """
+    around = np.random.default_rng(0).uniform(-1, 1, (_AROUND, len(x))) * dae.state_sizes
+    states = x + np.vstack([np.zeros(len(x)), around])
+    shift = np.random.default_rng(1).uniform(-1, 1, states.shape) * _SHIFT * dae.state_sizes
+    there, here = (batch(y, some, p, np.full((len(some), 1), t))[0] for some in (states + shift, states))
+    level = ROUNDING if rtol is None else max(_OF_STEPS * rtol, ROUNDING)
+    return level / _SHIFT * np.median(np.nan_to_num(np.abs(there - here), posinf=0.0), axis=0)

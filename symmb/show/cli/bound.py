@@ -1,0 +1,129 @@
+"""The command `symmb bound`: bounds by one method, and whether limits are kept."""
+
+import argparse
+import shlex
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import symmb as mb
+from symmb._errors import DeclarationError
+from symmb._options import require_names, shown
+from symmb._units import number_or_quantity, units_of_parameters
+from symmb.bound.bounds import limit_pairs
+from symmb.connect import Simulator
+from symmb.show.cli import specs
+from symmb.show.cli.result_path import result_paths, write_results
+from symmb.show.cli.scene_file import load_subject
+from symmb.show.report import BLOCK, write_bounds
+
+_NO_CONTRIBUTIONS = "Contributions of parameters take further runs here: --contributions makes them."
+End = float | str | None
+"""A number, one with a unit, or None if it is left out."""
+VIOLATED = 1
+"""Exit status where a limit is violated, as of a test that fails."""
+
+
+def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
+    """Add the command."""
+    bound = command("bound", "bound outputs, and check limits", _bound, f"{methods}\n\n{solvers}")
+    bound.add_argument(
+        "--box", metavar="k=1:2", nargs="+", action="extend", default=[], help="intervals, instead of the scene's"
+    )
+    bound.add_argument("--tolerances", metavar="F", help="a table of intervals (.csv, .toml), beside --box")
+    bound.add_argument(
+        "--limit", metavar="x=:0.3", nargs="+", action="extend", default=[], help="limits low:high of outputs"
+    )
+    bound.add_argument("--method", metavar="M", default="pce", help="method; default: pce")
+    bound.add_argument("--solver", metavar="S", help="solver of the runs")
+    bound.add_argument("--contributions", action="store_true", help="make the runs that contributions may take")
+    bound.add_argument("--json", metavar="F", help="write everything to this file")
+    bound.add_argument("--csv", metavar="F", help="write bounds over time to this file")
+    bound.add_argument("--plot", metavar="F.png", help="draw bounds over time, and limits")
+    bound.add_argument("--view", metavar="F", help="draw the mechanism in the runs that attain the bounds")
+    bound.add_argument("--report", metavar="F.html", help="write a report of the bounds and limits that prints")
+    text = f"parts of the report's title block: {', '.join(BLOCK)}"
+    bound.add_argument("--title-block", metavar="author=A", nargs="+", action="extend", default=[], help=text)
+
+
+def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
+    method = specs.method(options.method)
+    solver = None if options.solver is None else specs.solver(options.solver)
+    paths = result_paths(options)
+    limits = _limits(options)
+    block = dict(word.partition("=")[::2] for word in options.title_block)
+    require_names("--title-block", "part", [*block], BLOCK)
+    subject, own = load_subject(options.scene)
+    box = _box(options, subject, own)
+    if limits:  # before the study, which may take long
+        names = subject.output_names if isinstance(subject, mb.Scene) else subject.outputs
+        limit_pairs("--limit", limits, names, getattr(subject, "units", ()))
+    if "view" in paths and not isinstance(subject, mb.Scene):
+        raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
+    bounds = mb.propagate(subject, method, box, solver)
+    check = bounds.check(limits) if limits else None
+    print(*filter(None, (bounds, check)), sep="\n\n")
+    contributions = _tell_contributions(bounds, options.contributions)
+    write_results(paths, bounds, {"limits": check.to_json()} if check else {}, drawn=check)
+    if "view" in paths:
+        mb.view(bounds, paths["view"])
+    if "report" in paths:
+        command = shlex.join(["symmb", *options.words])
+        write_bounds(bounds, paths["report"], limits or None, block, command=command, contributions=contributions)
+    if check is None or check.kept:
+        return bounds.doubts
+    return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")
+
+
+def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions | None:
+    """Contributions where they take no further runs, or are asked for; otherwise how to get them."""
+    contributions = bounds.contributions() if is_asked else bounds._known_contributions() if bounds.range_of else None
+    if contributions is not None or bounds.range_of:
+        print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
+    return contributions
+
+
+def _limits(options: argparse.Namespace) -> dict[str, tuple[End, End]]:
+    """The limits of outputs."""
+    limits = _ranges("--limit", options.limit)
+    for name, ends in limits.items():
+        if ends == (None, None):
+            raise DeclarationError(f"--limit {name}=low:high: one side may be left out, but not both.")
+    return limits
+
+
+def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:
+    """The intervals of --box and of --tolerances, or those of the scene where both are left out."""
+    intervals: dict[str, Any] = {}
+    for name, (low, high) in _ranges("--box", options.box).items():
+        if low is None or high is None:
+            raise DeclarationError(f"--box: the interval of {name!r} needs both ends, as {name}=1:2.")
+        intervals[name] = low, high
+    if options.tolerances is not None:
+        nominal = subject.system.parameters if isinstance(subject, mb.Scene) else subject.parameters
+        table, units = mb.Box.read(options.tolerances, nominal), units_of_parameters(nominal)
+        return table | mb.Box(**intervals).with_units(units) if intervals else table
+    if intervals:
+        return mb.Box(**intervals)
+    if own is None:
+        raise DeclarationError(
+            f"{options.scene} has no box that says which parameters are uncertain. Give intervals: --box NAME=1:2."
+        )
+    return own
+
+
+def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[End, End]]:
+    """The ends of texts such as k=1:2 and k=1mm:2mm, by name; None for an end that is left out."""
+    ranges: dict[str, tuple[End, End]] = {}
+    for word in words:
+        name, _, text = word.partition("=")
+        low, colon, high = text.partition(":")
+        try:
+            ends = (number_or_quantity(low) if low else None, number_or_quantity(high) if high else None)
+        except ValueError:
+            colon, ends = "", (None, None)
+        if not name or not colon:
+            raise DeclarationError(f"{option} takes name=low:high, got {shown(word)}.")
+        if name in ranges:
+            raise DeclarationError(f"{option} has {name!r} twice.")
+        ranges[name] = ends
+    return ranges

@@ -1,0 +1,131 @@
+"""The command `symmb compare`: bounds by several methods, on this machine or on others."""
+
+import argparse
+import math
+import shlex
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+
+import symmb as mb
+from symmb._cleanup import end_with_parent
+from symmb._errors import DeclarationError
+from symmb._options import shown
+from symmb._types import Executor
+from symmb.connect import Simulator
+from symmb.show.cli import specs
+from symmb.show.cli.result_path import result_paths, write_results
+from symmb.show.cli.scene_file import is_urdf, load_subject
+from symmb.show.cli.urdf_scene import parameter_name
+from symmb.show.report import write_comparison
+
+
+def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
+    """Add the command."""
+    compare = command(
+        "compare", "bound outputs by several methods and measure each", _compare, f"{methods}\n\n{solvers}"
+    )
+    compare.add_argument(
+        "--spread",
+        metavar="5%",
+        help="half width of the intervals in the box of the file, as 5%% or 0.05 of the nominal values",
+    )
+    compare.add_argument(
+        "--uncertain",
+        metavar="NAME",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="parameters for --spread, instead of those in the box of the file; of a URDF file e.g. forearm.mass",
+    )
+    compare.add_argument(
+        "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
+    )
+    compare.add_argument("--solver", metavar="S", help="solver of all methods")
+    compare.add_argument("--store", metavar="F.db", help="keep each run in this file, and take from it what it holds")
+    elsewhere = compare.add_mutually_exclusive_group()
+    elsewhere.add_argument("--workers", metavar="N", type=int, help="make runs in N processes")
+    elsewhere.add_argument("--dask", metavar="ADDRESS", help="make runs on the Dask cluster of this scheduler")
+    compare.add_argument("--json", metavar="F", help="write everything to this file")
+    compare.add_argument("--plot", metavar="F.png", help="draw bounds over time and error against run time")
+    compare.add_argument("--report", metavar="F.html", help="write a report of the comparison that prints")
+
+
+def _compare(options: argparse.Namespace) -> tuple[str, ...]:
+    methods = None if options.methods is None else [specs.method(text) for text in options.methods]
+    solver = None if options.solver is None else specs.solver(options.solver)
+    paths = result_paths(options)
+    if options.workers is not None and options.workers < 1:
+        raise DeclarationError(f"--workers takes a number of processes from 1 on, got {options.workers}.")
+    if options.uncertain and options.spread is None:
+        raise DeclarationError("--uncertain names parameters with intervals. Give their width by --spread 5%.")
+    subject, own = load_subject(options.scene, options.uncertain)
+    box = _box(options, subject, own)
+    if options.store is not None:
+        if isinstance(subject, mb.Scene):
+            subject, solver = mb.prepare(subject, solver), None
+        subject = mb.StoredSimulator(subject, options.store)
+    with _executor(options) as executor:
+        comparison = mb.compare(subject, methods, box, solver=solver, executor=executor)
+    print(comparison)
+    write_results(paths, comparison)
+    if "report" in paths:
+        write_comparison(comparison, paths["report"], shlex.join(["symmb", *options.words]))
+    return comparison.doubts
+
+
+@contextmanager
+def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
+    if options.dask is None:
+        pool = partial(ProcessPoolExecutor, options.workers, initializer=end_with_parent)
+        yield None if options.workers is None else pool
+        return
+    try:
+        from dask.distributed import Client
+    except ImportError:
+        raise DeclarationError("--dask needs Dask: pip install 'symmb[dask]'.") from None
+    try:
+        client = Client(options.dask)
+    except (OSError, ValueError) as error:
+        raise DeclarationError(f"--dask {options.dask}: {error}") from None
+    with client:
+        if not is_urdf(options.scene):
+            client.upload_file(options.scene)
+        yield client
+
+
+def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:
+    """The intervals of --spread, or those of the file without it."""
+    if options.spread is None:
+        if own is None:
+            raise DeclarationError(
+                f"{options.scene} has no box that says which parameters are uncertain. Name them, and how far they "
+                "are: --uncertain NAME --spread 5%."
+            )
+        return own
+    spread, names = _share(options.spread), options.uncertain
+    if is_urdf(options.scene):
+        names = [parameter_name(name) for name in names]
+    if not names:
+        if own is None:
+            raise DeclarationError(
+                f"--spread: {subject!r} has no box that says which parameters are uncertain. Name them by --uncertain, "
+                "or give its Scene box=mb.Box.around(p, 0.05) or box=mb.Box(name=(lower, upper))."
+            )
+        names = own.names
+    parameters: Mapping[str, float] = (subject.system if isinstance(subject, mb.Scene) else subject).parameters
+    return mb.Box.around(parameters, spread, names)
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = math.nan
+    if not 0.0 < share < math.inf:
+        raise DeclarationError(f"--spread takes a positive share such as 5% or 0.05, got {shown(text)}.")
+    if share >= 1.0:
+        hint = "Wider intervals go into the Box by their ends." if text.endswith("%") else f"Did you mean {text}%?"
+        raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, and the intervals would reach 0. {hint}")
+    return share

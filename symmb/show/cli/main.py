@@ -1,0 +1,223 @@
+"""The commands, their options and their output."""
+
+import argparse
+import io
+import logging
+import os
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import symmb as mb
+from symmb._cleanup import remove_left_folders
+from symmb._errors import DeclarationError, SimulationError, SymmbError
+from symmb._progress import Progress
+from symmb.run.codegen import cache
+from symmb.show.cli import specs
+from symmb.show.cli.bound import add_bound
+from symmb.show.cli.compare import add_compare
+from symmb.show.cli.completion import add_completion
+from symmb.show.cli.export import add_export
+from symmb.show.cli.linearize import add_linearize
+from symmb.show.cli.result_path import result_path, result_paths, write_results
+from symmb.show.cli.runs import add_runs
+from symmb.show.cli.scene_file import add_set, load_scene, scene_and_parameters, shipped_names
+from symmb.show.cli.signals import INTERRUPTED
+from symmb.show.drawing import FORMATS
+
+_PACKAGE = Path(mb.__file__).parent
+_GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
+"""The first page of the guide: in an installed package, and beside it in a checkout."""
+
+_DOUBTFUL = 3
+"""Exit status of a command whose result cannot be trusted."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Returns
+    -------
+    int     0; 1 if a simulation broke down or a limit is violated, 2 on bad input, each with one sentence on stderr;
+            3 if the result has warnings; 130 if interrupted
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
+    words = sys.argv[1:] if arguments is None else arguments
+    options = _parser().parse_args(words, argparse.Namespace(words=words))
+    log = logging.getLogger("symmb")  # what the library announces
+    log.handlers = [logging.StreamHandler(sys.stderr)]
+    log.setLevel(logging.INFO)
+    warnings.showwarning = lambda message, *_: print(f"symmb {options.command}: {message}", file=sys.stderr)
+    try:
+        result = options.run(options)  # its doubts, or an exit status
+        sys.stdout.flush()
+        return result if isinstance(result, int) else _DOUBTFUL if result else 0
+    except SymmbError as error:
+        print(f"symmb {options.command}: {error}", file=sys.stderr)
+        return 1 if isinstance(error, SimulationError) else 2
+    except BrokenPipeError:  # the reader of the pipe, such as `head`, has closed it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        print(f"symmb {options.command}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt as interrupt:
+        _keep_partial(options, getattr(interrupt, "partial", None))
+        return INTERRUPTED
+    return 0
+
+
+def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
+    """Print what was found before an interrupt, and write it beside the files that were asked for."""
+    if partial is None:
+        return
+    print(partial)
+    sys.stdout.flush()
+    for name in filter(None, (getattr(options, "json", None), getattr(options, "csv", None))):
+        if not Path(name).suffix:  # a device
+            continue
+        path = Path(name).with_suffix(f".partial{Path(name).suffix}")
+        try:
+            partial.save(path)
+        except (SymmbError, OSError) as error:
+            print(f"symmb {options.command}: {error}", file=sys.stderr)
+        else:
+            print(f"symmb {options.command}: interrupted. The results so far are in {path}.", file=sys.stderr)
+
+
+def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
+    solver = None if options.solver is None else specs.solver(options.solver)
+    paths = result_paths(options)
+    scene, parameters = scene_and_parameters(options)
+    trajectory = mb.simulate(scene, solver, parameters)
+    print(trajectory)
+    write_results(paths, trajectory)
+    return trajectory.doubts
+
+
+def _stability(options: argparse.Namespace) -> None:
+    paths = result_paths(options)
+    scene = load_scene(options.scene)
+    result = mb.stability(scene, seconds=options.seconds)
+    print(result)
+    write_results(paths, result)
+
+
+def _equations(options: argparse.Namespace) -> None:
+    system = load_scene(options.scene).system
+    if options.joint:
+        system = system.joint_space()
+    print(system.latex() if options.latex else f"{system}\n\n{system.equations()}".rstrip())
+
+
+def _view(options: argparse.Namespace) -> tuple[str, ...]:
+    scene, parameters = scene_and_parameters(options)
+    path = options.output or f"{'_'.join(scene.name.split())}.html"
+    result_path(path, *FORMATS)
+    with Progress(f"drawing {scene.name}"):
+        if options.mode is None:
+            run = mb.simulate(scene, parameters=parameters)
+            doubts = run.doubts
+        else:
+            result = mb.linearize(scene, parameters=parameters)
+            if not 1 <= options.mode <= len(result.modes):
+                count = f"It has {len(result.modes)}, which are numbered from 1 on."
+                raise DeclarationError(f"{scene.name} has no mode {options.mode}. {count}")
+            run, doubts = result.motion(options.mode - 1), result.doubts
+        mb.view(run, path)
+    print(path)
+    return doubts
+
+
+def _cache(options: argparse.Namespace) -> None:
+    folder, files = cache.folder(), cache.contents()
+    models, size = sum(path.suffix == ".so" for path in files), sum(path.lstat().st_size for path in files)
+    if options.clear:
+        for path in files:
+            path.unlink(missing_ok=True)
+        remove_left_folders()
+    summary = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
+    print(f"{folder}\n{'removed ' if options.clear else ''}{summary}")
+
+
+class _Parser(argparse.ArgumentParser):
+    """Prints an error in one line, without the usage, which `--help` shows."""
+
+    def error(self, message: str) -> NoReturn:
+        if "required: SCENE" in message:
+            message += " (it comes first: --methods and --set take all that follows)"
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help.\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    methods, solvers = specs.method_table(), specs.solver_table()
+    parser = _Parser(
+        prog="symmb",
+        description="Symbolic multibody dynamics with interval parameters.",
+        epilog=f"{methods}\n\n{solvers}\n\nshipped scenes: {', '.join(shipped_names()) or 'none'}\nguide: {_GUIDE}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"symmb {mb.__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name: str, text: str, run, epilog: str = "", usage: str = "[options]") -> argparse.ArgumentParser:
+        subcommand = commands.add_parser(
+            name,
+            usage=f"%(prog)s SCENE {usage}",  # argparse would put SCENE last, after the values of --methods
+            help=text,
+            description=text,
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        subcommand.add_argument(
+            "scene", metavar="SCENE", help="a Python file with scene, a URDF file, or a shipped scene"
+        )
+        subcommand.set_defaults(run=run)
+        return subcommand
+
+    _add_scene_commands(command, methods, solvers)
+    add_runs(commands)
+    text = "show the folder of compiled models, how many there are and their size"
+    cache_command = commands.add_parser(
+        "cache", help=text, description=text + ". They are built again when they are needed."
+    )
+    cache_command.add_argument("--clear", action="store_true", help="remove them")
+    cache_command.set_defaults(run=_cache)
+    add_completion(commands, parser)
+    return parser
+
+
+def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
+    """The commands that take a scene, with their options."""
+    add_bound(command, methods, solvers)
+    add_compare(command, methods, solvers)
+
+    simulate = command("simulate", "run the scene once and print its outputs", _simulate, solvers)
+    add_set(simulate)
+    simulate.add_argument("--solver", metavar="S", help="solver")
+    simulate.add_argument("--json", metavar="F", help="write everything to this file")
+    simulate.add_argument("--csv", metavar="F", help="write times and outputs to this file")
+    simulate.add_argument("--plot", metavar="F.png", help="draw the outputs over time")
+
+    add_linearize(command)
+
+    stability = command("stability", "try every solver on the scene, as it is and under stress, and advise", _stability)
+    stability.add_argument("--json", metavar="F", help="write everything to this file")
+    stability.add_argument("--plot", metavar="F.png", help="draw error against run time, and drift over time")
+
+    stability.add_argument(
+        "--seconds", metavar="S", type=float, default=70.0, help="time after which no run begins; default: 70"
+    )
+
+    equations = command("equations", "print a summary and the equations of the scene", _equations)
+    equations.add_argument("--joint", action="store_true", help="in coordinates of the joints that carry the bodies")
+    equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")
+
+    view = command("view", "simulate the scene and draw the mechanism, to be looked at in a browser", _view)
+    view.add_argument("-o", "--output", metavar="F", help=f"file to write; its suffix is one of {', '.join(FORMATS)}")
+    view.add_argument("--mode", metavar="K", type=int, help="the mode of this number, from 1 on, in place of a run")
+    add_set(view)
+
+    add_export(command, solvers)

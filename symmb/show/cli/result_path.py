@@ -1,0 +1,45 @@
+"""Files of results: their paths are checked before the work, and written after it."""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from symmb._errors import DeclarationError
+from symmb.results.files import require_suffix, save_json
+from symmb.results.plot import PICTURES
+from symmb.show.drawing import FORMATS
+
+_SUFFIXES = {"json": (".json",), "csv": (".csv",), "plot": PICTURES, "view": FORMATS, "report": (".html",)}
+"""Options that name files of results, and their suffixes."""
+
+
+def result_paths(options: argparse.Namespace) -> dict[str, Path]:
+    """The files of results that are asked for, by their options; errors as of `result_path`."""
+    paths = {name: result_path(getattr(options, name, None), *suffixes) for name, suffixes in _SUFFIXES.items()}
+    return {name: path for name, path in paths.items() if path is not None}
+
+
+def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any] = {}, drawn: Any = None) -> None:
+    """Write a result as JSON, with `more` entries, and as a table, and draw it or `drawn`, where asked for."""
+    if "json" in paths:
+        save_json(paths["json"], result.to_json() | more)
+    if "csv" in paths:
+        result.save(paths["csv"])
+    if "plot" in paths:
+        (drawn or result).plot(paths["plot"])
+
+
+def result_path(name: str | None, *suffixes: str) -> Path | None:
+    """The path of a result, or None for None.
+
+    It raises DeclarationError if it is a folder, its folder does not exist, or its suffix is not one of those given.
+    """
+    if name is None:
+        return None
+    path = Path(name)
+    if path.is_dir() or not path.parent.is_dir():
+        raise DeclarationError(f"Cannot write {name}: it is a folder, or its folder does not exist.")
+    if path.suffix or ".json" not in suffixes:  # /dev/stdout takes JSON
+        require_suffix(path, *suffixes)
+    return path

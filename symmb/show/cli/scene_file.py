@@ -1,0 +1,151 @@
+"""Scenes from a Python or URDF file, or by name, and the option `--set`: errors are told in one sentence."""
+
+import argparse
+import importlib.util
+import sys
+import traceback
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from symmb import models
+from symmb._errors import DeclarationError, SymmbError, text_of
+from symmb._names import did_you_mean
+from symmb._options import shown
+from symmb._units import number_or_quantity
+from symmb.connect import Simulator
+from symmb.equations.model import Box, Scene
+from symmb.show.cli.urdf_scene import parameter_name, urdf_scene
+
+_MODELS = Path(models.__path__[0])
+"""The folder of shipped scenes."""
+
+
+def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
+    """The scene of a Python file, of a URDF file, or of a shipped model by its name.
+
+    The file runs with its own `__file__`, and it can import from its folder. `scene` is a Scene, or a function that is
+    called without arguments. A scene without a name gets that of the file. `numbers` of a URDF file become parameters.
+    It raises DeclarationError if there is no such file or model, it defines no `scene()`, or running it raises.
+    """
+    path = _find(given)
+    return urdf_scene(path, numbers) if is_urdf(given) else _scene(_module(path), path)
+
+
+def is_urdf(given: str) -> bool:
+    """Whether a scene is a URDF file."""
+    return given.lower().endswith(".urdf")
+
+
+def add_set(command: argparse.ArgumentParser) -> None:
+    """Add the option to a command."""
+    text = "parameters that are not nominal"
+    command.add_argument("--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help=text)
+
+
+def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, Any]]:
+    """The scene of a command, and the parameters that --set gives; of a URDF file these are its numbers.
+
+    It raises DeclarationError if a text is not of the form name=number, or the scene cannot be loaded.
+    """
+    values = dict[str, Any]()
+    for text in options.set:
+        name, _, value = text.partition("=")
+        try:
+            values[name] = number_or_quantity(value)
+        except ValueError:
+            raise DeclarationError(f"--set takes name=number, got {shown(text)}.") from None
+    scene = load_scene(options.scene, values)
+    if is_urdf(options.scene):
+        values = {parameter_name(name): value for name, value in values.items()}
+    return scene, values
+
+
+def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:
+    """What a file bounds, and the box: its `scene()`, or the pair of a simulator and its box of its `simulator()`.
+
+    It raises DeclarationError as `load_scene`.
+    """
+    path = _find(given)
+    if is_urdf(given):
+        return urdf_scene(path, numbers), None
+    module = _module(path)
+    if hasattr(module, "scene") or not hasattr(module, "simulator"):
+        scene = _scene(module, path)
+        return scene, scene.box
+    make = module.simulator
+    if not callable(make):
+        raise DeclarationError(f"{path}: simulator must be a function that returns a simulator and its symmb.Box.")
+    with _foreign(path):
+        study = make()
+    if not isinstance(study, tuple) or [*map(type, study[1:])] != [Box] or not hasattr(study[0], "stream"):
+        raise DeclarationError(f"{path}: simulator() must return a pair, a simulator and its symmb.Box.")
+    return study
+
+
+def _module(path: Path) -> ModuleType:
+    """The module of a file. Other processes find it by its name, so that its functions can be sent to them."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise DeclarationError(
+            f"{path} is not a Python file; a scene file ends in .py and defines scene(), or in .urdf."
+        )
+    module = importlib.util.module_from_spec(spec)
+    known = sys.modules.setdefault(path.stem, module)
+    if getattr(known, "__file__", None) == str(path):
+        sys.modules[path.stem] = module
+    with _foreign(path):
+        spec.loader.exec_module(module)
+    return module
+
+
+def _scene(module: ModuleType, path: Path) -> Scene:
+    scene = getattr(module, "scene", None)
+    if not isinstance(scene, Scene):
+        if not callable(scene):
+            raise DeclarationError(
+                f"{path} defines no function scene() that returns a symmb.Scene, and no variable scene that is one."
+            )
+        with _foreign(path):
+            scene = scene()
+    if not isinstance(scene, Scene):
+        raise DeclarationError(f"{path}: scene() returned a {type(scene).__name__}; it must return a symmb.Scene.")
+    return scene.with_name(path.stem) if scene.name == Scene.name else scene
+
+
+def shipped_names() -> list[str]:
+    """The names of the shipped scenes."""
+    return sorted(path.stem for path in _MODELS.glob("*.py") if not path.name.startswith("_"))
+
+
+def _find(given: str) -> Path:
+    for path in (Path(given), _MODELS / f"{given}.py"):
+        if path.is_file():
+            return path
+    if given.endswith(".py") or is_urdf(given) or len(Path(given).parts) > 1:
+        raise DeclarationError(f"There is no scene file {given}.")
+    raise DeclarationError(
+        f"There is no scene file and no shipped scene {given!r}.{did_you_mean(given, shipped_names())}"
+    )
+
+
+@contextmanager
+def _foreign(path: Path) -> Iterator[None]:
+    """A context for the code of the file: it can import from its folder, and its exceptions become a sentence."""
+    before, folder = sys.path, str(path.parent.resolve())
+    sys.path = [folder, *before]
+    try:
+        yield
+    except SymmbError as error:
+        raise DeclarationError(f"{path}: {error}") from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        frames = traceback.extract_tb(error.__traceback__)  # a SyntaxError contains its line
+        lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
+        where = f" (line {lines[-1]})" if lines else ""
+        raise DeclarationError(f"{path} raised {text_of(error)}{where}.") from error
+    finally:
+        sys.path = before

@@ -1,0 +1,25 @@
+"""Methods and solvers on the command line."""
+
+from collections.abc import Sequence
+
+from symmb._specs import Spec
+from symmb.bound.bounds import METHODS, read_method
+from symmb.run.integrate import SOLVERS, WORDS, read_solver
+
+method, solver = read_method, read_solver
+
+
+def table(title: str, specs: Sequence[Spec]) -> str:
+    """The forms and their meanings, for `--help`."""
+    width = max(len(spec.form) for spec in specs) + 2
+    return "\n".join([f"{title}:", *(f"  {spec.form.ljust(width)}{spec.text}" for spec in specs)])
+
+
+def solver_table() -> str:
+    """The table of solvers, with the words that set their options."""
+    return f"{table('solvers', SOLVERS)}\n  Words that may follow: {', '.join(WORDS)}; as in dopri:1e-8:projection."
+
+
+def method_table() -> str:
+    """The table of methods."""
+    return table("methods", METHODS)

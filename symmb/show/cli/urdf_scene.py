@@ -1,0 +1,59 @@
+"""The scene of a URDF file: the machine is released in its zero pose."""
+
+import re
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+import symmb as mb
+from symmb._errors import DeclarationError
+from symmb._types import Expr
+from symmb.declare.mechanics.robots import Robot
+
+_TIMES = np.linspace(0.0, 2.0, 201)
+"""Output times [s]: a fall from rest takes an arm about half a second."""
+_DOWN = 0.0, 0.0, -9.81
+"""Gravity [m/s^2]: z is up in such files."""
+
+
+def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
+    """The machine on its base under gravity, at rest in its zero pose, without motors, for two seconds.
+
+    Outputs are the values of its joints, and the positions of bodies that move freely or in a plane.
+    `numbers` name those numbers of the file that become parameters, as `parameter_name` tells. It raises
+    DeclarationError if the file has faults, it has no such number, or nothing in it moves.
+    """
+    names = {name: parameter_name(name) for name in numbers}
+    if len(set(names.values())) < len(names):
+        raise DeclarationError(
+            f"{path}: two of {', '.join(names)} give parameters of one name. Rename a link or joint."
+        )
+    with warnings.catch_warnings():  # they are told below
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        nominal = mb.load_urdf(path).numbers
+    p = mb.Parameters(**{own: nominal.get(name, 0.0) for name, own in names.items()})
+    robot = mb.load_urdf(path, replace={name: getattr(p, own) for name, own in names.items()})
+    outputs = _outputs(robot)
+    if not outputs:
+        raise DeclarationError(f"{path}: no joint of this file moves, so that there is nothing to simulate.")
+    system = mb.System(*robot.elements, mb.Gravity(*_DOWN), parameters=p)
+    return mb.Scene(system, robot.start, _TIMES, outputs, name=path.stem)
+
+
+def _outputs(robot: Robot) -> dict[str, Expr]:
+    """Values of joints, and positions of bodies that move freely or in a plane."""
+    outputs = {j.name: getattr(j, j.coordinate) for j in robot.joints.values() if j.coordinate}
+    free = {name.rpartition(".")[0] for name in robot.start if name.endswith(".rotation")}
+    free |= {j.point_b.body.name for j in robot.joints.values() if not j.coordinate}
+    for body in robot.elements:
+        if isinstance(body, mb.Body) and body.name in free:
+            outputs |= {f"{body.name}.{axis}": getattr(body, axis) for axis in "xyz"}
+    return outputs
+
+
+def parameter_name(number: str) -> str:
+    """The name of the parameter in the place of a number: "forearm_mass" for "forearm.mass"."""
+    name = re.sub(r"\W", "_", number)
+    return name if name.isidentifier() else f"_{name}"

@@ -1,0 +1,8 @@
+"""The mechanism drawn: a run becomes a `Drawing` of shapes in numbers, and that a page, a still or a film."""
+
+from symmb.show.drawing import curves, forces, joints
+from symmb.show.drawing.draw import draw
+from symmb.show.drawing.exhibit import attaining_runs, of_bounds, of_run
+from symmb.show.drawing.page import page
+from symmb.show.drawing.show import FORMATS, start_picture, view
+from symmb.show.drawing.still import still

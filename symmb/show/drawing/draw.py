@@ -1,0 +1,166 @@
+"""A run as a Drawing: scales, camera, and the order of what is drawn."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Indices
+from symmb.declare.mechanics import Body, Element, Flywheel, Gravity, Input, Joint, OwnState, Planar, Point
+from symmb.results.plot import labels
+from symmb.run.simulation import Trajectory
+from symmb.show.drawing.bodies import BodySketch
+from symmb.show.drawing.elements import GUIDE, Build, sketch
+from symmb.show.drawing.geometry import shapes_of_bodies
+from symmb.show.drawing.shapes import Drawing, Shape
+from symmb.show.drawing.survey import Survey
+
+MOST_PICTURES = 1001
+"""Pictures of a page, about: of longer runs every so many output times are shown."""
+_UNIT = 0.011
+"""Radius of a bar over the size of the mechanism."""
+_SHORT = 7.0
+"""Sizes over the median size of its bodies, above which the mechanism is large, and bars are as thin as bodies ask."""
+_TRAVELLED = 0.3
+"""Share of the space through which a mechanism travels that counts as its size at least."""
+_FLAT = 1e-9
+"""Share of the size up to which a coordinate out of the plane is rounding."""
+_TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
+"""Angles from which a spatial mechanism is seen at first: about the vertical, and above the horizontal."""
+
+
+def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None) -> Drawing:
+    """A run at its output times, or at every so many and at those that `also` numbers, with the path of a point."""
+    scene = run.scene
+    if scene is None:
+        raise DeclarationError("This run holds no scene: it was read from a file. Give Trajectory.load the scene.")
+    rows = _pictures(len(run.t), also)
+    run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
+    survey = Survey(run, scene)
+    elements = [element for element in scene.system.elements if not _is_unseen(element)]
+    sketches = [
+        (element, sketch(survey.acting(element), survey)) for element in elements if isinstance(element, Element)
+    ]
+    gravity = next((survey.ask([e.gx, e.gy, e.gz]) for e in elements if isinstance(e, Gravity)), None)
+    given = shapes_of_bodies(survey, elements)
+    of = {id(own.body): own for own in given}
+    seen = [body for body in scene.system.bodies if not _is_unseen(body)]
+    bodies = [BodySketch(body, str(i), survey, of.get(id(body))) for i, body in enumerate(seen)]
+    traced = None if point is None else survey.place(point)
+    survey.evaluate()
+    g = np.zeros(3) if gravity is None else gravity.first
+    survey.down = -_right_and_up(g, all(isinstance(b.pose, Planar) for b in survey.bodies[1:]))[1]
+    size = _size(survey, bodies)
+    unit = _unit(size, bodies)
+    shapes = _shapes(survey, bodies, sketches, unit)
+    planar = _is_planar(survey, g, size)
+    shapes += [shape for own in given for shape in own.shapes()]  # which may lie beside the plane of the motion
+    if traced is not None:
+        shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
+    return Drawing(
+        name=run.name,
+        t=run.t,
+        frames=survey.frames(),
+        places=survey.places(),
+        shapes=tuple(shapes),
+        camera=_camera(g, planar),
+        up=_right_and_up(g, planar)[1],
+        planar=planar,
+        size=size,
+        unit=unit,
+        gravity=g,
+        outputs=labels(run.names, run.units),
+        values=run.values,
+        notes=(
+            *(e.title for e, build in sketches if build is None and not isinstance(e, Gravity | Input | OwnState)),
+            *(note for own in given for note in own.notes),
+        ),
+    )
+
+
+def _is_unseen(part: Body | Element) -> bool:
+    """Whether it is a flywheel, or belongs to one."""
+    return any(isinstance(body, Flywheel) for body in ([part] if isinstance(part, Body) else part.bodies()))
+
+
+def _pictures(count: int, also: Sequence[int]) -> Indices:
+    """Numbers of the output times that are shown, the first and the last among them."""
+    rows = np.linspace(0, count - 1, min(count, MOST_PICTURES)).astype(int)
+    return np.union1d(rows, [row for row in also if row < count]).astype(int)
+
+
+def _size(survey: Survey, bodies: Sequence[BodySketch]) -> float:
+    """Of the mechanism [m]."""
+    tracks = [survey.track(place) for place in range(survey.count)]
+    tracks += [survey.pose(body.frame)[:, :, 3] for body in bodies]
+    if not tracks:
+        return 1.0
+    at_start = float(np.linalg.norm(np.ptp([track[0] for track in tracks], axis=0)))
+    travelled = float(np.linalg.norm(np.ptp(np.vstack(tracks), axis=0)))
+    own = max([at_start, *(body.reach for body in bodies)])
+    return max(own, _TRAVELLED * travelled) if own else travelled or 1.0
+
+
+def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
+    """Radius of a bar [m]."""
+    reaches = [reach for body in bodies if (reach := body.reach)]
+    return _UNIT * min(size, _SHORT * float(np.median(reaches or [size])))
+
+
+def _shapes(
+    survey: Survey, bodies: Sequence[BodySketch], sketches: Sequence[tuple[Element, Build | None]], unit: float
+) -> list[Shape]:
+    """Those of bodies and of elements. What a joint holds by is there while the joint is closed."""
+    of_elements = [
+        replace(shape, present=survey.closed(element))
+        if isinstance(element, Joint) and shape.colour != GUIDE
+        else shape
+        for element, build in sketches
+        if build
+        for shape in build(unit)
+    ]
+    of_bodies = [shape for body in bodies for shape in body.shapes(unit)]
+    return of_bodies + _once(of_elements)
+
+
+def _once(shapes: Sequence[Shape]) -> list[Shape]:
+    """Supports and such that several elements ask for at the same place are drawn once."""
+    seen, rest = set(), []
+    for shape in shapes:
+        key = (shape.form, shape.places) if shape.form == "support" else id(shape)
+        if key not in seen:
+            seen.add(key)
+            rest.append(shape)
+    return rest
+
+
+def _is_planar(survey: Survey, g: Array, size: float) -> bool:
+    flat = np.array([0.0, 0.0, 1.0, 0.0])
+    scale = np.array([1.0, 1.0, 1.0, 1 / size])
+    poses = (survey.pose(i) for i in range(1, len(survey.bodies)))
+    return (
+        not g[2]
+        and all(np.abs((pose[:, 2] - flat) * scale).max() < _FLAT for pose in poses)
+        and all(np.abs(survey.track(place)[:, 2]).max() < _FLAT * size for place in range(survey.count))
+    )
+
+
+def _right_and_up(g: Array, planar: bool) -> tuple[Array, Array]:
+    """World axes that point to the right and up, so that things fall down."""
+    down = g if np.linalg.norm(g) else np.array([0.0, -1.0, 0.0] if planar else [0.0, 0.0, -1.0])
+    main = np.abs(down).argmax()
+    up = -np.sign(down[main]) * np.eye(3)[main]
+    return np.eye(3)[1 if main == 0 else 0], up
+
+
+def _camera(g: Array, planar: bool) -> Array:
+    """Rows to the right, up and to the viewer."""
+    right, up = _right_and_up(g, planar)
+    camera = np.array([right, up, np.cross(right, up)])
+    if planar:
+        return camera
+    c, s = np.cos(_TURNED), np.sin(_TURNED)
+    turned = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    c, s = np.cos(_RAISED), np.sin(_RAISED)
+    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) @ turned @ camera

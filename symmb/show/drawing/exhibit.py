@@ -1,0 +1,256 @@
+"""What is shown together: a run, the runs that attain bounds, and where a point is over the box."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import ByName
+from symmb._options import require_name
+from symmb._types import Array, Indices
+from symmb._units import units_of_parameters, with_units
+from symmb.bound.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of
+from symmb.bound.nodes import grid
+from symmb.declare.mechanics import Point
+from symmb.run.simulation import Trajectory, simulate, simulator_with
+from symmb.show.drawing.draw import draw
+from symmb.show.drawing.shapes import Drawing
+
+LOWER, UPPER = "#b3541e", "#5b3fa0"
+"""Colours of the runs that attain the lower and the upper bound."""
+_LINE, _FEW, _SAMPLES, _SWEPT = 6, 2, 128, 150
+"""Samples of a point's region: along each of a few parameters, and in all for more; times between which it sweeps."""
+_CLOSE, _THIN = 0.05, 0.5
+"""Extent of what a cell of samples reaches in a while, over the mechanism's size, up to which the region is its hull.
+The region of other cells is where their samples went: the width of their ways over the radius of a bar."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ghost:
+    """A run that attains a bound, beside the nominal one."""
+
+    label: str
+    tint: str
+    drawing: Drawing
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Where a point is over the box: positions of samples (n_f, n, 3), and (3 m, 2), corners of triangles
+    that cover its sweep in the xy plane, or the ways of samples that are far apart."""
+
+    name: str
+    points: Array
+    sweep: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PicturedBounds:
+    """Bounds of the outputs at the times of the pictures, (n_f, n_y), and the output and time that are looked at."""
+
+    lower: Array
+    upper: Array
+    output: int
+    time: float
+
+
+@dataclass(frozen=True, eq=False)
+class Exhibit:
+    """All that a page, a still or a film shows; `picture` is the one to begin with."""
+
+    drawing: Drawing
+    ghosts: tuple[Ghost, ...] = ()
+    bounds: PicturedBounds | None = None
+    region: Region | None = None
+    picture: int = 0
+
+
+def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
+    """A run alone."""
+    row = 0 if time is None else row_of("view", run.t, time)
+    drawing = draw(run, also=[row, *_extremes(run.values, run.values)], point=point)
+    return Exhibit(drawing, picture=_picture(drawing, run.t[row]))
+
+
+def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Point | None) -> Exhibit:
+    """The nominal run, those that attain the bounds of an output at a time, and the region of a point."""
+    study = bounds.study
+    if not isinstance(study, Study):
+        raise DeclarationError(
+            "These bounds hold no scene: they were read from a file. Draw those that propagate(scene, method) returns."
+        )
+    scene = study.scene
+    if output is not None:
+        require_name("view", "output", output, bounds.names)
+    column = bounds.names.index(output) if output else _widest(bounds)
+    name, width = bounds.names[column], bounds.upper[:, column] - bounds.lower[:, column]
+    times = scene.times if name in bounds.figures else bounds.t  # a figure has the same bounds at all of them
+    at = int(width.argmax()) if time is None else row_of("view", times, time)
+    row, t = min(at, len(bounds.t) - 1), float(times[at])
+    value_of = name if name in bounds.figures else f"{name}({t:g} s)"
+    if bounds.attaining is None:
+        raise DeclarationError(
+            f"{bounds.method} keeps no runs that attain its bounds, which view would draw. "
+            "Use PolynomialChaos() or Vertex()."
+        )
+    samples = bounds.attaining.samples([(side, row, column) for side in SIDES])
+    middle = Sample(np.nan, np.array([[*study.simulator.parameters.values()]]), 0)
+    nominal, lowest, highest = attaining_runs(study, [middle, *samples])
+    if not np.isfinite(nominal.x).all():
+        nominal = simulate(scene, study.solver)  # which tells why
+    also = [at, *_extremes(bounds.lower, bounds.upper)]
+    drawing = draw(nominal, also=also)
+
+    acting = bounds._acting(study.box, [column])
+    ghosts = [
+        Ghost(
+            f"{side} {value_of} = {run.values[row, column]:.6g} (bound {bound:.6g}){_place(run, acting)}",
+            tint,
+            draw(run, also=also),
+        )
+        for side, tint, run, bound in (
+            ("lowest", LOWER, lowest, bounds.lower[row, column]),
+            ("highest", UPPER, highest, bounds.upper[row, column]),
+        )
+    ]
+    rows = np.minimum(np.searchsorted(bounds.t, drawing.t), len(bounds.t) - 1)  # figures have one time
+    return Exhibit(
+        drawing,
+        tuple(ghosts),
+        PicturedBounds(bounds.lower[rows], bounds.upper[rows], column, t),
+        None if point is None else _region(study, point, drawing),
+        _picture(drawing, t),
+    )
+
+
+def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
+    """The runs of samples with all their states, repeated to the last bit, without work and events.
+
+    Their states are outputs of a second simulator, as studies keep only the outputs of the scene. It is one for all
+    runs, because a large model compiles for half a minute.
+    """
+    scene, solver = study.scene, study.solver
+    system = scene.system
+    states = ca.vertsplit(ca.vertcat(system.q, system.v, system.s))
+    named = {f"x{i}": x for i, x in enumerate(states)}
+    simulator = simulator_with(scene.with_outputs(named or {"t": 0.0}), solver)
+    runs = []
+    for sample in samples:
+        x = simulator.run(sample.P).Y[sample.index][:, : len(states)]
+        own = study.simulator.parameters
+        values = ByName(zip(own, sample.P[sample.index].tolist(), strict=True), units_of_parameters(own))
+        unknown, rest = np.full(len(x), np.nan), ({}, np.nan, np.nan)
+        known = Trajectory(scene, study.prepared, values, repr(solver), "", simulator.times, x, unknown, *rest)
+        if scene.figures:
+            columns = [study.simulator.outputs.index(name) for name in scene.figures]
+            y = study.simulator.run(sample.P).Y[sample.index][0, columns]
+            known = replace(known, figures=dict(zip(scene.figures, y.tolist(), strict=True)))
+        runs.append(known)
+    return runs
+
+
+def _region(study: Study, point: Point, drawing: Drawing) -> Region:
+    """Positions of a point for samples of the box, and what it sweeps."""
+    scene = study.scene.with_outputs({"x": point.x, "y": point.y, "z": point.z})
+    simulator = simulator_with(scene, study.solver)
+    d = len(study.box)
+    unit = grid(np.linspace(-1, 1, _LINE), d) if d <= _FEW else _many(d)
+    ensemble = simulator.run(parameter_samples(simulator, study.box, unit))
+    ways = ensemble.Y.transpose(1, 0, 2)
+    points = ways[np.searchsorted(simulator.times, drawing.t)]
+    corners = _cells(unit) if d <= _FEW else [np.arange(len(unit))]
+    scales = _CLOSE * drawing.size, _THIN * drawing.unit
+    sweep = _swept(ways[:, :, :2], corners, *scales) if drawing.planar else np.zeros((0, 2))
+    return Region(f"{points.shape[1]} samples of the box", points[:, ensemble.ok], sweep)
+
+
+def _many(d: int) -> Array:
+    """Samples of a box of many parameters: random corners, and random points inside."""
+    random = np.random.default_rng(0)
+    return np.vstack([random.choice([-1.0, 1.0], (_SAMPLES // 2, d)), random.uniform(-1, 1, (_SAMPLES // 2, d))])
+
+
+def _cells(unit: Array) -> list[Indices]:
+    """Numbers of the samples at the corners of each cell of the grid."""
+    step = 2 / (_LINE - 1) * (1 + 1e-9)
+    lower = [k for k in range(len(unit)) if (unit[k] < 1 - 1e-9).all()]
+    return [np.flatnonzero(((unit >= unit[k] - 1e-9) & (unit <= unit[k] + step)).all(axis=1)) for k in lower]
+
+
+def _swept(points: Array, cells: Sequence[Indices], close: float, side: float) -> Array:
+    """Corners (3 m, 2) of m triangles that cover what the cells of samples (n_t, n, 2) sweep over time.
+
+    A cell whose samples stay close for a while is covered by their hull. The hull of others may hold what no parameters
+    reach, such as the inside of a circle on which the point moves: the way of each sample is covered.
+    """
+    triangles, ways = [np.zeros((0, 2))], []
+    rows = np.unique(np.linspace(0, len(points) - 1, _SWEPT).astype(int))
+    for before, after in pairwise(rows.tolist()):
+        for cell in cells:
+            reached = points[before : after + 1][:, cell]
+            reached = reached[:, np.isfinite(reached).all(axis=(0, 2))]
+            places = reached.reshape(-1, 2)
+            if len(places) and np.ptp(places, axis=0).max() > close:
+                ways.append(np.stack([reached[:-1], reached[1:]], axis=2).reshape(-1, 2, 2))
+                continue
+            corners = convex_hull(places)
+            for i in range(1, len(corners) - 1):
+                triangles.append(corners[[0, i, i + 1]])
+    return np.vstack([*triangles, _squares(np.vstack(ways), side)] if ways else triangles)
+
+
+def _squares(ways: Array, side: float) -> Array:
+    """Corners (3 m, 2) of triangles that cover straight ways (n, 2, 2) by squares; squares in a row are one."""
+    begin, along = ways[:, 0], ways[:, 1] - ways[:, 0]
+    count = int(np.ceil(np.abs(along).max() / side)) + 1
+    cells = np.zeros((0, 2), dtype=int)
+    for share in np.linspace(0, 1, count + 1):
+        cells = np.unique(np.vstack([cells, np.floor((begin + share * along) / side).astype(int)]), axis=0)
+    cuts = np.flatnonzero((np.diff(cells[:, 0]) != 0) | (np.diff(cells[:, 1]) != 1)) + 1
+    low, high = side * cells[[0, *cuts]], side * (cells[[*(cuts - 1), -1]] + 1)
+    corners = [low, np.stack([high[:, 0], low[:, 1]], axis=1), high, np.stack([low[:, 0], high[:, 1]], axis=1)]
+    return np.stack([corners[k] for k in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 2)
+
+
+def convex_hull(points: Array) -> Array:
+    """Corners (m, 2) of the convex hull of points (n, 2) in the plane, anticlockwise (Andrew's monotone chain)."""
+    order = sorted(set(map(tuple, points.tolist())))
+    if len(order) < 3:
+        return np.array(order)
+    halves = []
+    for ordered in (order, order[::-1]):
+        chain: list[tuple[float, float]] = []
+        for p in ordered:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0:
+                chain.pop()
+            chain.append(p)
+        halves += chain[:-1]
+    return np.array(halves)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _widest(bounds: Bounds) -> int:
+    """The output with the largest width beside its own range."""
+    width = (bounds.upper - bounds.lower).max(axis=0)
+    extent = bounds.upper.max(axis=0) - bounds.lower.min(axis=0)
+    return int(np.argmax(width / np.maximum(extent, 1e-300)))
+
+
+def _extremes(lower: Array, upper: Array) -> list[int]:
+    """Numbers of the times at which outputs (n_t, n_y) are lowest or highest: the page writes these values."""
+    return [*lower.argmin(axis=0).tolist(), *upper.argmax(axis=0).tolist()]
+
+
+def _picture(drawing: Drawing, time: float) -> int:
+    return int(np.abs(drawing.t - time).argmin())
+
+
+def _place(run: Trajectory, names: Sequence[str]) -> str:
+    values = ", ".join(with_units({name: f"{run.parameters[name]:.4g}" for name in names}, run.parameters))
+    return f" at {values}" if values else ""

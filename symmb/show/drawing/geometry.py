@@ -1,0 +1,96 @@
+"""Shapes that bodies were given: boxes, cylinders, spheres and meshes."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.declare.mechanics import AbstractBody, Element, Ground, Mesh, coarser
+from symmb.declare.symbolic import vector
+from symmb.show.drawing.elements import GUIDE
+from symmb.show.drawing.shapes import Shape
+from symmb.show.drawing.survey import Survey
+
+MOST_TRIANGLES = 12_000
+"""Triangles of all meshes of a drawing, which are 1.2 MB of a page. Each mesh has the same share."""
+_SOLIDS = {"box": 0.0, "cylinder": 1.0, "sphere": 2.0}
+"""Kinds of the form "solid"."""
+
+
+class BodyShapes:
+    """The shapes of a body to be drawn; `notes` tell what of them is not."""
+
+    def __init__(self, body: AbstractBody, survey: Survey, most: int) -> None:
+        self.body, self.survey, self.frame = body, survey, survey.frame(body)
+        self.notes: list[str] = []
+        self._drawn = []
+        for shape in body.shapes:
+            triangles = self._triangles(shape, most) if isinstance(shape, Mesh) else None
+            if triangles is not None or not isinstance(shape, Mesh):
+                place = vector(shape.at) - vector(body.com)
+                self._drawn.append((shape.form, survey.ask(place), survey.ask(shape.axes), triangles))
+
+    def __bool__(self) -> bool:
+        return bool(self._drawn)
+
+    def _triangles(self, mesh: Mesh, most: int) -> Array | None:
+        """Corners of the triangles that are drawn, (3 m, 3); None of a file that cannot be read, or is a point."""
+        title = f"{Path(mesh.path).name!r} of {self.body.name!r}"
+        try:
+            triangles = mesh.triangles
+        except DeclarationError as error:
+            self.notes.append(f"Mesh {title} ({str(error).removeprefix('Mesh: ').removesuffix('.')})")
+            return None
+        drawn = coarser(triangles, most)
+        if len(drawn) < len(triangles):
+            self.notes.append(f"{len(triangles) - len(drawn):,} of {len(triangles):,} triangles of {title}")
+        return drawn.reshape(-1, 3) if len(drawn) else None
+
+    @property
+    def reach(self) -> float:
+        """Its longest extent along an axis of the body [m]."""
+        points = np.vstack([ends for *_, ends in self._placed()])
+        return float(np.ptp(points, axis=0).max())
+
+    def _placed(self) -> Iterator[tuple[str, Array, Array, Array]]:
+        """Form, middle, half axes as columns, and corners of each shape, of a box about it if it is no mesh."""
+        for form, middle, axes, triangles in self._drawn:
+            at, half = middle.first, axes.first.reshape(3, 3).T
+            local = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            yield form, at, half, at + (local if triangles is None else triangles) @ half.T
+
+    def shapes(self) -> Iterator[Shape]:
+        """Its shapes."""
+        colour = str(self.frame - 1) if self.frame else GUIDE
+        for form, at, half, corners in self._placed():
+            if form == "mesh":
+                center = (corners.min(axis=0) + corners.max(axis=0)) / 2
+                place, radius = self.survey.fixed(self.frame, center), np.linalg.norm(corners - center, axis=1).max()
+                corners, closed = outward(corners)
+                size = float(radius), float(closed)
+                yield Shape("mesh", self.body.name, form, colour, (place,), size, corners)
+            else:
+                place = self.survey.fixed(self.frame, at)
+                yield Shape("solid", self.body.name, form, colour, (place,), (_SOLIDS[form],), half)
+
+
+def shapes_of_bodies(survey: Survey, elements: Sequence[object]) -> list[BodyShapes]:
+    """The shapes of bodies, and of the grounds that elements are attached to."""
+    attached = [body.owner for e in elements if isinstance(e, Element) for body in e.bodies()]
+    grounds = {id(body): body for body in attached if isinstance(body, Ground)}
+    bodies = [body for body in (*grounds.values(), *survey.bodies[1:]) if body.shapes]
+    meshes = sum(isinstance(shape, Mesh) for body in bodies for shape in body.shapes)
+    return [BodyShapes(body, survey, MOST_TRIANGLES // max(meshes, 1) or 1) for body in bodies]
+
+
+def outward(corners: Array) -> tuple[Array, bool]:
+    """Corners (3 m, 3) of triangles, anticlockwise from outside if they make a closed surface, and whether they do."""
+    _, number = np.unique(corners, axis=0, return_inverse=True)
+    triangles = number.reshape(-1, 3)
+    edges = np.vstack([triangles[:, [i, k]] for i, k in ((0, 1), (1, 2), (2, 0))]) @ [1, len(corners)]
+    back = np.vstack([triangles[:, [k, i]] for i, k in ((0, 1), (1, 2), (2, 0))]) @ [1, len(corners)]
+    closed = np.array_equal(np.sort(edges), np.sort(back))
+    volume = np.linalg.det(corners.reshape(-1, 3, 3) - corners.mean(axis=0)).sum()
+    return (corners[::-1] if volume < 0 else corners), closed

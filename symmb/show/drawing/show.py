@@ -1,0 +1,118 @@
+"""`view`: a scene, a run or bounds, drawn into a file whose suffix chooses the format."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError
+from symmb._options import shown
+from symmb.bound.bounds import Bounds
+from symmb.declare.mechanics import Point
+from symmb.equations.model import Scene
+from symmb.results.files import replacement, require_suffix
+from symmb.run.simulation import DAESimulator, Trajectory, prepare_equations, simulate
+from symmb.show.drawing.exhibit import Exhibit, of_bounds, of_run
+from symmb.show.drawing.film import FILMS, film
+from symmb.show.drawing.page import page
+from symmb.show.drawing.still import STILLS, still
+
+_WRITERS: dict[str, Callable[[Exhibit, BinaryIO, str], object]] = {
+    ".html": lambda exhibit, file, _: file.write(page(exhibit).encode()),
+    **dict.fromkeys(STILLS, still),
+    **dict.fromkeys(FILMS, film),
+}
+FORMATS = tuple(_WRITERS)
+
+
+@dataclass(frozen=True)
+class Page:
+    """A drawing that a notebook shows: the text of a page in HTML, which needs no network."""
+
+    name: str
+    text: str = field(repr=False)
+
+    def _repr_html_(self) -> str:
+        return html.frame(self.text, f"drawing of {self.name}")
+
+
+def view(
+    subject: Scene | DAESimulator | Trajectory | Bounds,
+    path: str | Path | None = None,
+    *,
+    output: str | None = None,
+    time: float | None = None,
+    point: Point | None = None,
+) -> Page | None:
+    """Draw a mechanism, into a file or in a notebook.
+
+    Parameters
+    ----------
+    subject : Scene, Trajectory or Bounds
+        a Scene, or one of `prepare`, is simulated at its nominal parameters; with Bounds, the runs that attain them are
+        drawn as well
+    path : str or Path
+        .html: a page to play, turn and look into, which needs no network; .png, .svg: a still; .gif, .mp4: a film; .mp4
+        needs the program ffmpeg; default: a page that a notebook shows below its cell
+    output : str
+        of Bounds: the output whose lowest and highest value the runs attain; default: the widest
+    time : float
+        of a still, and when the bounds are attained [s]; default: the start, and where the output's bounds are widest
+    point : Point
+        whose path is drawn, and with Bounds where it gets over the box
+
+    Returns
+    -------
+    Page or None
+        without a path, the page, whose `text` is HTML
+
+    Raises
+    ------
+    DeclarationError
+        If the suffix is another one, bounds cannot be drawn, the time is outside of the run, or the point is of no body
+        of the scene
+
+    Examples
+    --------
+    >>> import symmb as mb, tempfile, pathlib
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), start={"ball.vx": 2.0}, times=[0.0, 0.5, 1.0])
+    >>> page = pathlib.Path(tempfile.mkdtemp()) / "fall.html"
+    >>> mb.view(fall, page)
+    >>> page.read_text()[:15]
+    '<!DOCTYPE html>'
+    """
+    suffix = ".html" if path is None else require_suffix(path, *FORMATS)
+    if not isinstance(subject, Scene | DAESimulator | Trajectory | Bounds):
+        raise DeclarationError(f"view draws a Scene, a Trajectory or Bounds, got {type(subject).__name__}.")
+    if not isinstance(point, Point | None):
+        raise DeclarationError(f"view: point must be a point of a body, such as body.point(0, 0), got {shown(point)}.")
+    if isinstance(subject, Bounds):
+        exhibit = of_bounds(subject, output, time, point)
+    elif output is not None:
+        raise DeclarationError("view: output= chooses the bounds that runs attain. It goes with Bounds alone.")
+    else:
+        exhibit = of_run(subject if isinstance(subject, Trajectory) else simulate(subject), time, point)
+    if path is None:
+        return Page(exhibit.drawing.name, page(exhibit))
+    with replacement(path) as file:
+        _WRITERS[suffix](exhibit, file, suffix)
+    return None
+
+
+def start_picture(subject: Scene | DAESimulator) -> bytes:
+    """A scene at its start as a PNG. Nothing is compiled or integrated."""
+    simulator = prepare_equations(subject) if isinstance(subject, Scene) else subject
+    at_start, parameters = simulator.scene.curves.with_times(simulator.times[:1]), simulator.parameters
+    x, (fault,) = simulator.start.states(np.array([[*parameters.values()]]))
+    if fault:
+        simulate(at_start)  # which tells why
+    none, text = np.full(1, np.nan), repr(simulator.solver)
+    run = Trajectory(at_start, simulator, parameters, text, "", simulator.times[:1], x, none, {}, np.nan, np.nan)
+    file = BytesIO()
+    still(of_run(run, None, None), file, ".png")
+    return file.getvalue()

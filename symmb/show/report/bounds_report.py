@@ -1,0 +1,183 @@
+"""The report of bounds."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError, SymmbError
+from symmb._types import Figure
+from symmb.bound.bounds import ROUNDING, Bounds, Contributions, LimitCheck, Limits, Study, worst_rows
+from symmb.equations.model import Scene
+from symmb.results import plot
+from symmb.results.files import require_suffix
+from symmb.run.simulation import SceneSimulator, simulate
+from symmb.show.drawing import of_bounds, of_run, page, start_picture, still
+from symmb.show.report import document
+from symmb.show.report.document import assumed, called, section, seed
+from symmb.show.report.verdict import by_urgency, next_steps, verdict
+
+_NO_CONTRIBUTIONS = "The polynomials of the study do not give them. {} makes the further runs that they need."
+_ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
+_AT_MARGIN = "Outputs with limits: at the time of their smallest margin. Others: where they are widest."
+
+
+def write_bounds(
+    bounds: Bounds,
+    path: str | Path,
+    limits: Limits | None = None,
+    block: Mapping[str, object] = MappingProxyType({}),
+    *,
+    command: str = "",
+    contributions: Contributions | None = None,
+) -> None:
+    """Write the report of bounds; see `Bounds.report`.
+
+    The title block has texts by their names. A `command` repeats the bounds, instead of lines of Python.
+    Contributions that are not known may take runs.
+    """
+    require_suffix(path, ".html")
+    check = None if limits is None else bounds.check(limits)
+    title = f"Bounds of {bounds.subject or ', '.join(bounds.names)}"
+    document.write(path, title, _parts(bounds, check, command, contributions), block)
+
+
+def _parts(
+    bounds: Bounds, check: LimitCheck | None, command: str, contributions: Contributions | None
+) -> Iterator[str]:
+    shares, why = contributions, ""
+    try:
+        shares = contributions or (bounds._known_contributions() if bounds.range_of else None)
+    except SymmbError as error:
+        why = document.note(str(error))
+    yield section("Result", document.sentences(verdict(bounds, check, shares)), style="verdict")
+    steps = next_steps(bounds, check, shares)
+    yield section("What to do next", document.sentences(("", step) for step in steps), style="steps")
+    yield section("Curves", _curves(bounds, check))
+    study, prepared = bounds.study, None
+    if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator):
+        prepared = study.prepared
+    scene = None if prepared is None else prepared.scene
+    yield section("The mechanism", _part_or_reason(lambda: _motion(bounds, scene, check)) if scene else "")
+    yield document.ANNEX
+    yield section("Warnings", document.warnings(bounds.doubts, bounds.remarks))
+    if check is not None:
+        worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
+        yield section("Limits", check._tabulated(), *worst, style="limits")
+    yield section("Bounds", bounds._tabulated(bounds._about()))
+    yield section("Worst cases", _part_or_reason(lambda: _worst(bounds, check)))
+    if bounds.range_of or shares is not None:  # other methods would be followed by a study of their own
+        asked = _ASKED_BY_COMMAND if command else _ASKED
+        tables = why or _part_or_reason(lambda: _contributions(bounds, check, shares, asked))
+        yield section("What each parameter contributes", tables, style="contributions")
+    if prepared is not None and scene is not None:
+        at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
+        start = _part_or_reason(lambda: html.picture(start_picture(prepared)))
+        yield section("The start", at_start, start, style="still")
+        equations = f"{scene.system}\n\n{scene.system.equations()}".rstrip()
+        yield document.folded("Equations", equations)
+    yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
+    took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
+    weighed = " A run with derivatives counts as many as they cost." if bounds.method.startswith("Taylor(") else ""
+    yield section("What it cost", document.note(f"{bounds.evaluations} runs{took}.{weighed}"))
+    yield section("To repeat it", html.text(command or _python(bounds, scene, check)))
+
+
+def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
+    """Numbers of the outputs that pictures and tables of parameters show: those with limits first."""
+    names = [*([] if check is None else (limit.output for limit in by_urgency(check))), *bounds.names]
+    return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
+
+
+def _worst(bounds: Bounds, check: LimitCheck | None) -> str:
+    shown = [bounds.names[k] for k in _shown(bounds, check)]
+    cases = [case for case in bounds._all_worst() if case.output in shown]
+    return _part(bounds, check) + html.page(html.table(worst_rows(cases))) if cases else ""
+
+
+def _part(bounds: Bounds, check: LimitCheck | None) -> str:
+    """A note where not all outputs are shown."""
+    shown, n = len(_shown(bounds, check)), len(bounds.names)
+    return document.note(f"{shown} of {n} outputs.") if shown < n else ""
+
+
+def _pictures(names: Sequence[str], draw: Callable[[str], Figure]) -> str:
+    """One picture an output: a wide one with many panels could not be read on a telephone."""
+    return document.pictures((name, plot.narrow_png(draw(name))) for name in names)
+
+
+def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
+    shown = [bounds.names[k] for k in _shown(bounds, check)]
+    of_check = () if check is None else check.names
+    return _part(bounds, check) + _pictures(
+        shown, lambda name: (check if check and name in of_check else bounds).plot(outputs=name)
+    )
+
+
+def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None, asked: str) -> str:
+    """Those that are known, or those of the polynomials of the study; at the smallest margin of outputs with limits."""
+    if shares is None:
+        return document.note(_NO_CONTRIBUTIONS.format(asked))
+    shown = _shown(bounds, check)
+    width = bounds.upper - bounds.lower
+    rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
+    rows = {k: i for k, i in rows.items() if width[i, k] > ROUNDING * width[:, k].max()}  # a start may be given
+    notes = [_AT_MARGIN] if rows else []
+    if left := len(bounds.names) - len(shown):
+        notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
+    order = shown if left else range(len(bounds.names))
+    drawn = _pictures([bounds.names[k] for k in shown], lambda name: shares.plot(outputs=name))
+    return "".join(map(document.note, notes)) + shares.some_as_html(order, rows) + drawn
+
+
+def _part_or_reason(part: Callable[[], str]) -> str:
+    """A part, or why there is none: a run may not come again."""
+    try:
+        return part()
+    except SymmbError as error:
+        return document.note(str(error))
+
+
+def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
+    """The runs that attain the bound that is closest to a limit, or the widest bounds; the nominal run if none does."""
+    worst = None if check is None else check.worst
+    output, time = (None, None) if worst is None else (worst.output, worst.time)
+    text = "The nominal run, and the runs of the study that come closest to the bounds:"
+    try:
+        exhibit = of_bounds(bounds, output, time, None)
+    except DeclarationError as error:
+        assert isinstance(bounds.study, Study)
+        exhibit, text = of_run(simulate(scene, bounds.study.solver), None, None), f"The nominal run. {error}"
+    file = BytesIO()
+    still(exhibit, file, ".png")
+    labels = [ghost.label for ghost in exhibit.ghosts]
+    return document.note(text) + document.moving(page(exhibit), file.getvalue(), labels)
+
+
+def _settings(bounds: Bounds) -> list[tuple[str, str]]:
+    simulator = bounds.study.simulator if isinstance(bounds.study, Study) else None
+    of_scene = isinstance(simulator, SceneSimulator)
+    return [
+        ("method", bounds.method),
+        ("seed", seed(bounds.method)),
+        ("solver", bounds.solver),
+        ("why this solver", simulator.reason if of_scene else ""),
+        ("simulator", "" if bounds.solver else bounds.subject),
+    ]
+
+
+def _python(bounds: Bounds, scene: Scene | None, check: LimitCheck | None) -> str:
+    """Lines that find the bounds again, from the scene or the simulator, which the reader has."""
+    solver = repr(bounds.study.solver) if scene is not None and isinstance(bounds.study, Study) else ""
+    box = "" if bounds.box is None else repr(bounds.box)
+    subject = "scene_or_simulator" if bounds.study is None else "simulator" if scene is None else "scene"
+    lines = ["import symmb as mb", f"bounds = mb.propagate({subject}, {called(bounds.method, box, solver)})"]
+    if check is None:
+        return "\n".join([*lines, 'bounds.report("report.html")'])
+    ends = {
+        limit.output: tuple(x if np.isfinite(x) else None for x in (limit.low, limit.high)) for limit in check.limits
+    }
+    return "\n".join([*lines, f'bounds.report("report.html", {ends})'])

@@ -1,0 +1,129 @@
+"""The file of a report: its head, its sections, and what stands in them. All texts are escaped here or by `_html`."""
+
+import platform
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._options import require_names
+from symmb._units import label, units_of_parameters
+from symmb.bound.bounds import METHODS
+from symmb.equations.model import Box
+from symmb.results.files import replacement
+
+_PACKAGES = "symmb", "numpy", "casadi"
+ANNEX = '<h1 class="annex" id="annex">Annex: methods, warnings and details</h1>'
+BLOCK = "company", "author", "date", "drawing", "revision"
+"""Parts of the title block."""
+_LARGE = 1e6
+_CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
+"""A call of a class in the text of a method, a box or a solver."""
+
+
+def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str, object]) -> None:
+    """Write a file with a title block, and a title above parts."""
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
+    style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
+    head += f"<title>{escape(title)}</title><style>{style}</style>"
+    require_names("report", "part of the title block", [*block], BLOCK)
+    cells = [f"<div><dt>{name}</dt><dd>{escape(str(block[name]))}</dd></div>" for name in BLOCK if block.get(name)]
+    body = f'<dl class="block">{"".join(cells)}</dl>' if cells else ""
+    body += f"<h1>{escape(title)}</h1>\n" + "\n".join(parts)
+    text = f'<!DOCTYPE html>\n<html lang="en">\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n'
+    with replacement(path) as file:
+        file.write(text.encode(errors="replace"))
+
+
+def sentences(texts: Iterable[tuple[str, str]]) -> str:
+    """A list of sentences, each with its style."""
+    items = "".join(f'<li class="{style}">{escape(text)}</li>' for style, text in texts)
+    return f"<ul>{items}</ul>"
+
+
+def section(heading: str, *parts: str, style: str = "") -> str:
+    """Parts under a heading; nothing if there are none."""
+    return f'<section class="{style}"><h2>{escape(heading)}</h2>{"".join(parts)}</section>' if any(parts) else ""
+
+
+def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
+    """Warnings and remarks, each in a box."""
+    boxes = [("doubt", f"Warning: {doubt}") for doubt in doubts]
+    boxes += [("remark", f"Remark: {remark}") for remark in remarks]
+    return "".join(f'<p class="{kind}">{escape(text)}</p>' for kind, text in boxes)
+
+
+def note(text: str) -> str:
+    """A sentence about what stands beside it."""
+    return f'<p class="note">{escape(text)}</p>'
+
+
+def pictures(files: Iterable[tuple[str, bytes]]) -> str:
+    """PNG files with what they show in words, as many beside each other as are legible."""
+    figures = "".join(f"<figure>{html.picture(png, shown)}</figure>" for shown, png in files)
+    return f'<div class="pictures">{figures}</div>'
+
+
+def moving(page: str, png: bytes, labels: Sequence[str]) -> str:
+    """A page inside the report, in whose place a picture with the labels of the page is printed.
+
+    The page runs its own scripts, and reaches nothing of the report.
+    """
+    frame = f'<iframe sandbox="allow-scripts" title="the mechanism, to play" srcdoc="{escape(page)}"></iframe>'
+    return f'{frame}<div class="printed still">{"".join(map(note, labels))}{html.picture(png)}</div>'
+
+
+def folded(heading: str, text: str) -> str:
+    """A text that shows on demand, and is not printed."""
+    return f"<details><summary>{escape(heading)}</summary>{html.text(text)}</details>" if text else ""
+
+
+def assumed(
+    box: Box | None, nominal: Mapping[str, float], settings: Sequence[tuple[str, str]], is_own: bool = False
+) -> str:
+    """The box, and settings by name; those that are empty are left out.
+
+    Versions are those of the report. They are those of the result too if it `is_own`, and was not read from a file.
+    """
+    versions = "versions" if is_own else "versions (of this report)"
+    packages = [f"{name} {version(name)}" for name in _PACKAGES]
+    own = versions, ", ".join([*packages, f"Python {platform.python_version()}"])
+    known = [[name, text] for name, text in (*settings, own) if text]
+    intervals = [] if box is None else [html.page(html.table(_intervals(box, nominal)))]
+    return section("What is assumed", *intervals, html.page(html.table([["setting", "value"], *known], (0, 1))))
+
+
+def _intervals(box: Box, nominal: Mapping[str, float]) -> list[list[str]]:
+    rows = [["parameter", "lower", "upper", *(["nominal"] if nominal else [])]]
+    for name, text, ends in zip(box.names, box.labels, box.bounds, strict=True):
+        rows.append([text, *(_number(x) for x in (*ends, *([nominal[name]] if name in nominal else [])))])
+    units = units_of_parameters(nominal)
+    fixed = [
+        [label(name, units.get(name, "")), "", "", _number(value)]
+        for name, value in nominal.items()
+        if name not in box.names
+    ]
+    return [[*row, *[""] * (len(rows[0]) - len(row))] for row in (*rows, *fixed)]
+
+
+def _number(value: float) -> str:
+    """A number with 12 digits at most, in powers of ten where that is shorter and it is large."""
+    plain = f"{value:.12g}"
+    short = np.format_float_scientific(value, precision=11, trim="-", exp_digits=1).replace("e+", "e")
+    return short if abs(value) >= _LARGE and len(short) < len(plain) else plain
+
+
+def seed(method: str) -> str:
+    """The seed of the method that has this text, '' if it takes none."""
+    kinds = {type(example).__name__: type(example) for entry in METHODS for example in entry.examples}
+    match = re.search(r"\bseed=(\d+)", method)
+    return match[1] if match else str(getattr(kinds.get(method.partition("(")[0]), "seed", ""))
+
+
+def called(*texts: str) -> str:
+    """Arguments of a call in Python from the texts of methods, boxes and solvers; empty ones are left out."""
+    return ", ".join(_CALL.sub(r"mb.\1", text) for text in texts if text)

@@ -1,0 +1,228 @@
+"""What a report says first: whether limits are kept, and what to do next, in sentences."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from symmb._errors import SymmbError
+from symmb._table import is_timeless
+from symmb._types import Array, Mask
+from symmb.bound.bounds import ROUNDING, Bounds, Contributions, KeptLimit, LimitCheck
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.equations.model import Box
+
+STATES = {False: "violated", None: "undecided", True: "kept"}
+"""Names of results of limits, the most urgent first, and what is said of one limit and of several."""
+_SAID = {
+    False: ("is violated in some cases", "are violated in some cases"),
+    None: ("is not decided", "are not decided"),
+    True: ("is kept", "are kept"),
+}
+_MANY, _FEW = 6, 3
+"""Limits or ranges that have a sentence, and parameters that one sentence names."""
+_FAR, _SMALL = 0.5, 0.05
+"""Distance from the middle, over the half width, from which a value is high or low; the share of the largest
+contribution below which a parameter is not named, and the factor of a tolerance below which it is not narrowed."""
+_STEPS, _SAFE = 8, 0.99
+"""Bisections of that factor, and a share that covers the rounding of tolerances that are stated."""
+_CERTAIN = {
+    "enclosure": "The bounds behind these sentences are proved.",
+    "sampled": "Only the {} cases that were run are known. Other cases may lie farther out.",
+    "estimate": "These are estimates from {} runs, not proofs. The annex states their errors.",
+}
+_SEARCH = "`mb.tolerances(...)` searches, with further runs, for tolerances that keep the limits."
+_AGAIN = "These tolerances are cautious estimates: `mb.tolerances(...)` finds and checks larger ones by further runs."
+
+
+def by_urgency(check: LimitCheck) -> list[KeptLimit]:
+    """Violated limits first, then those that are not decided."""
+    return sorted(check.limits, key=lambda limit: [*STATES].index(limit.kept))
+
+
+def verdict(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[tuple[str, str]]:
+    """Sentences about all limits, about each limit or range, and about certainty, each with a result or ""."""
+    if check is None:
+        head = "No limits were given. These are the ranges within the tolerances."
+        ends = zip(bounds.names, bounds.lower.min(axis=0), bounds.upper.max(axis=0), _units(bounds), strict=True)
+        some = [("", f"{name} is between {_text(a, '', 4)} and {_text(b, unit, 4)}.") for name, a, b, unit in ends]
+    else:
+        head = _headline([limit.kept for limit in check.limits])
+        some = [(STATES[limit.kept], _sentence(bounds, limit, shares)) for limit in by_urgency(check)]
+    more = [f"The annex has the other {len(some) - _MANY}."] * (len(some) > _MANY)
+    more.append(_CERTAIN[bounds.kind].format(bounds.evaluations))
+    if bounds.failed:
+        more.append(f"{len(bounds.failed)} of {bounds.evaluations} runs failed: these cases are not known.")
+    if n := len(bounds.doubts):
+        more.append(f"{'A warning says' if n == 1 else f'{n} warnings say'} what is uncertain: see the annex.")
+    return [("" if check is None else STATES[check.kept], head), *some[:_MANY], *(("", text) for text in more)]
+
+
+def _headline(results: Sequence[bool | None]) -> str:
+    n, counts = len(results), {state: results.count(state) for state in STATES if state in results}
+    words = [f"{count} {_SAID[state][count > 1]}" for state, count in counts.items()]
+    if len(words) > 1:
+        return f"Of {n} limits, {_listed(words)}."
+    subject, (state,) = ["", "The limit", "Both limits"][n] if n < 3 else f"All {n} limits", counts
+    return f"{subject} {_SAID[state][n > 1]}{' in all cases within the tolerances' if state else ''}."
+
+
+def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[str]:
+    """What decides limits, which tolerances to tighten and by how much, and which parameters matter most."""
+    limits = [] if check is None else by_urgency(check)
+    texts = [f"{limit.output}: {limit.why}" for limit in limits if limit.kept is None][:_MANY]
+    ends = {limit: limit.high if bounds._side(limit) == "upper" else limit.low for limit in limits if not limit.kept}
+    beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -ROUNDING * abs(end)]
+    lost = [limit for limit in beyond if _nominal_excess(bounds, limit) > 0]
+    if lost:
+        words = [f"{limit.output} by {_text(_nominal_excess(bounds, limit), limit.unit)}" for limit in lost[:_MANY]]
+        more = [f"{len(lost) - _MANY} other outputs"] * (len(lost) > _MANY)
+        texts.append(f"The nominal values violate the limit of {_listed([*words, *more])}: change them, or the limit.")
+    texts += _tighten(bounds, [limit for limit in beyond if limit not in lost], shares)
+    idle = "No tolerance has to be tightened." if limits else "Give limits of outputs, and this page checks them."
+    return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
+
+
+def _text(value: float, unit: str, digits: int = 3) -> str:
+    return f"{value + 0.0:.{digits}g}{' ' * bool(unit)}{unit}"
+
+
+def _listed(words: Sequence[str], last: str = "and") -> str:
+    return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
+
+
+def _units(owner: Bounds | Box) -> Sequence[str]:
+    return getattr(owner, "units", ()) or ("",) * len(owner.names)
+
+
+def _column(bounds: Bounds, limit: KeptLimit) -> int:
+    return bounds.names.index(limit.output)
+
+
+def _inside(limit: KeptLimit) -> str:
+    """The limits as they stand behind "is"."""
+    low, high = _text(limit.low, limit.unit, 6), _text(limit.high, limit.unit, 6)
+    if np.isfinite(limit.low) and np.isfinite(limit.high):
+        return f"between {_text(limit.low, '', 6)} and {high}"
+    return f"at most {high}" if np.isfinite(limit.high) else f"at least {low}"
+
+
+def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
+    """How far the nominal run is beyond the limit, below 0 inside, or where it is not known."""
+    if bounds.nominal is None:
+        return -np.inf
+    values = bounds.nominal[:, _column(bounds, limit)]
+    return float(max((limit.low - values).max(), (values - limit.high).max()))
+
+
+def _sentence(bounds: Bounds, limit: KeptLimit, shares: Contributions | None) -> str:
+    name, margin = limit.output, float(limit.margin[limit.row])
+    where = "" if name in bounds.figures or is_timeless(bounds.t) else f", at {bounds.t[limit.row]:.4g} s"
+    where += _when(bounds, limit, shares)
+    least = f"The smallest margin is {_text(margin, limit.unit)}{where}."
+    end = limit.high if bounds._side(limit) == "upper" else limit.low
+    if abs(margin) <= ROUNDING * abs(end):
+        return f"{name} reaches its limit of {_text(end, limit.unit, 6)}{where}, within rounding."
+    if limit.kept:
+        return f"{name} is {_inside(limit)} in all cases within the tolerances. {least}"
+    verb = "exceed" if bounds._side(limit) == "upper" else "fall below"
+    beyond = f"{name} may {verb} its limit of {_text(end, limit.unit, 6)} by {_text(-margin, limit.unit)}{where}."
+    if limit.kept is None:
+        return f"It is not decided whether {name} is {_inside(limit)}. {least if margin >= 0 else beyond}"
+    return f"{beyond}{' The nominal values violate it too.' if _nominal_excess(bounds, limit) > 0 else ''}"
+
+
+def _when(bounds: Bounds, limit: KeptLimit, shares: Contributions | None) -> str:
+    """Which parameters are high or low in the run that comes closest to the limit."""
+    try:
+        case, box = bounds._closest_to([limit]), bounds.box
+    except SymmbError:  # the run does not come again
+        return ""
+    if case is None or box is None or case.is_short or case.width <= ROUNDING * abs(case.value):
+        return ""
+    place = dict(zip(box.names, box.to_unit(np.array([case.parameters[name] for name in box.names])), strict=True))
+    units = dict(zip(box.names, _units(box), strict=True))
+    names = _important(bounds, _column(bounds, limit), limit.row, shares)
+    names = [n for n in names if n in case.varied and abs(place[n]) >= _FAR]
+    some = names[:_MANY]
+    words = [f"{n} is {'high' if place[n] > 0 else 'low'} ({_text(case.parameters[n], units[n], 4)})" for n in some]
+    words += [f"{len(names) - _MANY} others are high or low"] * (len(names) > _MANY)
+    return f", when {_listed(words)}" if words else ""
+
+
+def _important(bounds: Bounds, k: int, i: int, shares: Contributions | None) -> list[str]:
+    """Parameters by what they contribute to output number k at time number i; all of them if that is not known."""
+    if shares is None:
+        return [] if bounds.box is None else [*bounds.box.names]
+    alone = dict(zip(shares.parameters, shares.alone[i, k].tolist(), strict=True))
+    return [n for n in sorted(alone, key=lambda n: -alone[n]) if alone[n] > _SMALL * max(alone.values())]
+
+
+def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | None) -> list[str]:
+    """What contributes most to widths, at numbers of times by those of outputs, or where they are widest."""
+    texts = list[str]()
+    for k in list(rows or range(len(bounds.names)))[: _FEW if shares else 0]:
+        assert shares is not None
+        i, unit = rows.get(k, int(shares.width[:, k].argmax())), _units(bounds)[k]
+        alone = dict(zip(shares.parameters, shares.alone[i, k].tolist(), strict=True))
+        names = [f"{n} ({_text(alone[n], unit)} alone)" for n in _important(bounds, k, i, shares)[:_FEW]]
+        width = _text(shares.width[i, k], unit)
+        texts += [f"The spread of {bounds.names[k]}, {width}, comes from {_listed(names)}."] if names else []
+    return texts
+
+
+def _tighten(bounds: Bounds, limits: Sequence[KeptLimit], shares: Contributions | None) -> list[str]:
+    """Which tolerances keep limits that the nominal values keep, by the polynomials of the study."""
+    columns, box = [_column(bounds, limit) for limit in limits], bounds.box
+    if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
+        return [_SEARCH] * bool(limits)
+    nominal = [bounds.nominal_parameters.get(name, middle) for name, middle in zip(box.names, box.center, strict=True)]
+    middle, parts = np.clip(box.to_unit(np.array(nominal)), -1.0, 1.0), list[tuple[KeptLimit, Piecewise]]()
+
+    def ends(factor: float, names: Sequence[str]) -> tuple[Array, Array]:
+        low, high = (middle + factor * (end - middle) for end in (-1.0, 1.0))
+        return np.where(np.isin(box.names, names), low, -1.0), np.where(np.isin(box.names, names), high, 1.0)
+
+    def beyond(limit: KeptLimit, part: Piecewise, factor: float, names: Sequence[str]) -> Mask:
+        low, high, _ = part.range(*ends(factor, names))
+        return ((low - part.error < limit.low) | (high + part.error > limit.high))[:, 0]
+
+    def largest(names: Sequence[str]) -> float:
+        """The largest factor of the tolerances of some parameters that keeps the limits, 0 if none does."""
+        low, high, factor = 0.0, 1.0, 0.0
+        for _ in range(_STEPS):
+            if any(beyond(*part, factor, names).any() for part in parts):
+                high = factor
+            else:
+                low = factor
+            factor = 0.5 * (low + high)
+        return _SAFE * low
+
+    def change(name: str, factor: float) -> str:
+        i, x = box.names.index(name), box.from_unit(middle)
+        old, new = ([box.from_unit(end)[i] for end in ends(f, [name])] for f in (1.0, factor))
+        return f"{name} from {_tolerance(x[i], *old)} to {_tolerance(x[i], *new)} {_units(box)[i]}".rstrip()
+
+    for limit, k in zip(limits, columns, strict=True):
+        part = surrogate.part(slice(None), [k])
+        rows = np.flatnonzero(beyond(limit, part, 1.0, ()))  # over parts of the box the others are inside as well
+        parts += [(limit, part.part(rows, [0]))] if len(rows) else []
+    if not parts:  # runs are beyond limits that polynomials keep
+        return [_SEARCH]
+    places = zip(columns, (limit.row for limit in limits), strict=True)
+    names = list(dict.fromkeys(name for k, i in places for name in _important(bounds, k, i, shares)))[:_MANY]
+    goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MANY]])}"
+    factors = {name: largest([name]) for name in names}
+    if best := sorted((n for n in names if factors[n] >= _SMALL), key=lambda n: -factors[n])[:_FEW]:
+        one = "tighten one of these tolerances" if len(best) > 1 else "tighten this tolerance"
+        return [f"{goal}, {one}: {_listed([change(n, factors[n]) for n in best], 'or')}.", _AGAIN]
+    if (factor := largest(box.names)) >= _SMALL:
+        changes = _listed([change(n, factor) for n in names])
+        return [f"{goal}, multiply all tolerances by {factor:.2f}, such as {changes}.", _AGAIN]
+    return [_SEARCH]  # the error of the polynomials leaves no room
+
+
+def _tolerance(nominal: float, low: float, high: float) -> str:
+    """An interval as drawings state it."""
+    above, below = high - nominal + 0.0, nominal - low + 0.0
+    is_even = abs(above - below) <= 1e-6 * (high - low)
+    return f"{nominal:.6g} ± {above:.3g}" if is_even else f"{nominal:.6g} +{above:.3g} −{below:.3g}"

@@ -1,6 +1,0 @@
-"""What of a run can be trusted: runs in two ways, drift of constraints and energy, the theory of flexible bodies."""
-
-from symmb.verification.examination import Drift, Energy, Examination, drift, energy, work_of
-from symmb.verification.linear_theory import LinearTheory, deformation_doubts, linear_theory_doubts
-from symmb.verification.missing_modes import AttachedLoads, attached_loads, with_loads
-from symmb.verification.two_ways import TwoWays, noise_of_outputs, times_to_compare
