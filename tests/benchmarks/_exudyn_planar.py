@@ -48,7 +48,7 @@ def planar(scene: mb.Scene) -> Run:
             made = ObjectRigidBody2D(nodeNumber=nodes[-1], physicsMass=mass, physicsInertia=inertia)
             objects[body.name] = mbs.AddObject(made)
 
-        def marker(point: mb.mechanics.body.Point, kind: type = MarkerBodyPosition) -> int:
+        def marker(point: mb.declare.mechanics.body.Point, kind: type = MarkerBodyPosition) -> int:
             s = number(point.s)
             on = objects.get(point.body.name, ground)
             return mbs.AddMarker(kind(bodyNumber=on, localPosition=[s[0], s[1], 0.0]))

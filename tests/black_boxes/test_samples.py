@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
+from symmb.connect import Reduction
 
 TIMES = np.linspace(0.0, 0.1, 3)
 
@@ -53,7 +54,7 @@ BAD = {
 @pytest.mark.parametrize("kind", SIMULATORS)
 def test_malformed_samples_are_refused_in_a_sentence(kind, bad, tmp_path):
     simulator = SIMULATORS[kind](tmp_path)
-    extremes = mb.black_boxes.Reduction(list, lambda s, block, i: [*s, block.extremes()], lambda a, b: a + b)
+    extremes = Reduction(list, lambda s, block, i: [*s, block.extremes()], lambda a, b: a + b)
     for call in (lambda: simulator.run(bad), lambda: simulator.stream(bad, extremes)):
         with pytest.raises(mb.DeclarationError, match=r"samples must be numbers of the shape \(N, 2\).*l, k") as error:
             call()
