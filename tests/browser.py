@@ -21,7 +21,7 @@ class Browser:
     """A browser with one page. `errors` are what the page wrote to the console as errors, and what it threw."""
 
     def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory()
+        self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)  # Chromium may still write
         (self._reader, out), (into, self._writer) = os.pipe(), os.pipe()
 
         def connect() -> None:  # Chromium reads from 3 and writes to 4
