@@ -1,6 +1,7 @@
 """The floors: who may import whom, how long a file may be, and what `import symmb` must not load."""
 
 import ast
+import importlib
 import itertools
 import os
 import subprocess
@@ -12,11 +13,12 @@ from pathlib import Path
 import pytest
 
 import symmb
+from symmb._presentation import UPWARD
 
 ROOT = Path(symmb.__file__).parent
 WINGS = {
     "": "_errors _types _names _options _specs _table _doubt _html _labelled _progress _cleanup _interrupts _limits"
-    " _threads _citation _units",
+    " _threads _citation _units _presentation",
     "results": "files plot",
     "declare": "symbolic structures mechanics",
     "equations": "model start",
@@ -154,6 +156,15 @@ def test_own_modules_are_imported_at_the_top():
 
 def test_files_are_short():
     assert not [path for path in FILES if len(path.read_text(encoding="utf-8").splitlines()) > LONGEST]
+
+
+def test_only_the_listed_imports_lead_up():
+    for name, home in UPWARD.items():
+        assert home.startswith("symmb.show.") and callable(getattr(importlib.import_module(home), name))
+    by_name = {
+        path.relative_to(ROOT).as_posix() for path in FILES if "import_module" in path.read_text(encoding="utf-8")
+    }
+    assert by_name == {"__init__.py", "_options.py", "_presentation.py", "show/cli/__main__.py"}
 
 
 @pytest.mark.parametrize("eager", ["", "1"])

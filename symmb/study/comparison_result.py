@@ -1,13 +1,13 @@
 """The result of a comparison: print it, plot it, save it."""
 
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symmb import _html as html
 from symmb._errors import WithWarnings
 from symmb._labelled import Labelled, Result
+from symmb._presentation import presentation
 from symmb._types import Array
 from symmb.bound.bounds import box_entries, box_of
 from symmb.equations.model import Box
@@ -174,8 +174,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         DeclarationError       if the name has another suffix
         FileError              if the file cannot be written; the previous one is kept
         """
-        # Reports stand on drawings, which stand on bounds. Only who asks for one loads them.
-        import_module("symmb.show.report").write_comparison(self, path)
+        presentation("write_comparison")(self, path)
 
     def _head(self) -> list[str]:
         yardstick = self.reference.yardstick

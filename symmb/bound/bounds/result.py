@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from symmb._errors import DeclarationError
 from symmb._labelled import Counted, Labelled, NamedColumns, Result
 from symmb._names import look_up_by_name
 from symmb._options import require_truth
+from symmb._presentation import presentation
 from symmb._progress import shown_runs
 from symmb._table import aligned, over_times
 from symmb.bound.bounds import result_file
@@ -247,8 +247,7 @@ class Bounds(Answers, Counted, Result, Saved):
         >>> "x is at least 0.1 in all cases" in path.read_text()
         True
         """
-        # Reports stand on drawings, which stand on bounds. Only who asks for one loads them.
-        import_module("symmb.show.report").write_bounds(self, path, limits, block)
+        presentation("write_bounds")(self, path, limits, block)
 
     def _about(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"

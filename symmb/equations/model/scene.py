@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from importlib import import_module
 from typing import Any, Literal, TypeVar
 
 import casadi as ca
@@ -14,6 +13,7 @@ from symmb._errors import DeclarationError, SymmbError
 from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
 from symmb._options import numbers_of, require_instance, require_truth, shown
+from symmb._presentation import presentation
 from symmb._types import Array, Expr
 from symmb._units import dimensions, label, ratio_of, scaled, unit_of, units_of_parameters
 from symmb.declare.mechanics import Figure
@@ -337,10 +337,8 @@ class Scene:
                 row = [label(name, units.get(name, "")), f"{value:g}", *(f"{end:g}" for end in intervals.get(name, ()))]
                 rows.append([*row, *[""] * (4 - len(row))])
             tables.append(html.table([["parameter", "nominal", "lower", "upper"], *rows]))
-        # Drawings stand on scenes. Only a notebook that shows a scene asks for one.
-        drawing = import_module("symmb.show.drawing")
         try:
-            picture = html.picture(drawing.start_picture(self))
+            picture = html.picture(presentation("start_picture")(self))
         except SymmbError as error:
             picture = html.text(f"No picture: {error}")
         return html.page(html.text(repr(self)), picture, *tables)

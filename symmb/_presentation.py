@@ -1,0 +1,17 @@
+"""The functions of `show` that results of lower wings call. They load when they are first asked for."""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+UPWARD = {
+    "start_picture": "symmb.show.drawing",
+    "write_bounds": "symmb.show.report",
+    "write_comparison": "symmb.show.report",
+}
+"""Name of a function -> its room. No other arrow leads up: tests/test_architecture.py"""
+
+
+def presentation(name: str) -> Callable[..., Any]:
+    """One of these functions."""
+    return getattr(import_module(UPWARD[name]), name)
