@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -75,18 +75,21 @@ class Labelled:
 
 
 class NamedColumns(np.ndarray):
-    """Values (n_t, n_y) of outputs, whose columns are also found by names. What is computed from them has none."""
+    """Values (n_t, n_y) of outputs, whose columns are also found by names. They are read-only, and their copies not.
+
+    What is computed from them has no names.
+    """
 
     names: tuple[str, ...] = ()
 
     def __new__(cls, values: np.ndarray, names: Sequence[str]) -> "NamedColumns":
         columns = np.asarray(values).view(cls)
-        columns.names = tuple(names)
+        columns.names, columns.flags.writeable = tuple(names), False
         return columns
 
     def __getitem__(self, key: Any) -> Any:
         values = self.view(np.ndarray)
-        if isinstance(key, str) and self.names:
+        if isinstance(key, str):
             return values[:, self.names.index(require_name("Bounds", "output", key, self.names))]
         return values[key]
 
@@ -96,8 +99,16 @@ class NamedColumns(np.ndarray):
     def __reduce__(self) -> tuple[Any, ...]:
         return NamedColumns, (self.view(np.ndarray), self.names)
 
+    def copy(self, order: Literal["K", "A", "C", "F"] = "C") -> "NamedColumns":
+        columns = NamedColumns(self.view(np.ndarray).copy(order), self.names)
+        columns.flags.writeable = True
+        return columns
+
     def __deepcopy__(self, memo: Any) -> "NamedColumns":
-        return NamedColumns(self.view(np.ndarray).copy(), self.names)
+        return NamedColumns(self.copy(), self.names)
+
+    def __copy__(self) -> Any:
+        return self.copy()
 
 
 class Counted:
@@ -174,6 +185,12 @@ def over_outputs(
     if any(units):
         coordinates["unit"] = (("output",), texts(units))
     return coordinates, {"time": "s"} | (dict.fromkeys(alike, units[0]) if len({*units}) == 1 else {})
+
+
+def units_along(names: Sequence[str], units: Mapping[str, str]) -> dict[str, Named]:
+    """The coordinate `parameter_unit` of parameters; none if no parameter has a unit."""
+    own = texts([units.get(name, "") for name in names])
+    return {"parameter_unit": (("parameter",), own)} if any(own) else {}
 
 
 def known(variables: Mapping[str, Named]) -> dict[str, Named]:

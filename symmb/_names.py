@@ -46,7 +46,8 @@ def counted(number: int, noun: str) -> str:
 def did_you_mean(name: object, known: Iterable[str]) -> str:
     """' Did you mean 'x'?' or a list of what is known, for the end of an error message."""
     known = [*map(str, known)]
-    close = get_close_matches(name, known, n=1) if isinstance(name, str) else ()
+    text = name if isinstance(name, str) else ""
+    close = [own for own in known if own.casefold() == text.casefold()] or get_close_matches(text, known, n=1)
     if close:
         return f" Did you mean {close[0]!r}?"
     shown = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")

@@ -2,13 +2,16 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number, shown
+from symmb._options import is_finite_number, numbers_of, shown
+from symmb._types import Array
 
 BASES = "m", "kg", "s", "rad", "A", "K"
 """Base units, which are those of FMI as well. An angle counts as a dimension: rpm is no Hz."""
@@ -136,6 +139,10 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
     DeclarationError    if it is none of them; the unit itself is not looked at
     """
     match = _QUANTITY.fullmatch(given.replace("\N{MINUS SIGN}", "-")) if isinstance(given, str) else None
+    if match and re.match(r",\d", match[2]):
+        raise DeclarationError(
+            f"{owner} {shown(given)} has a comma. Decimals have a point, as 2.5, and thousands none."
+        )
     if match and match[2]:
         given = float("".join(match[1].split())), match[2]
     number, unit = given if isinstance(given, tuple | list) and len(given) == 2 else (given, "")
@@ -151,6 +158,20 @@ def number_in(owner: str, what: str, given: object, own: str) -> float:
     """A quantity as a number in a unit, in which bare numbers are. DeclarationError if its unit does not fit."""
     number, unit = quantity(f"{owner}:", given)
     return scaled(number, ratio_of(owner, what, unit, own)) if unit else number
+
+
+def numbers_in(owner: str, what: str, given: Any, own: str) -> Array | None:
+    """Numbers, ([234, 236], "mm") or ["234 mm", "236 mm"] as numbers in a unit; None if they are none of these.
+
+    DeclarationError if a unit does not fit.
+    """
+    if isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], str):
+        values, unit = numbers_of(given[0]), given[1]
+        if values is not None:
+            return scaled(values, ratio_of(owner, what, unit, own))
+    if isinstance(given, list | tuple) and any(isinstance(value, str | tuple) for value in given):
+        return np.array([number_in(owner, what, value, own) for value in given])
+    return numbers_of(given)
 
 
 def number_or_quantity(text: str) -> float | str:
@@ -173,3 +194,50 @@ def with_units(values: Mapping[str, str], parameters: object) -> list[str]:
 def label(name: str, unit: str) -> str:
     """A name with its unit, if it has one."""
     return f"{name} [{unit}]" if unit else name
+
+
+def told_units(units: Sequence[str], n: int, parameters: object = None) -> Sequence[str]:
+    """Units of n outputs that texts and .csv files tell: all that are known, if one of them or a parameter has another
+    than SI units, else none."""
+    is_si = all(map(_is_si, units)) and not units_of_parameters(parameters)
+    return ("",) * n if is_si or not units else units
+
+
+def told_names(names: Sequence[str], units: Sequence[str], parameters: object = None) -> Sequence[str]:
+    """Names of outputs with the units that texts tell."""
+    return [*map(label, names, told_units(units, len(names), parameters))]
+
+
+def _is_si(text: str) -> bool:
+    try:
+        return unit_of("", text)[:2] == NO_UNIT[:2]
+    except DeclarationError:  # of an FMU
+        return False
+
+
+TIME_HEADINGS = "t", "t [s]"
+"""Of .csv files without units and with them."""
+
+
+def headings(names: Sequence[str], units: Sequence[str], parameters: object = None) -> list[str]:
+    """Headings of the time and of outputs in a .csv file. Only where there are units, the time has one."""
+    told = told_units(units, len(names), parameters)
+    own = [
+        f"{name} []" if not unit and _parted(name)[1] else label(name, unit)
+        for name, unit in zip(names, told, strict=True)
+    ]
+    return [TIME_HEADINGS[1], *own] if any(told) else [TIME_HEADINGS[0], *names]
+
+
+def read_headings(first: str, others: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of outputs from headings; no units if the time has none. DeclarationError if it is not first."""
+    if first not in TIME_HEADINGS:
+        raise DeclarationError("its first column must be t.")
+    names, units = zip(*map(_parted, others), strict=True) if others else ((), ())
+    return (names, units) if first == TIME_HEADINGS[1] else (tuple(others), ())
+
+
+def _parted(text: str) -> tuple[str, str]:
+    """The name and the unit of a label."""
+    name, _, unit = text.removesuffix("]").rpartition(" [")
+    return (name, unit) if name and text.endswith("]") else (text, "")

@@ -75,7 +75,14 @@ def test_bounds_of_an_output_by_its_name():
             for ends, both in zip((again.lower, again.upper), bounds[name], strict=True):
                 np.testing.assert_array_equal(ends[name], both)
                 assert type(ends[name]) is type(ends[:, k]) is type(ends + 1.0) is np.ndarray
+            for ends in (again.lower, again.upper):
+                with pytest.raises(ValueError, match="read-only"):
+                    ends[0, 0] = 1.0
+                for mine in (ends.copy(), copy.copy(ends)):
+                    mine["y"][:] = 5.0
+                    assert (mine["y"] == mine[:, 1]).all() and (mine["y"] == 5).all() and (ends["y"] != 5).all()
     refused("no output 'z'. Known are: x, y", bounds.lower.__getitem__, "z")
+    refused("no output 'x'", bounds.lower.T.__getitem__, "x")
     assert isinstance(bounds.lower.max(), float) and isinstance(bounds.lower[0, 0], float)
 
 
@@ -183,6 +190,34 @@ def test_blocks_within_each_other_and_those_that_end_by_an_error():
         mb.Body("a", 1.0 / 0, 1.0)
     with pytest.raises(mb.DeclarationError, match="the name is used twice"), mb.System():
         mb.Body("a", 1.0, 1.0), mb.Body("a", 1.0, 1.0)
+
+
+def test_a_system_is_not_used_inside_its_block():
+    again = mb.Body("again", 1.0, 1.0)
+    with mb.System() as system:
+        mass, _ = oscillator()
+        uses = {
+            "M": lambda: system.M, "elements": lambda: system.elements, "inputs": lambda: system.inputs,
+            "joint_space": system.joint_space, "reaction": lambda: system.reaction("spring"),
+            "pickle": lambda: pickle.dumps(system), "scene": lambda: mb.Scene(system, outputs={"x": mass.x}),
+            "equations": system.equations, "with_states": lambda: system.with_states([]),
+        }  # fmt: skip
+        for use in uses.values():
+            refused(r"^System: its block is open. Use the System after it, where it has its elements.$", use)
+        with pytest.raises(mb.DeclarationError, match="the block of this System is open already"), system:
+            mb.Body("inside", 1.0, 1.0)
+        last = mb.Gravity(0, -9.81)
+    assert len(system.elements) == 3 and system.elements[-1] is last and system.M.shape == (3, 3)
+    with system:
+        more = mb.Body("more", 1.0, 1.0)
+    assert system.elements[-1] is more and system.M.shape == (6, 6)
+    with pytest.raises(mb.DeclarationError, match="the name is used twice"), system:
+        mb.Body("again", 1.0, 1.0), mb.Body("again", 2.0, 1.0)
+    with pytest.raises(ZeroDivisionError), system:
+        mb.Body("gone", 1.0 / 0, 1.0)
+    assert system.elements[-1] is more and system.M.shape == (6, 6) and again not in system.elements
+    with pytest.raises(AttributeError, match="System has no attribute 'Mass'"):
+        _ = system.Mass  # pyright: ignore
 
 
 def test_machines_of_files_belong_to_the_system_once(tmp_path):

@@ -10,10 +10,10 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
 from symmb._names import ByName, name_faults, normal, normal_keys
-from symmb._options import is_finite_number, numbers_of, require_name, shown
+from symmb._options import is_finite_number, require_name, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Executor
-from symmb._units import units_of_parameters
+from symmb._units import numbers_in, quantity, units_of_parameters
 from symmb.connect.executors import LostTask, finished
 from symmb.connect.identity import ChangedFileError
 from symmb.connect.limited_calls import fault_text
@@ -62,7 +62,7 @@ class BlackBox(ABC):
     ) -> None:
         """Check and keep what is declared."""
         owner, units = type(self).__name__, units_of_parameters(parameters)
-        instants = numbers_of(times)
+        instants = numbers_in(f"{owner}: times", "a time", times, "s")
         if instants is None:
             raise DeclarationError(f"{owner}: times must be numbers, got {shown(times)}.")
         times = instants.copy()
@@ -77,12 +77,11 @@ class BlackBox(ABC):
         names, parameters = tuple(map(normal, names)), normal_keys(owner, parameters)
         if not names or faults:
             raise DeclarationError(f"{owner}: outputs must be one or more different names. {' '.join(faults)}".strip())
-        for name, value in parameters.items():
-            if not is_finite_number(value):
-                raise DeclarationError(f"{owner}: parameter {name!r}: {value!r} is not a finite number.")
+        given = {name: quantity(f"{owner}: parameter {name!r}:", value) for name, value in parameters.items()}
+        units = {**units, **{name: unit for name, (_, unit) in given.items() if unit}}
         times.flags.writeable = False
         vars(self).update(
-            parameters=ByName(((n, float(value)) for n, value in parameters.items()), units),
+            parameters=ByName(((name, value) for name, (value, _) in given.items()), units),
             times=times,
             outputs=names,
             noise=None if noise is None else _noise(owner, noise, names),

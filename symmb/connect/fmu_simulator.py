@@ -12,6 +12,7 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._names import ByName
 from symmb._options import is_finite_number, require_timeout, shown
 from symmb._types import Array
+from symmb._units import number_in, units_of_parameters
 from symmb.connect.black_box import BlackBox
 from symmb.connect.fmu_description import (
     CO_SIMULATION,
@@ -117,7 +118,11 @@ class FMUSimulator(BlackBox):
         if step is not None and not (is_finite_number(step) and step > 0):
             raise DeclarationError(f"{OWNER}: step must be a number of seconds above 0, got {shown(step)}.")
         fmu, variables = described(Path(path).resolve(), fmi_type)
-        inputs = parameters_of(fmu.path, variables, self.parameters)
+        inputs, given = parameters_of(fmu.path, variables, self.parameters), units_of_parameters(self.parameters)
+        units, nominal = {v.name: v.unit or given.get(v.name, "") for v in inputs}, dict(self.parameters)
+        for name, unit in given.items():
+            if unit != units[name]:
+                nominal[name] = number_in(OWNER, f"parameter {name!r}", (nominal[name], unit), units[name])
         found = tuple(variable_of(fmu.path, variables, name, "output") for name in self.outputs)
         step = _step(fmu, self.times, step)
         patience = min(_LONG, np.inf if timeout is None else timeout / 3)
@@ -128,7 +133,7 @@ class FMUSimulator(BlackBox):
             step=step,
             timeout=timeout,
             units=tuple(variable.unit for variable in found),
-            parameters=ByName(self.parameters, {variable.name: variable.unit for variable in inputs if variable.unit}),
+            parameters=ByName(nominal, {name: unit for name, unit in units.items() if unit}),
             _fmu=fmu,
             _calls=LimitedCalls(runs, timeout, "the FMU"),
         )

@@ -9,11 +9,11 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Counted, Labelled, Result, texts
+from symmb._labelled import Counted, Labelled, Result, texts, units_along
 from symmb._names import ByName, counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array, Figure
-from symmb._units import label, units_of_parameters
+from symmb._units import label, told_units, units_of_parameters
 from symmb.equations.model import Box, Scene
 from symmb.results import plot
 from symmb.results.files import Record, Saved, entry
@@ -62,6 +62,8 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         what the data do not determine, and why the residuals are not noise: then the estimates may be wrong
     evaluations, runs : int
         runs with derivatives
+    units : tuple of str
+        of the outputs, '' where they are not known
 
     Examples
     --------
@@ -88,6 +90,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     undetermined: tuple[str, ...]
     doubts: tuple[str, ...]
     evaluations: int
+    units: tuple[str, ...] = ()
 
     _most = None
 
@@ -159,7 +162,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         return "\n".join(
             [
                 f"{self.name}: {numbers[0]} from {numbers[1]}, {numbers[2]}",
-                *(f"  noise       {name}: {noise:.3g}" for name, noise in self.noise.items()),
+                *map("  noise       {}: {:.3g}".format, self._told_names(), self.noise.values()),
                 *(f"  warning     {text}" for text in self.doubts),
             ]
         )
@@ -175,13 +178,15 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     def _figure(self, columns: list[int] | None, style: plot.Style) -> Figure:
         names = self.names if columns is None else [self.names[k] for k in columns]
         series = [(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in names]
-        return plot.plot_fit(series, style)
+        units = told_units(self.units, len(self.names), self.parameters)
+        return plot.plot_fit(series, [units[self.names.index(name)] for name in names], style)
 
     def _labelled(self) -> Labelled:
         names, series = texts([*self.parameters]), ("value",)
         coordinates = {
             "parameter": (("parameter",), names),
             "other": (("other",), names),
+            **units_along([*self.parameters], units_of_parameters(self.parameters)),
             "output": (series, texts([name for name, t in self.times.items() for _ in t])),
             "time": (series, np.concatenate([*self.times.values()])),
         }
@@ -217,6 +222,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
             record.texts("undetermined", default=()),
             record.texts("doubts", default=record.texts("undetermined", default=())),
             record.whole("evaluations"),
+            record.texts("units", default=()),
         )
 
 
@@ -362,6 +368,7 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
         undetermined,
         (*undetermined, *doubts),
         fit.runs,
+        tuple(fit.simulator.units[fit.simulator.outputs.index(name)] for name in fit.measured),
     )
 
 

@@ -13,7 +13,7 @@ from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array, Figure
-from symmb._units import units_of_parameters
+from symmb._units import label, units_of_parameters
 from symmb.bound.bounds import Method, PolynomialChaos, box_entries, box_of, method_of, parameter_samples, propagate
 from symmb.equations.model import Box, Scene
 from symmb.results import plot
@@ -54,6 +54,8 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
         where frequencies cross, and where shapes are exchanged
     doubts : tuple of str
         what cannot be trusted
+    unit : str
+        of the parameter, '' if it has none
 
     Examples
     --------
@@ -78,6 +80,7 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
     evaluations: int
     remarks: tuple[str, ...]
     doubts: tuple[str, ...]
+    unit: str = ""
 
     @property
     def frequencies(self) -> Array:
@@ -99,7 +102,7 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
         return html.page(html.text(self._head()), table, foot, html.picture(plot.png(self.plot())))
 
     def _head(self) -> str:
-        span = f"{self.parameter} = {self.values[0]:g} to {self.values[-1]:g}"
+        span = f"{self.parameter} = {self.values[0]:g} to {self.values[-1]:g} {self.unit}".rstrip()
         count = self.modes.shape[1]
         return f"{self.name}: {count} oscillation{'s' * (count != 1)} over {len(self.values)} values, {span}"
 
@@ -120,8 +123,9 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
 
     def _figure(self, style: plot.Style) -> Figure:
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
+        parameter = label(self.parameter, self.unit)
         return plot.plot_root_locus(
-            self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, style=style
+            self.values, self.eigenvalues, curves, self.bands, parameter=parameter, title=self.name, style=style
         )
 
     def _record(self) -> dict[str, Any]:
@@ -169,7 +173,7 @@ def root_locus(
     parameter : str
         such as a speed
     range : (lower, upper)
-        values that are looked at
+        values that are looked at, in the unit of the parameter, or with another, as (40, 400, "rpm")
     method : optional
         of the bands; default: PolynomialChaos()
     box : Box, optional
@@ -230,6 +234,7 @@ def root_locus(
         evaluations=evaluations,
         remarks=locus.remarks,
         doubts=doubts,
+        unit=units_of_parameters(scene.system.parameters).get(parameter, ""),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Counted, Labelled, Result, texts
+from symmb._labelled import Counted, Labelled, Result, texts, units_along
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_finite_number, require_name, shown
 from symmb._progress import shown_runs
@@ -115,6 +115,7 @@ class Tolerances(Counted, Result):
             "factor": (("parameter",), np.array([self.factors[name] for name in self.box.names])),
         }
         coordinates = {"parameter": (("parameter",), names), "bound": (("bound",), texts(("lower", "upper")))}
+        coordinates |= units_along(self.box.names, dict(zip(self.box.names, self.box.units, strict=False)))
         return Labelled(
             coordinates, variables, {"binding": str(self.binding or ""), "cost": self.cost}, {}, ("parameter",)
         )

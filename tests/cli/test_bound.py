@@ -105,6 +105,10 @@ def test_numbers_with_units(folder, capsys):
     assert "speed = 1500 mm/s" in capsys.readouterr().out
     assert main(["simulate", "roll.py", "--set", "speed=2 m/s", "--csv", "run.csv"]) == 0
     assert np.genfromtxt(folder / "run.csv", delimiter=",", skip_header=1)[-1, 1] == pytest.approx(400)
+    for words in ("speed=1:1.5m/s", "speed=1m/s:1.5"):
+        assert main(["bound", "roll.py", "--box", words, "--limit", "x=2:3.1m", "--json", "b.json"]) == 1
+        assert mb.Bounds.load("b.json").box == bounds.box
+        assert "200 <= x <= 310 cm" in capsys.readouterr().out
     for words in (["--box", "speed=1kg:2kg"], ["--limit", "x=:3.1s"], ["--limit", "x=:3.1mmm"]):
         assert main(["bound", "roll.py", *words]) == 2
         assert "unit" in (error := capsys.readouterr().err) or "does not fit" in error

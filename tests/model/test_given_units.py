@@ -1,5 +1,7 @@
 """Parameters, boxes and outputs with units: numbers by SciPy's constants, and refusals."""
 
+import re
+
 import numpy as np
 import pytest
 from faults import told_in_a_line
@@ -51,7 +53,8 @@ REFUSED = [
     ("rpm", "2 1/s", "does not fit"), ("N m", "2 N", "does not fit"), ("K", "20 °C", "the zero of °C is not that of K"),
     ("K", "20 degF", "the zero of degF"), ("mm", "2 m2", "is no unit"), ("N", "2 N/", "is no unit"),
     ("N", "2 (N", "is no unit"), ("N", "2 N/m s", "may be read in two ways"), ("kg", "2 m/kg/s", "does not fit"),
-    ("", "2 mm", "'x', which has no unit"), ("mm", "two mm", "not a finite number"), ("mm", "2,5 mm", "is no unit"),
+    ("", "2 mm", "'x', which has no unit"), ("mm", "two mm", "not a finite number"),
+    ("mm", "2,5 mm", "has a comma. Decimals"),
     ("N m/rad", "2 N m", "does not fit"), ("mm", "2 %", "is no unit"), ("mm", "nan mm", "not a finite number"),
     ("V", "2 A", "does not fit"), ("mm", "2 M", "'M' is no known unit"), ("N", "2 kgf", "'kgf' is no known unit"),
 ]  # fmt: skip
@@ -71,6 +74,29 @@ def test_what_does_not_fit_is_refused(own, given, why):
         bounds.check({"y": (None, given)})
 
 
+@pytest.mark.parametrize("unit", sorted({unit for unit in FACTORS if unit.isascii() and unit.isalpha()} - {"m", "N"}))
+def test_units_in_other_letters_are_recognised(unit):
+    for wrong in {unit.upper(), unit.lower(), unit.capitalize()} - {*FACTORS, unit, "MPA"}:
+        try:
+            mb.Parameters(x=(1.0, wrong))
+        except mb.DeclarationError as error:
+            assert f"{wrong!r} is no known unit. Did you mean {unit!r}?" in str(error)
+        else:  # another unit: Mg is no Mm
+            assert wrong in {"G", "H", "K", "A", "V", "W", "J", "h", "g", "s"}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_decimal_commas_are_recognised(seed):
+    number = f"{np.random.default_rng(seed).uniform(1, 900):.3f}".replace(".", ",")
+    for text in (f"{number} N/mm", number, f"{number}mm", f"1.{number} mm"):
+        with told_in_a_line("has a comma. Decimals have a point"):
+            mb.Parameters(x=text)
+        with told_in_a_line("has a comma. Decimals have a point"):
+            mb.Box(x=(text, "3 mm"))
+    with told_in_a_line("Decimals have a point"):
+        mb.Box(x=f"{number} mm ±10%")
+
+
 @pytest.mark.parametrize("unit", ["N/mmm", "°C", "N/m s", "m2", "kgf"])
 def test_unknown_units_are_refused_where_they_are_declared(unit):
     with told_in_a_line("unit|two ways|zero"):
@@ -86,7 +112,7 @@ BODY = mb.Body("body", 1.0, 0.1)
     ("output", "unit", "why"),
     [
         (BODY.x, "kg", "'kg' does not fit output 'y', which is in m"), (BODY.omega, "Hz", "which is in rad/s"),
-        (mb.maximum(BODY.vx), "mm", "which is in m/s"), (mb.first_time(BODY.x < 0), "ms", "is a time, which is in s"),
+        (mb.maximum(BODY.vx), "mm", "which is in m/s"), (mb.first_time(BODY.x < 0), "mm", "which is in s"),
         (mb.mean(BODY.theta), "m", "which is in rad"),
     ],
 )  # fmt: skip
@@ -123,6 +149,44 @@ def test_intervals_are_told_in_words(given, ends):
 def test_tolerances_around_nominal_values(tolerance, ends):
     box = mb.Box.plus_minus(mb.Parameters(arm=(235, "mm")), arm=tolerance)
     assert box.units == ("mm",) and box["arm"] == pytest.approx(ends, rel=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_tolerances_without_a_size(seed):
+    """Quantities, shares and pairs, by SciPy's factors."""
+    rng = np.random.default_rng(seed)
+    lengths = ["mm", "cm", "in", "m", "µm", "ft"]
+    own, other = rng.choice(lengths, 2)
+    ratio, (nominal, size) = FACTORS.get(other, 1.0) / FACTORS.get(own, 1.0), rng.uniform(1, 9, 2).round(3)
+    p = mb.Parameters(arm=(nominal, own))
+    for text in (f"{size} {other}", f"±{size} {other}", (size, other), (-size, size, other), f"+/- {size} {other}"):
+        ends = nominal - size * ratio, nominal + size * ratio
+        assert mb.Box.plus_minus(p, arm=text)["arm"] == pytest.approx(ends, rel=1e-12), text
+    ends = nominal - size * ratio, nominal + 2 * size * ratio
+    assert mb.Box.plus_minus(p, arm=(f"-{size} {other}", f"{2 * size} {other}"))["arm"] == pytest.approx(ends)
+    for share in (f"±{size}%", f"± {size} %", f"+/-{size}%", f"+/− {size} %"):
+        assert mb.Box.plus_minus(p, arm=share) == mb.Box.plus_minus(p, arm=f"{size}%")
+        assert mb.Box.around(p, share) == mb.Box.around(p, f"{size}%")
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "why"),
+    [
+        ("1°", "'°' does not fit parameter 'arm'"), ("-1 mm", "'arm': '-1 mm' is no tolerance"),
+        ("1,5 mm", "'arm'"), ("1,5%", "Decimals have a point"), ("±1,5%", "Decimals have a point"),
+        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "both ends need a unit"), ((1, 2, "mmm"), "'mmm' is no known"),
+        ((-1, "mm"), "at least 0"), ("-1%", "from 0 % to"),
+    ],
+)  # fmt: skip
+def test_tolerances_without_a_size_that_are_refused(tolerance, why):
+    with told_in_a_line(why):
+        mb.Box.plus_minus(mb.Parameters(arm=(235, "mm")), arm=tolerance)
+
+
+@pytest.mark.parametrize(("text", "unit"), [("1°", "°"), ("2 mm", "mm"), ("±1 N/mm", "N/mm"), ("1 N m/deg", "N m/deg")])
+def test_tolerances_with_a_unit_ask_for_that_of_the_parameter(text, unit):
+    with told_in_a_line(re.escape(f"'rest' has no unit, and {text!r} has one. Declare rest=(..., {unit!r}).")):
+        mb.Box.plus_minus(mb.Parameters(rest=1.0), rest=text)
 
 
 @pytest.mark.parametrize("unit", ["m", "in", "cm"])

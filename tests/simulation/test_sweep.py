@@ -126,7 +126,7 @@ def test_wrong_calls_are_told():
             lambda: mb.simulate(scene, parameters=[{"kk": 1}]),
         ],
         "no run to make": [lambda: mb.simulate(scene, parameters=[])],
-        "no finite number": [lambda: mb.simulate(scene, parameters=[{"k": np.nan}])],
+        "nan is not a finite number": [lambda: mb.simulate(scene, parameters=[{"k": np.nan}])],
         "check=True is of one run": [lambda: mb.simulate(scene, parameters=[{}], check=True)],
         "Scene or a simulator": [lambda: mb.sweep("scene", {"k": [1.0]})],
         "has its own solver": [lambda: mb.sweep(black_box, {"k": [1.0]}, times=[0, 1])],

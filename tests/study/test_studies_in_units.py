@@ -116,6 +116,8 @@ def test_calibration(both, tmp_path):
     assert own.parameters == pytest.approx({"arm": 252, "rate": 0.121}, rel=1e-6)
     assert [*own.deviations.values()] == pytest.approx(np.multiply([*si.deviations.values()], [1e3, 1e-3]), rel=1e-4)
     assert own.box().units == ("mm", "N/mm") and "arm [mm]" in str(own)
+    assert "tip [mm]: 0.1\n" in str(own) and "tip: 0.0001\n" in str(si)
+    assert [fit.plot().axes[0].get_title(loc="left") for fit in (own, si)] == ["tip [mm]", "tip"]
     own.save(tmp_path / "fit.json")
     again = mb.Calibration.load(tmp_path / "fit.json")
     assert again.box() == own.box() and str(again) == str(own)
@@ -162,8 +164,188 @@ def test_fmus_tell_units_and_run_in_them(both, tmp_path, version):
     variables = {variable.name: variable for variable in told.modelVariables}
     assert {name: variables[name].unit for name in OF_PARAMETERS} == dict(zip(OF_PARAMETERS, OWN, strict=True))
     assert float(variables["arm"].start) == 250
+    for arm in ("25 cm", (0.25, "m"), "250 mm"):
+        assert mb.FMUSimulator(path, {"arm": arm}, both[0].times, ["tip"]).parameters == {"arm": 250}
     fmu = mb.FMUSimulator(path, {"arm": 250.0}, both[0].times, ["tip", "swing", "force"])
     assert fmu.units == ("mm", "deg", "kN")
     bounds = mb.propagate(fmu, mb.Vertex(), mb.Box(arm=("24.9 cm", "25.1 cm")))
     expected = mb.propagate(both[1], mb.Vertex(), mb.Box(arm=(0.249, 0.251)), SOLVER)
     same(bounds.upper, expected.upper, 1e-7)
+
+
+def test_tables_tell_units(both):
+    own, si = ([mb.propagate(s, mb.PolynomialChaos(), solver=SOLVER), mb.simulate(s, SOLVER)] for s in both)
+    for results, scene in ((own, both[0]), (si, both[1])):
+        results += [results[0].contributions(), mb.sensitivities(scene, solver=SOLVER)]
+        results += [mb.sweep(scene, {"mass": [scene.system.parameters["mass"]]}, SOLVER)]
+    for result, plain in zip(own, si, strict=True):
+        for name, unit in zip(FACTORS, own[0].units, strict=True):
+            assert f"{name} [{unit}]" in str(result) and f"{name} [" not in str(plain)
+    for name, unit in zip(FACTORS, own[0].units, strict=True):
+        worst, plain = own[0].worst(name), si[0].worst(name)
+        assert f"lowest {name} [{unit}]" in str(worst) and f"lowest {name} [" not in str(plain)
+        assert f"{unit} at " in str(worst.lower) and str(plain.lower).startswith(
+            f"lowest {name} {plain.lower.value:.6g} at"
+        )
+    assert [limit.text for limit in own[0].check({"tip": (-200, 210)}).limits] == ["-200 <= tip <= 210 mm"]
+    assert [limit.text for limit in si[0].check({"tip": (-0.2, 0.21)}).limits] == ["-0.2 <= tip <= 0.21"]
+
+
+def test_probabilities_and_samples(both):
+    from scipy.stats import norm
+
+    own, si = (mb.propagate(scene, mb.PolynomialChaos(order=2), solver=SOLVER) for scene in both)
+    laws = [
+        {n: norm(c, r / 3) for n, c, r in zip(b.box.names, b.box.center, b.box.radius, strict=True)} for b in (own, si)
+    ]
+    level = float(np.degrees(np.mean(si["swing"], axis=0)).max())
+    found = [
+        own.probability("swing", above=above, distributions=laws[0])
+        for above in (level, f"{level!r} deg", (level, "°"), (np.deg2rad(level), "rad"))
+    ]
+    plain = si.probability("swing", above=np.deg2rad(level), distributions=laws[1])
+    assert [each.ever[0] for each in found] == pytest.approx([plain.ever[0]] * 4, rel=1e-6)
+    assert f"swing above {level:g} deg" in str(found[1]) and "rad" not in str(plain)
+    with pytest.raises(mb.DeclarationError, match="'mm' does not fit output 'swing', which is in deg"):
+        own.probability("swing", above="60 mm", distributions=laws[0])
+    assert "Quantiles of tip [mm]" in str(own.quantiles("tip", [0.1], distributions=laws[0]))
+    samples = own.samples(3, laws[0])
+    assert samples.to_xarray()["arm"].attrs == {"units": "mm"}
+
+
+def test_arrays_tell_units(both):
+    pytest.importorskip("xarray")
+    bounds, fit = mb.propagate(both[0], mb.Vertex(), solver=SOLVER), mb.simulate(both[0], SOLVER)
+    for result in (bounds, mb.sensitivities(both[0], ["arm", "rate", "angle"], SOLVER), bounds.worst("tip")):
+        units = result.to_xarray()["parameter_unit"].to_series()
+        assert units[:3].to_list() == ["mm", "N/mm", "deg"]
+    for result in (fit, mb.simulate(both[0], SOLVER, parameters=[{}]), bounds.worst("tip")):
+        arrays = result.to_xarray()
+        assert [arrays[name].attrs.get("units") for name in OF_PARAMETERS] == [*OWN]
+    assert bounds.worst("tip").to_xarray()["attained"].attrs == {"units": "mm"}
+    assert "parameter_unit" not in mb.propagate(both[1], mb.Vertex(), solver=SOLVER).to_xarray()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_tables_in_files_hold_units(tmp_path, seed):
+    """Names with brackets as well; files without units are read as they were."""
+    rng = np.random.default_rng(seed)
+    some = ["x", "y [mm]", "v[0]", "a []", "b] [", "[mm]", "µ", "w, z", "deg [deg] [deg]", "p lower"]
+    names = tuple(rng.permutation(some)[: rng.integers(1, 8)].tolist())
+    t, ends = np.arange(3.0), np.sort(rng.normal(size=(2, 3, len(names))), axis=0)
+    for units in (
+        tuple(rng.choice(["mm", "N/mm", "", "deg", "m/s^2", "°"], len(names)).tolist()),
+        ("m",) * len(names),
+        (),
+    ):
+        bounds = mb.Bounds(t, names, *ends, "sampled", "Vertex()", 4, units=units)
+        bounds.save(tmp_path / "bounds.csv")
+        again = mb.Bounds.load(tmp_path / "bounds.csv")
+        has_units = any(unit not in ("", "m", "m/s^2") for unit in units)
+        assert again.names == names and again.units == (units if has_units else ())
+        np.testing.assert_array_equal(again.upper, bounds.upper)
+        head = (tmp_path / "bounds.csv").read_text().split(",")[0]
+        assert head == ("t [s]" if has_units else "t")
+        again.save(tmp_path / "again.csv")
+        assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "bounds.csv").read_bytes()
+    p = mb.Parameters(length=(250, "mm"))
+    outputs = dict.fromkeys(names, p.length) | {"own": (p.length, "cm")}
+    run = mb.simulate(mb.Scene(mb.System(parameters=p), outputs=outputs))
+    run.save(tmp_path / "run.csv")
+    again = mb.Trajectory.load(tmp_path / "run.csv")
+    assert again.names == run.names and again.units == run.units == ("m",) * len(names) + ("cm",)
+    np.testing.assert_array_equal(again.values, run.values)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_limits_are_compared_without_units(seed):
+    """What comes closest does not depend on the units of outputs."""
+    rng = np.random.default_rng(seed)
+    widths, shares = 10 ** rng.uniform(-3, 3, 3), rng.uniform(-0.4, 0.9, 3)
+    names, t = ["a", "b", "c"], np.linspace(0, 1, 4)
+    for factors in (np.ones(3), 10 ** rng.uniform(-6, 6, 3)):
+        scales = widths * factors
+        f = mb.FunctionSimulator(
+            lambda x, y, z, s=scales: np.outer(1 + t, s * [x, y, z]), dict.fromkeys("xyz", 0.0), t, names
+        )
+        bounds = mb.propagate(f, mb.Vertex(), mb.Box(**dict.fromkeys("xyz", (-0.5, 0.5))))
+        check = bounds.check({name: (None, (1 + 2 * s) * w) for name, s, w in zip(names, shares, scales, strict=True)})
+        closest = int(np.argmin(shares))
+        assert check.worst.output == names[closest]
+        np.testing.assert_array_equal(check.margin, check[names[closest]].margin)
+        assert (check.margin.min() < 0) == (check.kept is False)
+
+
+def test_times_have_units(both):
+    """First times, and output times, in other units."""
+    scene = both[0]
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    fall, units = mb.System(ball, mb.Gravity(0, -9.81)), {"ms": 1e-3, "min": 60.0, "us": 1e-6, "s": 1.0, "h": 3600.0}
+    outputs = {unit: (mb.first_time(ball.y <= 0), unit) for unit in units} | {"plain": mb.first_time(ball.y <= 0)}
+    own = mb.Scene(fall, {"ball.y": 1.0}, (np.linspace(0, 1000, 11), "ms"), outputs)
+    run = mb.simulate(own)
+    np.testing.assert_array_equal(own.times, np.linspace(0, 1000, 11) / 1000)
+    assert [run[unit] * factor for unit, factor in units.items()] == pytest.approx([np.sqrt(2 / 9.81)] * 5, rel=1e-8)
+    assert run["plain"] == run["s"] and own.units == (*units, "s")
+    p = mb.Parameters(height=1.0)
+    thrown = mb.Scene(
+        mb.System(ball, mb.Gravity(0, -9.81), parameters=p),
+        {"ball.y": p.height},
+        [0, 1],
+        outputs,
+        mb.Box(height=(0.9, 1.1)),
+    )
+    bounds = mb.propagate(thrown, mb.Vertex())
+    expected = np.outer(np.sqrt(np.array([0.9, 1.1]) * 2 / 9.81), 1 / np.array([*units.values(), 1.0]))
+    np.testing.assert_allclose([bounds.lower[0], bounds.upper[0]], expected, rtol=1e-8)
+    np.testing.assert_allclose(bounds.noise * [*units.values(), 1.0], bounds.noise[-1], rtol=1e-6)
+    seconds = mb.simulate(scene, SOLVER, times=[0.0, 0.1])
+    for times in (([0.0, 100.0], "ms"), ["0 s", "100 ms"], [0.0, "0.1 s"]):
+        np.testing.assert_array_equal(mb.simulate(scene, SOLVER, times=times).values, seconds.values)
+    with pytest.raises(mb.DeclarationError, match="'mm' does not fit a time, which is in s"):
+        scene.with_times(([0.0, 1.0], "mm"))
+    for times in (2, 2.0, "2 s"):
+        with pytest.raises(mb.DeclarationError, match="expected a list of times in s, such as numpy"):
+            scene.with_times(times)
+
+
+def test_values_of_sweeps_have_units(both):
+    scene = both[0]
+    own = mb.sweep(scene, {"arm": [240, 250], "angle": [30]}, SOLVER)
+    for arm, angle in (
+        (["24 cm", 250], ["30 deg"]),
+        (([0.24, 0.25], "m"), (np.deg2rad([30]), "rad")),
+        ([240, "0.25 m"], [30]),
+    ):
+        again = mb.sweep(scene, {"arm": arm, "angle": angle}, SOLVER)
+        np.testing.assert_allclose(again.values, own.values, rtol=1e-12)
+        assert again.parameters["arm"].tolist() == [240, 250]
+    runs = mb.simulate(scene, SOLVER, parameters=[{"arm": "24 cm"}, {"arm": (0.25, "m")}])
+    np.testing.assert_allclose(runs.values, own.values, rtol=1e-12)
+    for wrong in (["24 kg"], ([24], "kg"), [24, "kg"]):
+        with pytest.raises(mb.DeclarationError, match="kg"):
+            mb.sweep(scene, {"arm": wrong})
+
+
+@pytest.mark.parametrize(
+    "given", [("40 rpm", "90 rpm"), (40, 90, "rpm"), ("240 deg/s", "9.42477796076938 rad/s"), "65 ±25 rpm"]
+)
+def test_ranges_of_root_loci_have_units(given):
+    p = mb.Parameters(speed=(60, "rpm"))
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    law = mb.Force("law", mass.point(0, 0, 0), (-100 * mass.x - p.speed * mass.vx, 0, 0))
+    scene = mb.Scene(mb.System(mass, law, parameters=p))
+    locus = mb.root_locus(scene, "speed", given, count=3)
+    np.testing.assert_allclose(locus.values, [40, 65, 90], rtol=1e-12)
+    np.testing.assert_allclose(locus.damping[:, 0], locus.values * 2 * np.pi / 60 / 20, rtol=1e-9)
+    assert "speed = 40 to 90 rpm" in str(locus)
+
+
+def test_functions_and_fmus_take_quantities():
+    chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": "1 mm", "b": (0.2, "cm")}, [0.0], ["gap"])
+    assert (
+        dict(chain.parameters) == {"a": 1, "b": 0.2}
+        and mb.propagate(chain, mb.Vertex(), mb.Box(b="2 mm ±1 mm"))["gap"][0] == 1.1
+    )
+    with pytest.raises(mb.DeclarationError, match="FunctionSimulator: parameter 'a': 'x mm' is not a finite number"):
+        mb.FunctionSimulator(lambda a: [[a]], {"a": "x mm"}, [0.0], ["gap"])

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError, PropagationError
 from symmb._names import ByName
 from symmb._types import Array, Mask
-from symmb._units import units_of_parameters
+from symmb._units import told_units, units_of_parameters
 from symmb.bound.bounds.contributions import Contributions, contributions_of
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.laws import Correlation, given_once
@@ -58,7 +58,7 @@ class Answers(Envelope):
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
         """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
         acting = {k: self._acting(self.box, [k]) for _, _, k in places} if self.box else {}
-        cases = list[WorstCase]()
+        units, cases = told_units(self.units, len(self.names), runs.simulator.parameters), list[WorstCase]()
         for place, sample in zip(places, runs.samples(places), strict=True):
             side, i, k = place
             lower, upper = float(self.lower[i, k]), float(self.upper[i, k])
@@ -67,7 +67,7 @@ class Answers(Envelope):
             varied = acting.get(k, tuple(parameters))
             is_figure = self.names[k] in self.figures
             time, times = (0.0, 1) if is_figure else (float(self.t[i]), len(self.t))
-            about = time, parameters, sample.value, upper - lower, varied, times, runs.simulator
+            about = time, parameters, sample.value, upper - lower, varied, times, units[k], runs.simulator
             case = WorstCase(self.names[k], side, lower if side == "lower" else upper, *about)
             cases.append(self._at_extreme(case, place) if case.is_short else case)
         return cases
@@ -230,7 +230,7 @@ class Answers(Envelope):
 
         Parameters
         ----------
-        above, below : float
+        above, below : float, or with a unit, as "60 deg"
         laws, correlation, distributions : as in `quantiles`
         error : float
             the estimated error to reach, as a share of the probability of the event at any time. The polynomials are

@@ -11,6 +11,7 @@ from symmb import _html as html
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
 from symmb._table import aligned, at_time, time_text
 from symmb._types import Array, Mask
+from symmb._units import told_names
 from symmb.bound.bounds.regression import fitted
 from symmb.bound.bounds.responses import Responses
 from symmb.bound.bounds.time_windows import ROUNDING
@@ -114,7 +115,8 @@ class Contributions(Result, Saved):
         i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
         has_times = time_text(self.t, i, self.width[:, k]) != ""
-        title = f"{self.names[k]}{at_time(self.t, i)}" if has_times else self.names[k]
+        name = told_names(self.names, self.units)[k]
+        title = f"{name}{at_time(self.t, i)}" if has_times else name
         errors = np.stack([self.estimate, self.saved_estimate])[..., None].repeat(len(self.parameters), axis=-1)
         errors = errors if self.errors is None else self.errors
         rows = [[title, "alone", "±", "saved", "±", f"of width {width:.4g}", "first", "total"]]

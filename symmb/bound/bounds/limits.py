@@ -15,7 +15,7 @@ from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
 from symmb._types import Array, Indices
-from symmb._units import number_in
+from symmb._units import number_in, told_units
 from symmb.bound.bounds.direct_search import direct_search
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.time_windows import ROUNDING
@@ -94,6 +94,7 @@ class KeptLimit:
     margin : (n_t,)            distance of the bounds from the closer limit, below 0 beyond it; further runs that end
                                their search inside show that it is larger
     further : FurtherRun       the one that comes closest to the limit, or None if none was made
+    width : float              largest width of the bounds
     """
 
     output: str
@@ -104,6 +105,13 @@ class KeptLimit:
     why: str
     margin: Array
     further: "FurtherRun | None" = None
+    width: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """The smallest margin over itself and the width, from -1 to 1, which compares limits of different units."""
+        least = float(self.margin.min())
+        return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
 
     @property
     def row(self) -> int:
@@ -113,10 +121,11 @@ class KeptLimit:
 
     @property
     def text(self) -> str:
-        """The limit as an inequality."""
+        """The limit as an inequality, with its unit unless it is one of SI."""
+        (unit,) = told_units([self.unit], 1)
         low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
         high = f" <= {self.high:g}" if np.isfinite(self.high) else ""
-        return f"{low}{self.output}{high}"
+        return f"{low}{self.output}{high} {unit}".rstrip()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,8 +163,8 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
     @property
     def margin(self) -> Array:
-        """(n_t,) the smallest distance of the bounds from a limit, below 0 beyond it."""
-        return np.min([limit.margin for limit in self.limits], axis=0)
+        """(n_t,) the distance of the bounds from the limit that is closest over their width, below 0 beyond it."""
+        return closest(self.limits).margin
 
     def __getitem__(self, output: str) -> KeptLimit:
         """The limit of an output."""
@@ -212,6 +221,11 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return Labelled(coordinates, variables, {"method": self.method}, units)
 
 
+def closest(limits: Sequence[KeptLimit]) -> KeptLimit:
+    """The limit with the smallest margin over the width of its bounds."""
+    return min(limits, key=lambda limit: limit.share)
+
+
 def limit_pairs(
     owner: str, limits: Limits, names: Sequence[str], units: Sequence[str] = ()
 ) -> dict[str, tuple[float, float]]:
@@ -229,8 +243,11 @@ def limit_pairs(
 
 def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLimit:
     """Whether an output keeps a limit."""
-    unit = bounds.units[bounds.names.index(output)] if bounds.units else ""
-    return KeptLimit(output, unit, low, high, *_decision(bounds, bounds.names.index(output), low, high))
+    k = bounds.names.index(output)
+    unit = bounds.units[k] if bounds.units else ""
+    with np.errstate(over="ignore", invalid="ignore"):
+        width = float(np.fmax.reduce(bounds.upper[:, k] - bounds.lower[:, k], initial=0.0))
+    return KeptLimit(output, unit, low, high, *_decision(bounds, k, low, high), width)
 
 
 def _rounding(bounds: Envelope, k: int) -> float:

@@ -10,10 +10,11 @@ from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Named, Result
 from symmb._limits import require_memory
-from symmb._names import counted
+from symmb._names import ByName, counted
 from symmb._options import is_finite_number, numbers_of, shown, whole
 from symmb._table import aligned, at_time, is_timeless, over_times, time_text
 from symmb._types import Array
+from symmb._units import number_in, told_names, told_units, units_of_parameters
 from symmb.bound.bounds.laws import Laws
 from symmb.bound.bounds.limit_state import rare_event
 from symmb.bound.bounds.regression import fitted
@@ -116,7 +117,8 @@ class Quantiles(Figures):
     estimate: Array
 
     def _title(self) -> str:
-        return f"Quantiles of {self.output}, " + (f"{len(self.t)} times" if len(self.t) > 1 else "one time")
+        (name,) = told_names([self.output], [self.unit])
+        return f"Quantiles of {name}, " + (f"{len(self.t)} times" if len(self.t) > 1 else "one time")
 
     def _rows(self) -> list[list[str]]:
         ends = ["lowest", "at [s]", "highest", "at [s]", "estimated error"]
@@ -226,8 +228,9 @@ def probability_of(
     owner = "Bounds.probability"
     k = responses.column(owner, output)
     thresholds = [value for value in (below, above) if value is not None]
-    ends = [float(value) for value in thresholds if is_finite_number(value)]
-    if not ends or len(ends) < len(thresholds) or ends != sorted(ends):
+    unit = responses.units[k] if responses.units else ""
+    ends = [number_in(owner, f"output {responses.names[k]!r}", value, unit) for value in thresholds]
+    if not ends or ends != sorted(ends):
         raise DeclarationError(
             f"{owner}: give a number for one of above and below, or for both, of which below is not the larger one, "
             f"got {shown(above)} and {shown(below)}."
@@ -244,10 +247,15 @@ def probability_of(
         own = _near_limit(samples, limits, error)
         found = np.where(own[2] < found[2], own, found)
     lower, upper, estimate, _ = found
-    sides = ((below, "below"), (above, "above"))
-    event = f"{responses.names[k]} " + " or ".join(f"{word} {end:g}" for end, word in sides if end is not None)
+    (told,), words = (
+        told_units([unit], 1),
+        [word for end, word in ((below, "below"), (above, "above")) if end is not None],
+    )
+    sides = " or ".join(f"{word} {end:g} {told}".rstrip() for end, word in zip(ends, words, strict=True))
     last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
-    figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
+    figures = Probability(
+        *samples.about(), f"{responses.names[k]} {sides}", lower[:-1], upper[:-1], estimate[:-1], last
+    )
     if _is_short(found, error) and upper[-1] > 0:
         short = f"The error of {error:g} that was asked for is not reached: it is {estimate[-1] / upper[-1]:.2g}."
         return replace(figures, remarks=(*figures.remarks, short))
@@ -323,6 +331,7 @@ def samples_of(
     Y = _values(responses, points)
     parameters = {name: np.full(number, value) for name, value in nominal.items()}
     parameters |= dict(zip(box.names, box.from_unit(points).T, strict=True))
+    parameters = ByName(parameters, units_of_parameters(nominal))
     units = responses.units or ("",) * len(responses.names)
     name = f"samples by {responses.method}"
     return Sweep(name, responses.t, responses.names, units, parameters, {}, Y, np.ones(number, dtype=bool), ())

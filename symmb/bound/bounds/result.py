@@ -16,10 +16,11 @@ from symmb._options import require_truth
 from symmb._presentation import presentation
 from symmb._progress import shown_runs
 from symmb._table import aligned, over_times
+from symmb._units import headings, told_names
 from symmb.bound.bounds import result_file
 from symmb.bound.bounds.answers import Answers
 from symmb.bound.bounds.failures import failure_text
-from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, kept_limit, limit_pairs
+from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, closest, kept_limit, limit_pairs
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.results import plot
 from symmb.results.files import Record, Saved, Table, attributes, entries
@@ -115,7 +116,7 @@ class Bounds(Answers, Counted, Result, Saved):
 
         Limits are the same at all times, so that it is the worst case over all times, which files hold.
         """
-        limit = min(limits, key=lambda limit: float(limit.margin.min()))
+        limit = closest(limits)
         i, k, side = limit.row, self._column(limit.output), self._side(limit)
         if self.attaining is None:
             return next((case for case in self.worst_cases if (case.output, case.side) == (limit.output, side)), None)
@@ -155,14 +156,15 @@ class Bounds(Answers, Counted, Result, Saved):
 
     def _table(self) -> Table:
         parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}
+        time, *heads = headings(self.names, self.units, self.nominal_parameters)
         columns = {
-            f"{name} {part}": values[:, k]
-            for k, name in enumerate(self.names)
+            f"{head} {part}": values[:, k]
+            for k, head in enumerate(heads)
             for part, values in parts.items()
             if values is not None
         }
         same = {"kind": self.kind, "method": self.method, "evaluations": self.evaluations}
-        return {"t": self.t, **columns, **{name: [value] * len(self.t) for name, value in same.items()}}
+        return {time: self.t, **columns, **{name: [value] * len(self.t) for name, value in same.items()}}
 
     def _labelled(self) -> Labelled:
         return result_file.labelled(self._record(), self.outer, self.failed, self.box)
@@ -287,7 +289,8 @@ class Bounds(Answers, Counted, Result, Saved):
         return over_times(rows, self.t)
 
     def __str__(self) -> str:
-        return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(self.names)))])
+        names = told_names(self.names, self.units, self.nominal_parameters)
+        return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(names)))])
 
     def _tabulated(self, head: Sequence[str]) -> str:
         """A head and the extremes as HTML."""

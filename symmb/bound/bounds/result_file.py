@@ -7,8 +7,9 @@ import numpy as np
 
 from symmb._doubt import Doubt, concerned
 from symmb._errors import DeclarationError
-from symmb._labelled import BOUND, Labelled, Named, known, over_outputs, parameter_names, texts, unit_text
+from symmb._labelled import BOUND, Labelled, Named, known, over_outputs, parameter_names, texts, unit_text, units_along
 from symmb._types import Array
+from symmb._units import TIME_HEADINGS, read_headings, units_of_parameters
 from symmb.bound.bounds.failures import Failure
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.bound.polynomials import Expansion
@@ -78,16 +79,17 @@ def record_of_table(table: Record) -> Record:
     headings, columns = table.texts("headings"), table.record("columns")
     own = headings[1:-3]
     parts = ("lower", "upper", "estimate")[: 3 if own and own[-1].endswith(" estimate") else 2]
-    names = tuple(heading.removesuffix(" lower") for heading in own[:: len(parts)])
-    expected = ("t", *(f"{name} {part}" for name in names for part in parts), "kind", "method", "evaluations")
-    if not own or headings != expected:
+    heads = [heading.removesuffix(" lower") for heading in own[:: len(parts)]]
+    expected = (*(f"{head} {part}" for head in heads for part in parts), "kind", "method", "evaluations")
+    if not own or headings[1:] != expected or headings[0] not in TIME_HEADINGS:
         raise DeclarationError("its headings must be t, x lower, x upper, ..., kind, method, evaluations.")
+    names, units = read_headings(headings[0], heads)
     *numbers, kind, method, _ = (columns.plain[str(k)] for k in range(len(headings)))
     evaluations = columns.array(str(len(headings) - 1), None)
     values = np.array(numbers[1:]).reshape(len(names), len(parts), -1)
     entries = {part: values[:, k].T for k, part in enumerate(parts)}
     same = {"kind": kind[0], "method": method[0], "evaluations": int(evaluations[0]), "seconds": None}
-    return Record({"t": numbers[0], "names": names, **entries, **same})
+    return Record({"t": numbers[0], "names": names, "units": units, **entries, **same})
 
 
 def kind_of(record: Record, name: str) -> Kind:
@@ -130,7 +132,8 @@ def box_coordinates(box: Box | None) -> dict[str, Named]:
     if box is None:
         return {}
     ends = np.stack([box.lower, box.upper], axis=1)
-    return {"parameter": (("parameter",), texts(box.names)), "box": (("parameter", "bound"), ends)}
+    own = units_along(box.names, dict(zip(box.names, box.units, strict=False)))
+    return {"parameter": (("parameter",), texts(box.names)), "box": (("parameter", "bound"), ends), **own}
 
 
 def labelled(
@@ -164,6 +167,8 @@ def labelled(
         variables["failure"] = (("sample",), texts([run.message for run in failed]))
         free = parameter_names([*values], [*coordinates, *variables, "term", "sample"])
         coordinates |= {name: (("sample",), own) for name, own in zip(free, values.values(), strict=True)}
+        units_by_name = units_of_parameters(record["nominal_parameters"])
+        unit_of |= {name: units_by_name.get(own, "") for name, own in zip(free, values, strict=True)}
     attributes = {name: record[name] for name in ("method", "kind", "range_of", "evaluations", "seconds", "caution")}
     sentences = {name: "\n".join(record[name]) or None for name in ("doubts", "remarks")}
     attributes |= {"units": unit_text(names, units), **sentences}

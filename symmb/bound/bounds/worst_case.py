@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError
-from symmb._labelled import Labelled, Result, parameter_names, texts
+from symmb._labelled import Labelled, Result, parameter_names, texts, units_along
 from symmb._names import look_up_by_name
 from symmb._options import is_finite_number, shown
 from symmb._table import aligned, at_time, is_timeless, over_times
@@ -110,6 +110,7 @@ class WorstCase:
     width : float              of the bounds at this time
     varied : tuple of str      the parameters of the box that act on the output, which are printed
     times : int                how many output times the bounds have, 1 of a figure: an only time of 0 is not printed
+    unit : str                 that tables and texts tell beside the output, '' if none
     simulator : Simulator      None if the bounds were read from a file
     """
 
@@ -122,6 +123,7 @@ class WorstCase:
     width: float
     varied: tuple[str, ...]
     times: int = _SEVERAL
+    unit: str = ""
     simulator: Simulator | None = field(default=None, metadata=NOT_KEPT)
 
     __post_init__ = look_up_by_name
@@ -172,11 +174,10 @@ class WorstCase:
 
     def __str__(self) -> str:
         values = ", ".join(with_units({name: f"{self.parameters[name]:.6g}" for name in self.varied}, self.parameters))
-        text = f"{self._word} {self.output} {self.value + 0.0:.6g}{at_time(self._times, 0)}"
+        unit = f" {self.unit}" if self.unit else ""
+        text = f"{self._word} {self.output} {self.value + 0.0:.6g}{unit}{at_time(self._times, 0)}"
         text += f": {values}" if values else ""
-        if self.is_short:
-            text += f"; the run there attains {self.attained:.6g}"
-        return text
+        return text + (f"; the run there attains {self.attained:.6g}{unit}" if self.is_short else "")
 
     def __repr__(self) -> str:
         return f"WorstCase({self})"
@@ -192,7 +193,8 @@ class WorstCase:
         side, parameters = record.text("side", *SIDES), record.numbers("parameters")
         varied = record.texts("varied", default=tuple(parameters))
         times = record.whole("times", default=_SEVERAL)
-        return cls(record.text("output"), side, value, time, parameters, attained, width, varied, times)
+        unit = record.text("unit") if "unit" in record else ""
+        return cls(record.text("output"), side, value, time, parameters, attained, width, varied, times, unit)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -220,10 +222,14 @@ class Worst(Result):
         names = [*self.lower.parameters]
         values = np.array([[case.parameters[name] for name in names] for case in cases])
         variables["parameters"] = (("bound", "parameter"), values)
+        units = units_of_parameters(self.lower.parameters)
         coordinates: dict[str, Any] = {"bound": (("bound",), texts(SIDES)), "parameter": (("parameter",), texts(names))}
+        coordinates |= units_along(names, units)
         free = parameter_names(names, [*coordinates, *variables])
         coordinates |= {name: (("bound",), values[:, i]) for i, name in enumerate(free)}
-        return Labelled(coordinates, variables, {"output": self.lower.output})
+        unit_of = {name: units.get(own, "") for name, own in zip(free, names, strict=True)}
+        unit_of |= {"time": "s", "value": self.lower.unit, "attained": self.lower.unit}
+        return Labelled(coordinates, variables, {"output": self.lower.output}, unit_of)
 
 
 def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
@@ -235,7 +241,7 @@ def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
         values = (f"{case.parameters[name] + 0.0:.6g}" if name in case.varied else "" for name in varied)
         when = "" if is_timeless(case._times) else f"{case.time:.6g}"
         numbers = f"{case.value + 0.0:.6g}", when, *values, f"{case.attained + 0.0:.6g}"
-        rows.append([f"{case._word} {case.output}", *numbers])
+        rows.append([label(f"{case._word} {case.output}", case.unit), *numbers])
     return over_times(rows)
 
 

@@ -20,7 +20,7 @@ from symmb.declare.mechanics.constraint import Constraint, Motion, VelocityConst
 from symmb.declare.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
 from symmb.declare.mechanics.curve import Curve
 from symmb.declare.mechanics.curve_contact import CurveContact, PointOnCurve
-from symmb.declare.mechanics.declaration import Block
+from symmb.declare.mechanics.declaration import FilledByBlock
 from symmb.declare.mechanics.element import Element, law_value
 from symmb.declare.mechanics.figure import Figure, maximum, mean
 from symmb.declare.mechanics.flexible_body import FlexibleBody

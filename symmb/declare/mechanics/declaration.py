@@ -1,7 +1,9 @@
 """The elements that are made inside `with System() as system:`."""
 
 from contextvars import ContextVar
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
+
+from symmb._errors import DeclarationError
 
 _MADE: ContextVar[list[Any] | None] = ContextVar("elements made inside", default=None)
 
@@ -22,3 +24,39 @@ class Block:
 
     def __exit__(self, *error: object) -> None:
         _MADE.reset(self._token)
+
+
+class FilledByBlock(Block):
+    """What is made of `elements` and `parameters`, and has more elements after a `with`. Inside it cannot be used."""
+
+    elements: tuple[Any, ...]
+    parameters: Any
+
+    def __enter__(self) -> Self:
+        if "_outside" in vars(self):
+            raise DeclarationError("with: the block of this System is open already. Make its elements in one block.")
+        outside = dict(vars(self))
+        vars(self).clear()
+        self._outside = outside
+        return super().__enter__()
+
+    def __exit__(self, *error: object) -> None:
+        super().__exit__(*error)
+        made, outside = self._made, self._outside
+        vars(self).clear()
+        vars(self).update(outside)
+        if error[0] is None:  # else it stays what it was, as with faults in elements
+            whole = type(self)(*self.elements, *made, parameters=self.parameters or None)
+            vars(self).clear()
+            vars(self).update(vars(whole))
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *elements: Any, parameters: Any = None) -> None: ...
+
+    else:
+
+        def __getattr__(self, name: str) -> Any:
+            if "_outside" in vars(self) and not name.startswith("__"):
+                raise DeclarationError("System: its block is open. Use the System after it, where it has its elements.")
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}.")

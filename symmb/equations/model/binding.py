@@ -70,7 +70,11 @@ class Binding:
                 raise DeclarationError(f"{what}: {error}") from None
         expression = given(law)
         if expression is None:
-            more = " Write numbers in SI units, as np.deg2rad(80) for 80°." if isinstance(law, str | tuple) else ""
+            more = ""
+            if isinstance(law, tuple) or (isinstance(law, str) and any(map(str.isdigit, law[:2]))):
+                more = " Write numbers in SI units, as np.deg2rad(80) for 80°."
+            elif isinstance(law, str):
+                more = " Write the expression itself, such as rod.x, without quotation marks."
             raise DeclarationError(f"{what}: {shown(law)} is no number and no CasADi SX or SymPy expression.{more}")
         if expression.numel() != 1 and not any_size:
             raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")

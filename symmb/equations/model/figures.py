@@ -22,6 +22,7 @@ class BoundFigure:
     margin : SX                not positive where the condition holds; None without one
     is_strict : bool           whether equality does not fulfil the condition
     window : (float, float)    first and last time that count [s]
+    per_second : float         units of a time in a second
     """
 
     kind: str
@@ -29,6 +30,7 @@ class BoundFigure:
     margin: ca.SX | None
     is_strict: bool
     window: tuple[float, float]
+    per_second: float = 1.0
 
     @property
     def parts(self) -> tuple[ca.SX, ...]:

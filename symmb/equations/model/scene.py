@@ -15,7 +15,7 @@ from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._presentation import presentation
 from symmb._types import Array, Expr
-from symmb._units import dimensions, label, ratio_of, scaled, unit_of, units_of_parameters
+from symmb._units import dimensions, label, numbers_in, ratio_of, scaled, unit_of, units_of_parameters
 from symmb.declare.mechanics import Figure
 from symmb.declare.symbolic import reduction, t
 from symmb.equations.model.box import Box
@@ -47,7 +47,8 @@ class Scene:
         they hold exactly. The others follow from Phi = 0 and its rate. Relative rates of joints that nothing determines
         are 0
     times : (n_t,) array
-        or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
+        or a list; times of the outputs [s], or with a unit, as (..., "ms"), increasing; the first is the start;
+        default: 0 alone
     outputs : mapping
         name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a scalar output such
         as `maximum(expression)`; default: all coordinates and velocities. A pair such as (expression, "mm") asks for a
@@ -105,9 +106,12 @@ class Scene:
             require_instance("Scene: restart", self.restart, Restart, "what starting_at gives")
         for named in ("start", "outputs", "guess"):
             object.__setattr__(self, named, normal_keys(f"Scene: {named}", getattr(self, named)))
+        if isinstance(self.times, list | tuple):
+            times = numbers_in("times", "a time", self.times, "s")
+            object.__setattr__(self, "times", self.times if times is None else times)
         faults = self._faults()
         if faults:
-            raise DeclarationError("\n".join(faults))
+            raise DeclarationError("\n".join(dict.fromkeys(faults)))
         if asked := {name: (y, _Fitting(unit)) for name, (y, unit) in self.asked.items() if unit}:
             self._require_fitting_units()
             object.__setattr__(self, "outputs", {**(self.outputs or {}), **asked})
@@ -234,8 +238,6 @@ class Scene:
         """DeclarationError if a unit that is asked for does not fit the output, as far as its unit is known."""
         for name, (_, asked) in self.asked.items():
             what, known = f"output {name!r}", self._inferred[name] if asked and type(asked) is str else ""
-            if asked != "s" and name in self.figures and self.figures[name].expression is None and known:
-                raise DeclarationError(f"{what} is a time, which is in s.")
             if known and dimensions(what, known) != dimensions(what, asked):
                 ratio_of("outputs", what, asked, known)
 
@@ -248,7 +250,9 @@ class Scene:
                 try:
                     own = bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
                     ratio, y = unit_of(f"output {name!r}", unit), own.expression
-                    bound[name] = own if y is None else replace(own, expression=scaled(y, ratio, inverse=True))
+                    per_second = scaled(1.0, ratio, inverse=True) if y is None and unit else 1.0
+                    y = y if y is None else scaled(y, ratio, inverse=True)
+                    bound[name] = replace(own, expression=y, per_second=per_second)
                 except DeclarationError as error:
                     faults.append(str(error))
         if faults:
@@ -417,10 +421,8 @@ def _cell(value: object) -> str:
 
 def _time_faults(times: Sequence[float] | Array) -> list[str]:
     array = numbers_of(times)
-    if array is None:
-        return [f"times: expected numbers, got {shown(times)}. Use numpy.linspace(0, 10, 1001)."]
-    if array.ndim != 1 or array.size == 0:
-        return [f"times: expected a list of at least one time, got shape {array.shape}."]
+    if array is None or array.ndim != 1 or array.size == 0:
+        return [f"times: expected a list of times in s, such as numpy.linspace(0, 10, 1001), got {shown(times)}."]
     if not np.all(np.isfinite(array)):
         return ["times: contains NaN or infinity."]
     if np.any(np.diff(array) <= 0):

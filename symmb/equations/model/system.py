@@ -21,7 +21,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._names import normal
 from symmb._options import require_instance, require_name, require_names
 from symmb._types import Expr
-from symmb.declare.mechanics import Block, Body, Element, Ground, Input, Joint, Parameters, with_si_symbols
+from symmb.declare.mechanics import Body, Element, FilledByBlock, Ground, Input, Joint, Parameters, with_si_symbols
 from symmb.declare.symbolic import Symbol, is_zero, rate, reduction, saddle_solver, simplified, t, to_sympy
 from symmb.equations.model.assembly import Collected, collect
 from symmb.equations.model.binding import Binding
@@ -36,7 +36,7 @@ _LONGEST = 6000
 """Characters of the LaTeX of a part up to which notebooks typeset it: longer ones cannot be read."""
 
 
-class System(Block):
+class System(FilledByBlock):
     """Bodies, constraints and forces with their equations of motion.
 
     `with System() as system:` takes the elements that are made inside. The system is complete where the block ends.
@@ -77,13 +77,6 @@ class System(Block):
         self.nullity = 0
         self._joints: JointSpace | None = None
         self._is_driven = bool(self.inputs)
-
-    def __exit__(self, *error: object) -> None:
-        super().__exit__(*error)
-        if error[0] is None:  # else the system stays what it was
-            elements, parameters = (*self.elements, *self._made), self.parameters or None
-            vars(self).clear()  # what was derived without the elements
-            self.__init__(*elements, parameters=parameters)
 
     def __reduce__(self) -> tuple:
         parts = (self.elements, self.parameters, ca.SX(self.lam), self.vdot, self._added, self._is_driven)

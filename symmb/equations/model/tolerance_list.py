@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, SupportsFloat
 from symmb._errors import DeclarationError, FileError, text_of
 from symmb._names import did_you_mean, normal
 from symmb._options import is_finite_number, numbers_of, shown
-from symmb._units import NUMBER, number_in, quantity, ratio_of, scaled
+from symmb._units import NUMBER, number_in, numbers_in, quantity, ratio_of, scaled, unit_of
 from symmb.equations.model.iso_grades import sizes_of_grade
 from symmb.results.files import told
 
@@ -34,6 +34,8 @@ _BOTH_SIDES = re.compile(_SIZE + rf"(?:±|\+ */ *-|\+-) *(\d+(?:\.\d+)?)(?: *(%)
 _EACH_SIDE = re.compile(
     _SIZE + r"(?:(?<= )|(?=[+-]))" + _DEVIATION + _UNIT + r"(?:/ *|(?<= )|(?=[+-]))" + _DEVIATION + _UNIT
 )
+_SIGN = re.compile(r"^ *(?:±|\+ */ *-|\+-)")
+_DEVIATION_WITH_UNIT = re.compile(r" *(\d+(?:\.\d+)?) *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?) *")
 _LIKE_DEVIATIONS = re.compile(r" *-?\d.*[±+/]")
 """Deviations of a drawing: to both sides, as 40 ±0.1 or 40 mm ±1%, to each side, as 40 +0.1/-0.2 mm, and what is meant
 so."""
@@ -58,6 +60,12 @@ def _told(owner: str, name: str, text: str) -> _Told | None:
     elif match := _EACH_SIDE.fullmatch(plain):
         size, unit, first, first_unit, second, other = match.groups()
         deviations = [(first, first_unit or other), (second, other)]
+    elif match := _DEVIATION_WITH_UNIT.fullmatch(plain):
+        try:
+            unit_of(owner, match[2])
+        except DeclarationError:  # a grade
+            return None
+        size, unit, deviations = None, match[2], [(f"-{match[1]}", match[2]), (match[1], match[2])]
     else:
         return None
     begin, own = None if size is None else float(size.replace(" ", "")), unit or deviations[1][1] or ""
@@ -78,7 +86,7 @@ def interval_with_unit(name: str, given: Any) -> tuple[Any, str]:
         if told is None or told.size is None:
             raise DeclarationError(
                 f"{owner}: {shown(given)} is no interval. Write '235 mm ±0.5 mm', '2.5 N/mm ±10%' or (lower, upper); "
-                "Box.plus_minus(p, ...) takes deviations from nominal values."
+                f"Box.plus_minus(p, ...) takes deviations from nominal values.{_comma(given)}"
             )
         given = [(end, told.unit) for end in told.ends]
     elif isinstance(given, tuple | list) and len(given) == 3 and isinstance(given[2], str):
@@ -96,6 +104,11 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: 
     """The interval around a nominal value in a unit by a tolerance of `Box.plus_minus`."""
     if isinstance(tolerance, str):
         return _of_text(owner, name, nominal, tolerance, unit)
+    if isinstance(tolerance, tuple | list) and any(isinstance(part, str | tuple) for part in tolerance):
+        is_one = len(tolerance) == 2 and is_finite_number(tolerance[0])
+        ends, given = (tolerance[0], tolerance[1]) if is_one else interval_with_unit(name, tolerance)
+        numbers = numbers_in(owner, f"parameter {name!r}", (ends, given), unit)
+        tolerance = numbers if numbers is None or not is_one else float(numbers)
     if is_finite_number(tolerance):
         if tolerance < 0:
             raise DeclarationError(f"{owner}: the tolerance of {name!r} must be at least 0, got {shown(tolerance)}.")
@@ -114,9 +127,11 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: 
 def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Interval:
     told = _told(owner, name, text)
     if told is None and text.strip().endswith("%"):
-        percent = _number_or_text(text.strip().removesuffix("%"))
+        percent = _percent(text)
         if isinstance(percent, str):
-            raise DeclarationError(f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.")
+            raise DeclarationError(
+                f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.{_comma(text)}"
+            )
         return _share(owner, name, nominal, text, percent)
     if told is None or not (own or told.size is not None or told.unit):
         told = _of_grade(owner, name, text, "mm" if own else "")
@@ -129,7 +144,8 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
             raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")
         return low, high
     if told.size is None or told.unit not in ("", _DEGREE):
-        raise DeclarationError(f"{owner}: {name!r} has no unit, and {text!r} has one. Declare {name}=(..., 'mm').")
+        own = told.unit or "mm"
+        raise DeclarationError(f"{owner}: {name!r} has no unit, and {text!r} has one. Declare {name}=(..., {own!r}).")
     unit = _unit(owner, name, nominal, text, told.size)
     if told.percent is not None:
         return _share(owner, name, nominal, text, told.percent)
@@ -140,10 +156,9 @@ def _of_grade(owner: str, name: str, text: str, unit: str) -> _Told:
     """The size of a text with its grade, and its ends [mm]."""
     plain = text.translate(_SIGNS)
     if _LIKE_DEVIATIONS.match(plain):
-        comma = " Decimals have a point." if "," in text else ""
         raise DeclarationError(
             f"{owner}: {text!r} of {name!r} is no tolerance. Write a size with its deviations, such as '40 ±0.1', "
-            f"'40 ±1%' or '40 +0.1/-0.2'.{comma}"
+            f"'40 ±1%' or '40 +0.1/-0.2'.{_comma(text)}"
         )
     if _DEGREE in text:
         raise DeclarationError(f"{owner}: {text!r} of {name!r}: grades are known for lengths alone. Write '30° ±0.5°'.")
@@ -155,9 +170,18 @@ def _of_grade(owner: str, name: str, text: str, unit: str) -> _Told:
 
 
 def share_of(text: str) -> float | str:
-    """The share in a text such as "5%"; any other text as it is."""
-    percent = _number_or_text(text.strip().removesuffix("%"))
+    """The share in a text such as "5%" or "±5%"; any other text as it is."""
+    percent = _percent(text)
     return percent / 100 if text.strip().endswith("%") and not isinstance(percent, str) else text
+
+
+def _percent(text: str) -> Any:
+    """The number of a share to both sides, or a text if it is none."""
+    return _number_or_text(_SIGN.sub("", text.translate(_SIGNS)).strip().removesuffix("%"))
+
+
+def _comma(text: str) -> str:
+    return " Decimals have a point." if "," in text else ""
 
 
 def _share(owner: str, name: str, nominal: float, text: str, percent: float) -> Interval:

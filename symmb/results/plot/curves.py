@@ -74,13 +74,13 @@ def plot_family(
     return figure
 
 
-def plot_fit(series: Sequence[tuple[str, Array, Array, Array]], style: Style = OWN) -> Figure:
+def plot_fit(series: Sequence[tuple[str, Array, Array, Array]], units: Sequence[str], style: Style = OWN) -> Figure:
     """One panel an output: its name, times [s], measured values and those of the fitted run, each (n,).
 
-    See `plot_comparison` for style.
+    See `plot_comparison` for units and style.
     """
     whole, names = np.concatenate([t for _, t, _, _ in series]), [name for name, *_ in series]
-    figure, panels = panels_over_time(style, np.array([whole.min(), whole.max()]), names, [])
+    figure, panels = panels_over_time(style, np.array([whole.min(), whole.max()]), names, units)
     (colour,), (label,) = style.colours([COLOURS[0]]), style.labels(["fitted run"])
     for axes, (_, t, data, fitted) in zip(panels, series, strict=True):
         order = np.argsort(t)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from symmb import _html as html
 from symmb._table import aligned
+from symmb._units import told_names
 from symmb.results.plot.layout import MOST_PANELS, columns_of, finish, labels, png
 from symmb.results.plot.style import Style
 
@@ -35,8 +36,11 @@ class Panels:
         """The picture of some outputs, or of all."""
         raise NotImplementedError
 
+    def _told_names(self) -> Sequence[str]:
+        return told_names(self.names, getattr(self, "units", ()), getattr(self, "parameters", None))
+
     def __str__(self) -> str:
-        table = ["", *aligned(self._rows(self.names), self._left)] if self.names else []
+        table = ["", *aligned(self._rows(self._told_names()), self._left)] if self.names else []
         return "\n".join([self._head(), *table])
 
     def _tabulated(self) -> str:

@@ -11,7 +11,7 @@ from symmb._options import is_finite_number, require_name, shown
 from symmb._types import Array
 from symmb._units import units_of_parameters
 from symmb.connect import BlackBox
-from symmb.equations.model import Scene
+from symmb.equations.model import Box, Scene
 from symmb.run.linear.eigenvalues import Eigenvalues
 from symmb.run.linear.family import LinearFamily
 from symmb.run.simulation import scene_of
@@ -126,6 +126,11 @@ class CriticalSimulator(BlackBox):
 def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, float]) -> tuple[float, float]:
     """The ends of the range of a parameter; DeclarationError if there is no such parameter, or the range is empty."""
     require_name(owner, "parameter", parameter, list(scene.system.parameters))
+    if isinstance(range, str) or (
+        isinstance(range, tuple | list) and any(isinstance(end, str | tuple) for end in range)
+    ):
+        units = units_of_parameters(scene.system.parameters)
+        range = Box(**{parameter: range}).with_units(units)[parameter]
     if not (isinstance(range, tuple | list) and len(range) == 2 and all(map(is_finite_number, range))):
         raise DeclarationError(f"{owner}: range must be two numbers, lower and upper, got {shown(range)}.")
     lower, upper = map(float, range)

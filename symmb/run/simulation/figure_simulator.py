@@ -70,7 +70,8 @@ class FigureSimulator(WithWarnings):
         for name, f in scene.figures.items():
             expression = -1 if f.expression is None else n
             n += f.expression is not None
-            self._rules.append(Rule(name, f.kind, expression, -1 if f.margin is None else n, f.is_strict, f.window))
+            margin = -1 if f.margin is None else n
+            self._rules.append(Rule(name, f.kind, expression, margin, f.is_strict, f.window, f.per_second))
             n += f.margin is not None
         self._with_rates = _with_rates(curves)
         self._count = 0
@@ -128,7 +129,7 @@ class FigureSimulator(WithWarnings):
             noise[self._columns] = cast(Array, self.curves.noise)[: len(self._columns)]
         sizes = np.abs(cast(Array, self.curves.nominal)).max(axis=0)
         for rule in self._rules:
-            size = self._span if rule.expression < 0 else sizes[rule.expression]
+            size = self._span * rule.per_second if rule.expression < 0 else sizes[rule.expression]
             noise[self.outputs.index(rule.name)] += _NOISE * size
 
     def run(self, P: Array) -> Samples:

@@ -22,6 +22,7 @@ class Rule(NamedTuple):
     margin: int
     is_strict: bool
     window: tuple[float, float]
+    per_second: float = 1.0
 
     @property
     def sign(self) -> float:
@@ -75,7 +76,7 @@ class Curves:
             place, x = self._passages(rule, samples, first)
             k = place[found := place >= 0]
             if rule.kind == "first_time":
-                values[samples[found]] = panels.begin[k] + x[found] * panels.width[k]
+                values[samples[found]] = (panels.begin[k] + x[found] * panels.width[k]) * rule.per_second
             else:
                 at = values_at(panels.of(k).bernstein(e), x[found])
                 values[samples[found]] = np.where(self.exact[e, k], at, panels.nodes[e, 0, 0, k])

@@ -12,11 +12,11 @@ from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
 from symmb._limits import require_memory, require_runs
 from symmb._names import ByName, counted, normal_keys
-from symmb._options import is_finite_number, numbers_of, require_name, shown
+from symmb._options import require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import over_times
 from symmb._types import Array, Executor, Expr, Indices, Mask
-from symmb._units import units_of_parameters
+from symmb._units import number_in, numbers_in, units_of_parameters
 from symmb.connect import Progress, Reduction, Samples, Simulator
 from symmb.equations.model import Scene
 from symmb.results import plot
@@ -162,6 +162,9 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         }
         own = parameter_names([*self.parameters], [*coordinates, *variables, "sample"])
         coordinates |= {name: (("sample",), p) for name, p in zip(own, self.parameters.values(), strict=True)}
+        units |= {
+            name: units_of_parameters(self.parameters).get(p, "") for name, p in zip(own, self.parameters, strict=True)
+        }
         coordinates |= {"sample": (("sample",), np.arange(len(self)))}
         about = {"scene": self.name, "units": unit_text(self.names, self.units), "doubts": "\n".join(self.doubts)}
         return Labelled(coordinates, variables, {k: v or None for k, v in about.items()}, units)
@@ -201,7 +204,7 @@ def sweep(
     ----------
     scene : Scene or simulator
     values : mapping
-        name -> (m,) values
+        name -> (m,) values, in the unit of the parameter, or with others that fit, as ([0.24, 0.25], "m")
     solver, times, outputs
         of a scene, instead of its own
     executor : anything with an ordered `map`, or an executor; default: runs in this process
@@ -226,18 +229,17 @@ def sweep(
     """
     if not isinstance(values, Mapping) or not values:
         raise DeclarationError(f'sweep: expected values by name, such as {{"l1": [1.0, 1.1]}}, got {shown(values)}.')
-    grid = {}
+    simulator = simulator_for("sweep", scene, solver, times, outputs)
+    nominal, grid = simulator.parameters, {}
+    units = units_of_parameters(nominal)
     for name, some in normal_keys("sweep", values).items():
-        column = numbers_of(some)
+        require_name("sweep", "parameter", name, nominal)
+        column = numbers_in("sweep", f"parameter {name!r}", some, units.get(name, ""))
         if column is None or column.ndim != 1 or not len(column) or not np.isfinite(column).all():
             raise DeclarationError(
                 f"sweep: the values of {name!r} must be a list of finite numbers, got {shown(some)}."
             )
         grid[name] = column
-    simulator = simulator_for("sweep", scene, solver, times, outputs)
-    nominal = simulator.parameters
-    for name in grid:
-        require_name("sweep", "parameter", name, nominal)
     count = math.prod(map(len, grid.values()))
     require_runs("sweep", count, "Give fewer values.")
     _require_room("sweep", simulator, count)
@@ -254,18 +256,18 @@ def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str)
     nominal = simulator.parameters
     if not runs:
         raise DeclarationError(f"{owner}: there is no run to make.")
-    runs = [normal_keys(owner, run) for run in runs]
-    for run in runs:
+    rows, units = [], units_of_parameters(nominal)
+    for run in (normal_keys(owner, run) for run in runs):
         if not isinstance(run, Mapping):
             raise DeclarationError(f'{owner}: expected values by name, such as {{"l1": 1.02}}, got {shown(run)}.')
         for name in run:
             require_name(owner, "parameter", name, nominal)
-        for name, value in run.items():
-            if not is_finite_number(value):
-                raise DeclarationError(f"{owner}: parameter {name!r} is {shown(value)}, which is no finite number.")
+        own = {
+            n: number_in(f"{owner}: parameter {n!r}", f"parameter {n!r}", v, units.get(n, "")) for n, v in run.items()
+        }
+        rows.append([float(own.get(name, value)) for name, value in nominal.items()])
     _require_room(owner, simulator, len(runs))
-    P = np.array([[float(run.get(name, value)) for name, value in nominal.items()] for run in runs])
-    return _of_rows(simulator, P.reshape(len(runs), len(nominal)), {}, owner)
+    return _of_rows(simulator, np.reshape(rows, (len(runs), len(nominal))), {}, owner)
 
 
 def _require_room(owner: str, simulator: Simulator, runs: int) -> None:

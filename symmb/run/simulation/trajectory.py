@@ -17,7 +17,7 @@ from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean, normal
 from symmb._options import require_instance
 from symmb._types import Array, Expr
-from symmb._units import with_units
+from symmb._units import headings, with_units
 from symmb.declare.symbolic import batch
 from symmb.equations.model import Scene
 from symmb.equations.start import Singularity
@@ -340,7 +340,8 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
         }
 
     def _table(self) -> files.Table:
-        return {"t": self.t} | dict(zip(self.names, self.values.T, strict=True))
+        columns = self.t, *self.values.T
+        return dict(zip(headings(self.names, self.units, self.parameters), columns, strict=True))
 
     def _labelled(self) -> Labelled:
         return labelled(self._record())

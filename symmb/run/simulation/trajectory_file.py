@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, known, over_outputs, parameter_names, unit_text
 from symmb._types import Array
+from symmb._units import read_headings, units_of_parameters
 from symmb.results.files import Record
 from symmb.run.events import Event
 from symmb.run.verification import Drift, Energy
@@ -62,19 +62,19 @@ def of_record(record: Record) -> Contents:
 
 def of_table(table: Record) -> Contents:
     """The contents of a table: a column t, and one for each output."""
-    headings, columns = table.texts("headings"), table.record("columns")
-    if headings[0] != "t":
-        raise DeclarationError("its first column must be t.")
-    t, *values = (columns.with_nan(str(k), None) for k in range(len(headings)))
+    (first, *own), columns = table.texts("headings"), table.record("columns")
+    names, units = read_headings(first, own)
+    t, *values = (columns.with_nan(str(k), None) for k in range(1 + len(names)))
     unknown = np.full(len(t), np.nan)
     entries = {
         "scene": "",
         "t": t,
-        "names": headings[1:],
+        "names": names,
+        "units": units,
         "values": np.transpose(values) if values else np.zeros((len(t), 0)),
-        "text": f"{len(t)} times from {t[0]:g} to {t[-1]:g} s: {', '.join(headings[1:])}",
+        "text": f"{len(t)} times from {t[0]:g} to {t[-1]:g} s: {', '.join(names)}",
         **dict.fromkeys(("q", "v", "s", "lam"), np.zeros((len(t), 0))),
-        **dict.fromkeys(("units", "q_names", "v_names", "s_names", "row_names"), ()),
+        **dict.fromkeys(("q_names", "v_names", "s_names", "row_names"), ()),
         "parameters": {},
         "statistics": {},
         **dict.fromkeys(("solver", "reason"), ""),
@@ -94,6 +94,8 @@ def labelled(record: Mapping[str, Any]) -> Labelled:
     variables = known({"value": (series, record["values"]), "error": (series, record["error"])})
     own_names = parameter_names([*record["parameters"]], [*coordinates, "unit", *variables, "error"])
     coordinates |= {name: ((), value) for name, value in zip(own_names, record["parameters"].values(), strict=True)}
+    units_by_name = units_of_parameters(record["parameters"])
+    unit_of |= {name: units_by_name.get(own, "") for name, own in zip(own_names, record["parameters"], strict=True)}
     attributes = {name: record[name] or None for name in ("scene", "solver", "reason")}
     attributes |= {"units": unit_text(names, units), "doubts": "\n".join(record["doubts"]) or None}
     return Labelled(coordinates, variables, attributes, unit_of)

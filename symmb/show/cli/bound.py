@@ -8,7 +8,7 @@ from typing import Any
 import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import require_names, shown
-from symmb._units import number_or_quantity, units_of_parameters
+from symmb._units import number_or_quantity, quantity, units_of_parameters
 from symmb.bound.bounds import limit_pairs
 from symmb.connect import Simulator
 from symmb.show.cli import specs
@@ -112,18 +112,21 @@ def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box
 
 
 def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[End, End]]:
-    """The ends of texts such as k=1:2 and k=1mm:2mm, by name; None for an end that is left out."""
+    """The ends of texts such as k=1:2 and k=1:2mm, by name; None for an end that is left out. A unit holds for both."""
     ranges: dict[str, tuple[End, End]] = {}
     for word in words:
         name, _, text = word.partition("=")
         low, colon, high = text.partition(":")
         try:
-            ends = (number_or_quantity(low) if low else None, number_or_quantity(high) if high else None)
+            low, high = (number_or_quantity(end) if end else None for end in (low, high))
+            units = {quantity(f"{option} {name}:", end)[1] for end in (low, high) if isinstance(end, str)}
+            if len(units) == 1:
+                low, high = (f"{end!r} {min(units)}" if isinstance(end, float) else end for end in (low, high))
         except ValueError:
-            colon, ends = "", (None, None)
+            colon = ""
         if not name or not colon:
             raise DeclarationError(f"{option} takes name=low:high, got {shown(word)}.")
         if name in ranges:
             raise DeclarationError(f"{option} has {name!r} twice.")
-        ranges[name] = ends
+        ranges[name] = low, high
     return ranges
