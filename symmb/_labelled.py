@@ -1,6 +1,6 @@
 """Arrays with named dimensions, as xarray and pandas take them. Both are optional, and load when they are asked for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._names import look_up_by_name
 from symmb._options import optional_package, require_name
+from symmb._units import units_of_parameters
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -187,10 +188,19 @@ def over_outputs(
     return coordinates, {"time": "s"} | (dict.fromkeys(alike, units[0]) if len({*units}) == 1 else {})
 
 
-def units_along(names: Sequence[str], units: Mapping[str, str]) -> dict[str, Named]:
-    """The coordinate `parameter_unit` of parameters; none if no parameter has a unit."""
-    own = texts([units.get(name, "") for name in names])
-    return {"parameter_unit": (("parameter",), own)} if any(own) else {}
+def over_parameters(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Named]:
+    """Coordinates of values over parameters; `parameter_unit` is one if a parameter has a unit."""
+    own = {"parameter": [*names]} | ({"parameter_unit": [units.get(name, "") for name in names]} if units else {})
+    return {name: (("parameter",), texts(some)) for name, some in own.items()}
+
+
+def each_parameter(
+    values: Mapping[str, Any], dims: tuple[str, ...], taken: Sequence[str]
+) -> tuple[dict[str, Named], dict[str, str]]:
+    """Parameters with units as coordinates of some dimensions, and their units; see `parameter_names`."""
+    names, units = parameter_names([*values], taken), units_of_parameters(values)
+    of_names = {name: units[own] for name, own in zip(names, values, strict=True) if own in units}
+    return dict(zip(names, [(dims, value) for value in values.values()], strict=True)), of_names
 
 
 def known(variables: Mapping[str, Named]) -> dict[str, Named]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Counted, Labelled, Result, texts, units_along
+from symmb._labelled import Counted, Labelled, Result, over_parameters, texts
 from symmb._names import ByName, counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array, Figure
@@ -182,11 +182,10 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         return plot.plot_fit(series, [units[self.names.index(name)] for name in names], style)
 
     def _labelled(self) -> Labelled:
-        names, series = texts([*self.parameters]), ("value",)
+        series = ("value",)
         coordinates = {
-            "parameter": (("parameter",), names),
-            "other": (("other",), names),
-            **units_along([*self.parameters], units_of_parameters(self.parameters)),
+            **over_parameters(self.parameters, units_of_parameters(self.parameters)),
+            "other": (("other",), texts([*self.parameters])),
             "output": (series, texts([name for name, t in self.times.items() for _ in t])),
             "time": (series, np.concatenate([*self.times.values()])),
         }

@@ -8,7 +8,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Counted, Labelled, Result, texts, units_along
+from symmb._labelled import Counted, Labelled, Result, over_parameters, texts
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_finite_number, require_name, shown
 from symmb._progress import shown_runs
@@ -107,15 +107,14 @@ class Tolerances(Counted, Result):
         return html.page(html.text(self._head()), html.table(self._rows()), html.text(str(self.check)))
 
     def _labelled(self) -> Labelled:
-        names = texts(self.box.names)
         ends = np.stack([self.box.lower, self.box.upper], axis=1)
         variables = {
             "interval": (("parameter", "bound"), ends),
             "nominal": (("parameter",), np.array([self.nominal[name] for name in self.box.names])),
             "factor": (("parameter",), np.array([self.factors[name] for name in self.box.names])),
         }
-        coordinates = {"parameter": (("parameter",), names), "bound": (("bound",), texts(("lower", "upper")))}
-        coordinates |= units_along(self.box.names, dict(zip(self.box.names, self.box.units, strict=False)))
+        coordinates = over_parameters(self.box.names, dict(zip(self.box.names, self.box.units, strict=False)))
+        coordinates |= {"bound": (("bound",), texts(("lower", "upper")))}
         return Labelled(
             coordinates, variables, {"binding": str(self.binding or ""), "cost": self.cost}, {}, ("parameter",)
         )

@@ -250,6 +250,11 @@ def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLi
     return KeptLimit(output, unit, low, high, *_decision(bounds, k, low, high), width)
 
 
+def _unit_told(bounds: Envelope, k: int) -> str:
+    """The unit behind numbers of output number k, unless it is one of SI."""
+    return f" {told_units(bounds.units, len(bounds.names))[k]}".rstrip()
+
+
 def _rounding(bounds: Envelope, k: int) -> float:
     """How far runs of output number k may be off by rounding or noise."""
     rounding = float(ROUNDING * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
@@ -267,6 +272,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     """Whether output number k keeps a limit."""
     lower, upper = bounds.lower[:, k], bounds.upper[:, k]
     margin, rounding = np.minimum(lower - low, high - upper), _rounding(bounds, k)
+    unit = _unit_told(bounds, k)
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
     beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
     if beyond > rounding:
@@ -274,7 +280,9 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     if doubt := _doubt(bounds, bounds.names[k]):
         return _Decision(None, f"See the warnings: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
-        return _Decision(None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}.", margin)
+        return _Decision(
+            None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}{unit}.", margin
+        )
     if bounds.kind == "sampled":
         why = f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
         return _Decision(None, why, margin)
@@ -301,6 +309,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     assert bounds.estimate is not None
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
     estimate, rounding, further = bounds.estimate[:, k], _rounding(bounds, k), None
+    unit = _unit_told(bounds, k)
     near = _SAFETY * estimate
     if bounds.study is not None and bounds.study.has_lanes:
         near = near + _NEAR * (bounds.upper - bounds.lower)[:, k].max()
@@ -314,20 +323,22 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
             return _Decision(None, f"{further.failed} of {further.runs} further runs near it failed.", margin, further)
         if inside <= rounding:
             return _Decision(
-                None, f"A further run meets it, within {rounding:.1e} of rounding or noise.", margin, further
+                None, f"A further run meets it, within {rounding:.1e}{unit} of rounding or noise.", margin, further
             )
         if np.isfinite(error):
-            why = f"{further.runs} further runs near it stay {inside:.1e} inside, and may be off by {error:.1e}."
-            return _Decision(True if inside > error else None, why, np.fmin(np.maximum(margin, inside), own), further)
+            why = f"{further.runs} further runs near it stay {inside:.1e}{unit} inside, and may be off by {error:.1e}"
+            return _Decision(
+                True if inside > error else None, f"{why}{unit}.", np.fmin(np.maximum(margin, inside), own), further
+            )
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
-        why = f"The bounds are beyond it by more than their estimated error of {error:.1e}."
+        why = f"The bounds are beyond it by more than their estimated error of {error:.1e}{unit}."
         return _Decision(False, why, margin, further)
     error = estimate.max()
     if (margin >= estimate).all():
-        return _Decision(True, f"The estimated error is at most {error:.1e}.", margin, further)
+        return _Decision(True, f"The estimated error is at most {error:.1e}{unit}.", margin, further)
     decides = "PolynomialChaos(tolerance=...) with a smaller number decides."
-    return _Decision(None, f"The estimated error is up to {error:.1e}: {decides}", margin, further)
+    return _Decision(None, f"The estimated error is up to {error:.1e}{unit}: {decides}", margin, further)
 
 
 def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices) -> FurtherRun:

@@ -7,7 +7,18 @@ import numpy as np
 
 from symmb._doubt import Doubt, concerned
 from symmb._errors import DeclarationError
-from symmb._labelled import BOUND, Labelled, Named, known, over_outputs, parameter_names, texts, unit_text, units_along
+from symmb._labelled import (
+    BOUND,
+    Labelled,
+    Named,
+    each_parameter,
+    known,
+    over_outputs,
+    over_parameters,
+    texts,
+    unit_text,
+)
+from symmb._names import ByName
 from symmb._types import Array
 from symmb._units import TIME_HEADINGS, read_headings, units_of_parameters
 from symmb.bound.bounds.failures import Failure
@@ -132,8 +143,8 @@ def box_coordinates(box: Box | None) -> dict[str, Named]:
     if box is None:
         return {}
     ends = np.stack([box.lower, box.upper], axis=1)
-    own = units_along(box.names, dict(zip(box.names, box.units, strict=False)))
-    return {"parameter": (("parameter",), texts(box.names)), "box": (("parameter", "bound"), ends), **own}
+    own = over_parameters(box.names, dict(zip(box.names, box.units, strict=False)))
+    return {**own, "box": (("parameter", "bound"), ends)}
 
 
 def labelled(
@@ -165,10 +176,9 @@ def labelled(
         values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
         variables["failed_at"] = (("sample",), np.array([run.time for run in failed]))
         variables["failure"] = (("sample",), texts([run.message for run in failed]))
-        free = parameter_names([*values], [*coordinates, *variables, "term", "sample"])
-        coordinates |= {name: (("sample",), own) for name, own in zip(free, values.values(), strict=True)}
-        units_by_name = units_of_parameters(record["nominal_parameters"])
-        unit_of |= {name: units_by_name.get(own, "") for name, own in zip(free, values, strict=True)}
+        values, taken = ByName(values, units_of_parameters(record["nominal_parameters"])), [*coordinates, *variables]
+        own, units_of_own = each_parameter(values, ("sample",), [*taken, "term", "sample"])
+        coordinates, unit_of = coordinates | own, unit_of | units_of_own
     attributes = {name: record[name] for name in ("method", "kind", "range_of", "evaluations", "seconds", "caution")}
     sentences = {name: "\n".join(record[name]) or None for name in ("doubts", "remarks")}
     attributes |= {"units": unit_text(names, units), **sentences}

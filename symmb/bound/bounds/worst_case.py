@@ -8,8 +8,8 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError
-from symmb._labelled import Labelled, Result, parameter_names, texts, units_along
-from symmb._names import look_up_by_name
+from symmb._labelled import Labelled, Result, each_parameter, over_parameters, texts
+from symmb._names import ByName, look_up_by_name
 from symmb._options import is_finite_number, shown
 from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array, Indices
@@ -219,17 +219,14 @@ class Worst(Result):
             name: (("bound",), np.array([getattr(case, name) for case in cases]))
             for name in ("value", "time", "attained")
         }
-        names = [*self.lower.parameters]
+        names, units = [*self.lower.parameters], units_of_parameters(self.lower.parameters)
         values = np.array([[case.parameters[name] for name in names] for case in cases])
         variables["parameters"] = (("bound", "parameter"), values)
-        units = units_of_parameters(self.lower.parameters)
-        coordinates: dict[str, Any] = {"bound": (("bound",), texts(SIDES)), "parameter": (("parameter",), texts(names))}
-        coordinates |= units_along(names, units)
-        free = parameter_names(names, [*coordinates, *variables])
-        coordinates |= {name: (("bound",), values[:, i]) for i, name in enumerate(free)}
-        unit_of = {name: units.get(own, "") for name, own in zip(free, names, strict=True)}
+        coordinates: dict[str, Any] = {"bound": (("bound",), texts(SIDES)), **over_parameters(names, units)}
+        by_name = ByName(zip(names, values.T, strict=True), units)
+        own, unit_of = each_parameter(by_name, ("bound",), [*coordinates, *variables])
         unit_of |= {"time": "s", "value": self.lower.unit, "attained": self.lower.unit}
-        return Labelled(coordinates, variables, {"output": self.lower.output}, unit_of)
+        return Labelled(coordinates | own, variables, {"output": self.lower.output}, unit_of)
 
 
 def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:

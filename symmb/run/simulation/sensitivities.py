@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text, units_along
+from symmb._labelled import Labelled, Result, over_outputs, over_parameters, unit_text
 from symmb._names import counted, normal
 from symmb._options import require_name, shown
 from symmb._table import over_times
@@ -114,8 +114,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
 
     def _labelled(self) -> Labelled:
         coordinates, units = over_outputs(self.t, self.names, self.units, "value")
-        coordinates |= {"parameter": (("parameter",), texts([*self.parameters]))}
-        coordinates |= units_along([*self.parameters], units_of_parameters(self.parameters))
+        coordinates |= over_parameters(self.parameters, units_of_parameters(self.parameters))
         nominal = np.array(list(self.parameters.values()))
         variables = {
             "value": (("time", "output"), self.run),

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
+from symmb._labelled import Labelled, Named, Result, each_parameter, over_outputs, parameter_names, unit_text
 from symmb._limits import require_memory, require_runs
 from symmb._names import ByName, counted, normal_keys
 from symmb._options import require_name, shown
@@ -160,14 +160,10 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
             "value": (("sample", "time", "output"), self.values),
             "ok": (("sample",), self.ok),
         }
-        own = parameter_names([*self.parameters], [*coordinates, *variables, "sample"])
-        coordinates |= {name: (("sample",), p) for name, p in zip(own, self.parameters.values(), strict=True)}
-        units |= {
-            name: units_of_parameters(self.parameters).get(p, "") for name, p in zip(own, self.parameters, strict=True)
-        }
-        coordinates |= {"sample": (("sample",), np.arange(len(self)))}
+        own, units_of_own = each_parameter(self.parameters, ("sample",), [*coordinates, *variables, "sample"])
+        coordinates |= {**own, "sample": (("sample",), np.arange(len(self)))}
         about = {"scene": self.name, "units": unit_text(self.names, self.units), "doubts": "\n".join(self.doubts)}
-        return Labelled(coordinates, variables, {k: v or None for k, v in about.items()}, units)
+        return Labelled(coordinates, variables, {k: v or None for k, v in about.items()}, units | units_of_own)
 
     def to_xarray(self) -> "Dataset":
         """An xarray.Dataset over the parameters of a grid, or over samples, and over time and output.

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from symmb._labelled import Labelled, known, over_outputs, parameter_names, unit_text
+from symmb._labelled import Labelled, each_parameter, known, over_outputs, unit_text
 from symmb._types import Array
-from symmb._units import read_headings, units_of_parameters
+from symmb._units import read_headings
 from symmb.results.files import Record
 from symmb.run.events import Event
 from symmb.run.verification import Drift, Energy
@@ -92,13 +92,10 @@ def labelled(record: Mapping[str, Any]) -> Labelled:
     coordinates, unit_of = over_outputs(record["t"], names, units, "value", "error")
     series = ("time", "output")
     variables = known({"value": (series, record["values"]), "error": (series, record["error"])})
-    own_names = parameter_names([*record["parameters"]], [*coordinates, "unit", *variables, "error"])
-    coordinates |= {name: ((), value) for name, value in zip(own_names, record["parameters"].values(), strict=True)}
-    units_by_name = units_of_parameters(record["parameters"])
-    unit_of |= {name: units_by_name.get(own, "") for name, own in zip(own_names, record["parameters"], strict=True)}
+    own, units_of_own = each_parameter(record["parameters"], (), [*coordinates, "unit", *variables, "error"])
     attributes = {name: record[name] or None for name in ("scene", "solver", "reason")}
     attributes |= {"units": unit_text(names, units), "doubts": "\n".join(record["doubts"]) or None}
-    return Labelled(coordinates, variables, attributes, unit_of)
+    return Labelled(coordinates | own, variables, attributes, unit_of | units_of_own)
 
 
 def _series(record: Record, names: tuple[str, ...], n_t: int) -> dict[str, Array]:
