@@ -108,8 +108,7 @@ class NamedColumns(np.ndarray):
     def __deepcopy__(self, memo: Any) -> "NamedColumns":
         return NamedColumns(self.copy(), self.names)
 
-    def __copy__(self) -> Any:
-        return self.copy()
+    __copy__: Any = copy
 
 
 class Counted:

@@ -247,15 +247,11 @@ def probability_of(
         own = _near_limit(samples, limits, error)
         found = np.where(own[2] < found[2], own, found)
     lower, upper, estimate, _ = found
-    (told,), words = (
-        told_units([unit], 1),
-        [word for end, word in ((below, "below"), (above, "above")) if end is not None],
-    )
-    sides = " or ".join(f"{word} {end:g} {told}".rstrip() for end, word in zip(ends, words, strict=True))
+    sides, (told,) = ((below, "below"), (above, "above")), told_units([unit], 1)
+    words = zip([word for end, word in sides if end is not None], ends, strict=True)
+    event = f"{responses.names[k]} " + " or ".join(f"{word} {end:g} {told}".rstrip() for word, end in words)
     last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
-    figures = Probability(
-        *samples.about(), f"{responses.names[k]} {sides}", lower[:-1], upper[:-1], estimate[:-1], last
-    )
+    figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
     if _is_short(found, error) and upper[-1] > 0:
         short = f"The error of {error:g} that was asked for is not reached: it is {estimate[-1] / upper[-1]:.2g}."
         return replace(figures, remarks=(*figures.remarks, short))

@@ -46,15 +46,12 @@ class FilledByBlock(Block):
         vars(self).clear()
         vars(self).update(outside)
         if error[0] is None:  # else it stays what it was, as with faults in elements
-            whole = type(self)(*self.elements, *made, parameters=self.parameters or None)
+            kind: Any = type(self)
+            whole = kind(*self.elements, *made, parameters=self.parameters or None)
             vars(self).clear()
             vars(self).update(vars(whole))
 
-    if TYPE_CHECKING:
-
-        def __init__(self, *elements: Any, parameters: Any = None) -> None: ...
-
-    else:
+    if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
             if "_outside" in vars(self) and not name.startswith("__"):

@@ -258,9 +258,7 @@ def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str)
             raise DeclarationError(f'{owner}: expected values by name, such as {{"l1": 1.02}}, got {shown(run)}.')
         for name in run:
             require_name(owner, "parameter", name, nominal)
-        own = {
-            n: number_in(f"{owner}: parameter {n!r}", f"parameter {n!r}", v, units.get(n, "")) for n, v in run.items()
-        }
+        own = {n: number_in(f"{owner}: {n!r}", f"parameter {n!r}", v, units.get(n, "")) for n, v in run.items()}
         rows.append([float(own.get(name, value)) for name, value in nominal.items()])
     _require_room(owner, simulator, len(runs))
     return _of_rows(simulator, np.reshape(rows, (len(runs), len(nominal))), {}, owner)
