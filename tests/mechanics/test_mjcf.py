@@ -237,7 +237,7 @@ def test_what_is_left_out_is_told_by_name(case, tmp_path):
 
 def test_a_file_of_which_nothing_is_left_out_does_not_warn(tmp_path):
     robot, text = told(write(tmp_path, f'<body name="arm"><joint name="j"/>{ROD}</body>'))
-    assert not text and repr(robot).startswith("Robot('machine': 1 Body, 1 Revolute, 1 Gravity")
+    assert not text and repr(robot).startswith("Robot('machine': 1 Link, 1 Revolute, 1 Gravity")
 
 
 def test_classes_includes_and_bodies_without_joints(tmp_path):

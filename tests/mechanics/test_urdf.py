@@ -185,6 +185,23 @@ def test_rates_of_two_joints_that_a_drive_couples_on_one_body():
     assert abs(run["right"][0] - 0.05) < 1e-12
 
 
+@pytest.mark.parametrize(
+    "name, fixed_base, free",
+    [("gripper", True, []), ("gantry", True, []), ("branch", True, []), ("satellite", False, ["hull"])],
+)
+def test_default_outputs_are_the_joint_values(name, fixed_base, free):
+    """And positions of links that no hinge or slider carries. Bodies declared beside a robot have theirs."""
+    robot = mb.load_urdf(FILES / f"{name}.urdf", fixed_base=fixed_base)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(*robot.elements, ball, mb.Gravity(0, 0, -9.81))
+    scene = mb.Scene(system, robot.start, [0.0, 0.1])
+    values = {j.name: getattr(j, j.coordinate) for j in robot.joints.values() if j.coordinate}
+    placed = {f"{link}.{x}": getattr(robot.bodies[link], x) for link in free for x in "xyz"}
+    given = scene.with_outputs(values | placed | {"ball.z": ball.z, "ball.vz": ball.vz})
+    assert scene.output_names == given.output_names and scene.units == given.units
+    assert ca.is_equal(scene.y, given.y, 9)
+
+
 def test_a_joint_may_have_the_name_of_a_link(tmp_path):
     text = f'<link name="base"/><link name="arm">{ROD}</link>' + joint("arm", "continuous", "base", "arm")
     robot = load(tmp_path, text)

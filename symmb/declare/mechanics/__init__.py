@@ -11,6 +11,7 @@ from symmb.declare.mechanics.body import (
     Flywheel,
     Ground,
     Inertial,
+    Link,
     Point,
     as_matrix,
     inertia_matrix,

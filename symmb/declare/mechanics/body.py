@@ -167,6 +167,10 @@ class Flywheel(Body):
     """A body that stands for the inertia of a drive. It is nowhere in the mechanism, and is not drawn."""
 
 
+class Link(Body):
+    """A body of a machine from a file, which is known by the value of the joint that carries it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Inertial:
     """The contribution of a body to the equations of motion.

@@ -16,7 +16,7 @@ from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._presentation import presentation
 from symmb._types import Array, Expr
 from symmb._units import dimensions, label, numbers_in, ratio_of, scaled, unit_of, units_of_parameters
-from symmb.declare.mechanics import Figure
+from symmb.declare.mechanics import AxisJoint, Figure, Flywheel, Link
 from symmb.declare.symbolic import reduction, t
 from symmb.equations.model.box import Box
 from symmb.equations.model.figures import BoundFigure, bound_figure
@@ -51,8 +51,9 @@ class Scene:
         default: 0 alone
     outputs : mapping
         name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a scalar output such
-        as `maximum(expression)`; default: all coordinates and velocities. A pair such as (expression, "mm") asks for a
-        unit: all values of this output are numbers in it, in runs, bounds, limits, data, pictures and files
+        as `maximum(expression)`; default: all coordinates and velocities, of robots from files the values of their
+        joints. A pair such as (expression, "mm") asks for a unit: all values of this output are numbers in it, in runs,
+        bounds, limits, data, pictures and files
     box : Box
         intervals of the uncertain parameters
     guess : mapping
@@ -205,9 +206,7 @@ class Scene:
     def _bound_outputs(self) -> dict[str, ca.SX]:
         outputs = self.outputs
         if outputs is None:
-            c = self.system.collected
-            pairs = zip((*c.q_names, *c.v_names), ca.vertsplit(ca.vertcat(c.q, c.v)), strict=True)
-            return dict(pairs) if c.q_names else {}
+            return self._default_outputs
         if not isinstance(outputs, Mapping):
             raise DeclarationError('outputs: expected a mapping from names to expressions, such as {"x": rod.x}.')
         bound: dict[str, ca.SX] = {}
@@ -227,6 +226,22 @@ class Scene:
         if faults:
             raise DeclarationError("\n".join(faults))
         return bound
+
+    @property
+    def _default_outputs(self) -> dict[str, ca.SX]:
+        """Joint values of robots, positions of links that no hinge or slider carries, and all states of other bodies."""
+        c = self.system.collected
+        links = [body for body in self.system.bodies if isinstance(body, Link)]
+        axes = [
+            e for e in self.system.elements if isinstance(e, AxisJoint) and e.coordinate and e.point_b.body in links
+        ]
+        free = [link for link in links if all(joint.point_b.body is not link for joint in axes)]
+        chosen = {joint.name: getattr(joint, str(joint.coordinate)) for joint in axes}
+        chosen |= {f"{link.name}.{x}": getattr(link, x) for link in free for x in "xyz"}
+        own = {body.name for body in self.system.bodies if isinstance(body, Link | Flywheel)}
+        states = zip((*c.q_names, *c.v_names), ca.vertsplit(ca.vertcat(c.q, c.v)), strict=True)
+        rest = {name: x for name, x in states if name.rpartition(".")[0] not in own} if c.q_names else {}
+        return {name: self.expression(x, f"output {name!r}") for name, x in chosen.items()} | rest
 
     @cached_property
     def asked(self) -> dict[str, tuple[Any, str]]:

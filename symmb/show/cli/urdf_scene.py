@@ -9,8 +9,6 @@ import numpy as np
 
 import symmb as mb
 from symmb._errors import DeclarationError
-from symmb._types import Expr
-from symmb.declare.mechanics.robots import Robot
 
 _TIMES = np.linspace(0.0, 2.0, 201)
 """Output times [s]: a fall from rest takes an arm about half a second."""
@@ -35,22 +33,10 @@ def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
         nominal = mb.load_urdf(path).numbers
     p = mb.Parameters(**{own: nominal.get(name, 0.0) for name, own in names.items()})
     robot = mb.load_urdf(path, replace={name: getattr(p, own) for name, own in names.items()})
-    outputs = _outputs(robot)
-    if not outputs:
+    if not robot.elements:
         raise DeclarationError(f"{path}: no joint of this file moves, so that there is nothing to simulate.")
     system = mb.System(*robot.elements, mb.Gravity(*_DOWN), parameters=p)
-    return mb.Scene(system, robot.start, _TIMES, outputs, name=path.stem)
-
-
-def _outputs(robot: Robot) -> dict[str, Expr]:
-    """Values of joints, and positions of bodies that move freely or in a plane."""
-    outputs = {j.name: getattr(j, j.coordinate) for j in robot.joints.values() if j.coordinate}
-    free = {name.rpartition(".")[0] for name in robot.start if name.endswith(".rotation")}
-    free |= {j.point_b.body.name for j in robot.joints.values() if not j.coordinate}
-    for body in robot.elements:
-        if isinstance(body, mb.Body) and body.name in free:
-            outputs |= {f"{body.name}.{axis}": getattr(body, axis) for axis in "xyz"}
-    return outputs
+    return mb.Scene(system, robot.start, _TIMES, name=path.stem)
 
 
 def parameter_name(number: str) -> str:

@@ -15,7 +15,7 @@ from symmb._options import is_finite_number, is_real, shown
 from symmb._types import Expr
 from symmb.declare.mechanics.actuator import Actuator, Stop
 from symmb.declare.mechanics.axis_joint import AxisJoint, Joint
-from symmb.declare.mechanics.body import AbstractBody, Body, Flywheel, Ground, Point
+from symmb.declare.mechanics.body import AbstractBody, Body, Flywheel, Ground, Link, Point
 from symmb.declare.mechanics.constraint import Motion, VelocityConstraint
 from symmb.declare.mechanics.contact_law import ContactLaw
 from symmb.declare.mechanics.element import Element
@@ -265,7 +265,7 @@ class Building:
         J = whole.inertia
         if not any(isinstance(x, ca.SX) for row in J for x in row):  # the moment of a turned rod is below 0 by rounding
             J = tuple(tuple(max(x, 0.0) if i == k else x for k, x in enumerate(row)) for i, row in enumerate(J))
-        return Body(name, whole.mass, J, Spatial(), whole.com, tuple(self._shapes(top)))
+        return Link(name, whole.mass, J, Spatial(), whole.com, tuple(self._shapes(top)))
 
     def robot(self) -> Robot:
         """The machine."""
