@@ -114,3 +114,34 @@ def test_a_mesh_that_cannot_be_read_is_told(with_mesh, monkeypatch, how, why):
     (note,) = (note for note in drawing.notes if "hand" in note)
     assert note.startswith("Mesh 'hand.") and why in note
     assert "bar" in [shape.form for shape in drawing.shapes if shape.name == "left_hand"]
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_solids_of_links_without_shapes_are_no_larger_than_the_robot(tmp_path, count):
+    """Rods of any density keep their size in short chains. Placeholders of 1 kg m^2 get the size of a light part."""
+    rng = np.random.default_rng(count)
+    lengths, widths = rng.uniform(0.2, 0.9, count), rng.uniform(0.02, 0.05, count)
+    masses = rng.uniform(600, 8000, count) * lengths * widths**2
+
+    def solids(placeholder):
+        parts = ['<link name="link0"/>']
+        for k, (length, width, m) in enumerate(zip(lengths, widths, masses, strict=True), 1):
+            along, across = (m * width**2 / 6, m * (length**2 + width**2) / 12) if not placeholder else (1.0, 1.0)
+            parts.append(
+                f'<link name="link{k}"><inertial><origin xyz="{length / 2} 0 0"/><mass value="{m}"/>'
+                f'<inertia ixx="{along}" iyy="{across}" izz="{across}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+                f'<joint name="j{k}" type="continuous"><origin xyz="{lengths[k - 2] if k > 1 else 0} 0 0"/>'
+                f'<parent link="link{k - 1}"/><child link="link{k}"/><axis xyz="0 1 0"/></joint>'
+            )
+        path = tmp_path / "arm.urdf"
+        path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+        drawing = draw(mb.simulate(mb.Scene(mb.System(*mb.load_urdf(path).elements), times=[0.0])))
+        return [np.sort(np.linalg.norm(s.direction, axis=1)) for s in drawing.shapes if s.form == "solid"], drawing.size
+
+    own, _ = solids(placeholder=False)
+    for half, length in zip(own, lengths, strict=True):
+        assert half[-1] <= length / 2 * (1 + 1e-9) and half[-1] >= 0.2 * lengths.min()
+        assert count > 2 or half[-1] == pytest.approx(length / 2)
+    balls, size = solids(placeholder=True)
+    assert all(half.max() < 0.5 * size for half in balls) and size < 1.5 * lengths.sum()
+    assert all(4 / 3 * np.pi * half.prod() <= 1.2 * m / 500 for half, m in zip(balls, masses, strict=True))

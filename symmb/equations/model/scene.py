@@ -229,7 +229,7 @@ class Scene:
 
     @property
     def _default_outputs(self) -> dict[str, ca.SX]:
-        """Joint values of robots, positions of links that no hinge or slider carries, and all states of other bodies."""
+        """Joint values of robots, positions of links that no hinge or slider carries, and states of other bodies."""
         c = self.system.collected
         links = [body for body in self.system.bodies if isinstance(body, Link)]
         axes = [

@@ -14,6 +14,7 @@ from symmb.declare.mechanics import (
     Body,
     Cylindrical,
     FlexibleBody,
+    Link,
     Particle,
     Planar,
     PlanarJoint,
@@ -33,6 +34,9 @@ _SAME = 1e-6
 """Distance of points, as a share of the unit of length, below which they are one."""
 _ALIKE = 0.03
 """Relative difference of second moments of mass below which a solid is drawn as round."""
+_LIGHT, _LONG = 500.0, 2.0
+"""Least density [kg/m^3] and greatest half length, over the span of a robot divided by its links, of a solid that stands
+for a link: inertias in files are often placeholders, such as 1 kg m^2 of a finger."""
 _NEIGHBOURS, _REACH = 12, 1.6
 """Nodes of a mesh that may be joined: of these nearest ones, up to this share of the longest edge of its tree."""
 
@@ -63,7 +67,10 @@ class BodySketch:
 
     @property
     def second_moments(self) -> tuple[Array, Array]:
-        """Variances of the mass along its principal axes, (3,) [m^2], and these axes as columns, (3, 3)."""
+        """Variances of the mass along its principal axes, (3,) [m^2], and these axes as columns, (3, 3).
+
+        Those of a link of a robot are reduced to what its density and the robot's size allow.
+        """
         m, J = (0.0, np.zeros((3, 3))) if self.mass is None else (self.mass.first[0], self.inertia.first.reshape(3, 3))
         if m <= 0:
             return np.zeros(3), np.eye(3)
@@ -71,7 +78,13 @@ class BodySketch:
             return np.array([J[2, 2] / m, 0.0, 0.0]), np.eye(3)
         values, axes = np.linalg.eigh(J)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        return np.maximum(values.sum() / 2 - values, 0.0) / m, axes
+        variances = np.maximum(values.sum() / 2 - values, 0.0) / m
+        if isinstance(self.body, Link) and variances.max() and self.survey.span:
+            half, most = np.sqrt(3 * variances), m / _LIGHT
+            links = sum(isinstance(body, Link) for body in self.survey.bodies)
+            longest = _LONG * self.survey.span / links
+            variances *= min(np.cbrt(most / max(8 * half.prod(), most)), longest / half.max(), 1.0) ** 2
+        return variances, axes
 
     @property
     def reach(self) -> float:

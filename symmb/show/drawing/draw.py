@@ -51,7 +51,10 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     survey.evaluate()
     g = np.zeros(3) if gravity is None else gravity.first
     survey.down = -_right_and_up(g, all(isinstance(b.pose, Planar) for b in survey.bodies[1:]))[1]
-    size = _size(survey, bodies)
+    tracks = [survey.track(place) for place in range(survey.count)]
+    tracks += [survey.pose(body.frame)[:, :, 3] for body in bodies]
+    survey.span = _diagonal([track[:1] for track in tracks])
+    size = _size(survey.span, tracks, bodies)
     unit = _unit(size, bodies)
     shapes = _shapes(survey, bodies, sketches, unit)
     planar = _is_planar(survey, g, size)
@@ -90,15 +93,15 @@ def _pictures(count: int, also: Sequence[int]) -> Indices:
     return np.union1d(rows, [row for row in also if row < count]).astype(int)
 
 
-def _size(survey: Survey, bodies: Sequence[BodySketch]) -> float:
-    """Of the mechanism [m]."""
-    tracks = [survey.track(place) for place in range(survey.count)]
-    tracks += [survey.pose(body.frame)[:, :, 3] for body in bodies]
-    if not tracks:
-        return 1.0
-    at_start = float(np.linalg.norm(np.ptp([track[0] for track in tracks], axis=0)))
-    travelled = float(np.linalg.norm(np.ptp(np.vstack(tracks), axis=0)))
-    own = max([at_start, *(body.reach for body in bodies)])
+def _diagonal(tracks: Sequence[Array]) -> float:
+    """Of the box about ways, each (n, 3) [m]."""
+    return float(np.linalg.norm(np.ptp(np.vstack(tracks), axis=0))) if tracks else 0.0
+
+
+def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) -> float:
+    """Of the mechanism [m], whose attached points and centres of mass have a span, and move along tracks."""
+    travelled = _diagonal(tracks)
+    own = max([span, *(body.reach for body in bodies)])
     return max(own, _TRAVELLED * travelled) if own else travelled or 1.0
 
 

@@ -35,7 +35,10 @@ class Asked:
 
 
 class Survey:
-    """Places, directions and expressions of a scene, of which `evaluate` computes the numbers along a run."""
+    """Places, directions and expressions of a scene, of which `evaluate` computes the numbers along a run.
+
+    From these follow `down` and `span`, the diagonal of the box about attached points and centres of mass at the start.
+    """
 
     def __init__(self, run: Trajectory, scene: Scene) -> None:
         self.run, self.scene = run, scene
@@ -46,6 +49,7 @@ class Survey:
         self._known: dict[tuple[int, int], int] = {}
         self._keep: list[Point] = []
         self.down = np.array([0.0, 0.0, -1.0])
+        self.span = 0.0
         events = [e for e in scene.system.elements if isinstance(e, JointEvent)]
         self._gates = {name: self.ask(gate) for name, gate in row_gates(events).items()}
         self._grips = {e.joint.name: e.grip for e in events if isinstance(e, Latch)}
