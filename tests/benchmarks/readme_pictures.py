@@ -35,8 +35,8 @@ def page(folder: Path) -> None:
 
 
 def comparison(folder: Path) -> None:
-    numbers = folder / "out.json"
-    subprocess.run([sys.executable, "-m", "symmb", "compare", "double_pendulum", "--json", numbers], check=True)
+    numbers = folder / "out.npz"
+    subprocess.run([sys.executable, "-m", "symmb", "compare", "double_pendulum", "--save", numbers], check=True)
     figure = Figure(INCHES, dpi=200, layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(2, 3))
     found = mb.Comparison.load(numbers)

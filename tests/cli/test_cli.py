@@ -82,19 +82,25 @@ def refused(capsys, *arguments):
 
 
 def test_compare_prints_and_writes(scene, tmp_path, capsys):
-    json_file, picture = tmp_path / "c.json", tmp_path / "c.png"
+    json_file, whole, picture = (str(tmp_path / name) for name in ("c.json", "c.npz", "c.png"))
     methods = ["vertex", "pce:2:paper", "mc:20"]
-    arguments = ["compare", scene(CUBIC), "--methods", *methods, "--json", str(json_file), "--plot", str(picture)]
-    assert main(arguments) == 0
+    arguments = ["compare", scene(CUBIC), "--methods", *methods, "--json", json_file, "--plot", picture]
+    assert main([*arguments, "--save", whole]) == 0
     printed = capsys.readouterr().out
     assert "PolynomialChaos.paper(order=2)" in printed and "sampled" in printed
-    layout = json.loads(json_file.read_text())
+    layout = json.loads(Path(json_file).read_text())
     names = ["Vertex()", "PolynomialChaos.paper(order=2)", "MonteCarlo(20)"]
     assert [method["name"] for method in layout["methods"]] == names
     assert layout["box"] == {"x": [0.5, 1.5], "y": [-1.0, 1.0]}
     assert set(layout) >= {"scene", "times", "outputs", "box", "solver", "reference", "methods"}
-    np.testing.assert_allclose(layout["methods"][0]["lower"], [[-1.0], [-0.5], [0.0]])
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    loaded = mb.Comparison.load(whole)
+    np.testing.assert_allclose(loaded.rows[0].lower, [[-1.0], [-0.5], [0.0]])
+    for row, method in zip(loaded.rows, layout["methods"], strict=True):  # the table, without bounds over time
+        assert row.score.error.tolist() == method["error"] and row.evaluations == method["evaluations"]
+        assert "lower" not in method and "inner_upper" not in method
+    with pytest.raises(mb.DeclarationError, match=r"reference/lower is missing"):
+        mb.Comparison.load(json_file)
+    assert Path(picture).read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("spread", ["20%", "0.2"])

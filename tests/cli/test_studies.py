@@ -39,7 +39,7 @@ def compared(study, *options):
     """The rows of a comparison, and how many runs it made."""
     result, calls = study.with_suffix(".json"), study.with_suffix(".py.calls")
     calls.unlink(missing_ok=True)
-    assert main(["compare", str(study), "--json", str(result), "--methods", "pce:2:paper", "mc:20", *options]) == 0
+    assert main(["compare", str(study), "--save", str(result), "--methods", "pce:2:paper", "mc:20", *options]) == 0
     rows = json.loads(result.read_text())["methods"]
     return [(row["lower"], row["upper"]) for row in rows], len(calls.read_text()) if calls.exists() else 0
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
+from typing import Any
 
 import symmb as mb
 from symmb._cleanup import end_with_parent
@@ -19,6 +20,9 @@ from symmb.show.cli.result_path import result_paths, write_results
 from symmb.show.cli.scene_file import is_urdf, load_subject
 from symmb.show.cli.urdf_scene import parameter_name
 from symmb.show.report import write_comparison
+
+_OVER_TIME = "lower", "upper", "estimate", "inner_lower", "inner_upper"
+"""Entries of a method that its row of the table does not show. They are nearly all of a file."""
 
 
 def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
@@ -47,7 +51,8 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
     elsewhere = compare.add_mutually_exclusive_group()
     elsewhere.add_argument("--workers", metavar="N", type=int, help="make runs in N processes")
     elsewhere.add_argument("--dask", metavar="ADDRESS", help="make runs on the Dask cluster of this scheduler")
-    compare.add_argument("--json", metavar="F", help="write everything to this file")
+    compare.add_argument("--json", metavar="F", help="write the table, and what stands beside it, to this file")
+    compare.add_argument("--save", metavar="F.npz", help="write everything to this file, which Comparison.load reads")
     compare.add_argument("--plot", metavar="F.png", help="draw bounds over time and error against run time")
     compare.add_argument("--report", metavar="F.html", help="write a report of the comparison that prints")
 
@@ -69,10 +74,20 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     with _executor(options) as executor:
         comparison = mb.compare(subject, methods, box, solver=solver, executor=executor)
     print(comparison)
-    write_results(paths, comparison)
+    write_results(paths, comparison, _table(comparison) if "json" in paths else {})
     if "report" in paths:
         write_comparison(comparison, paths["report"], shlex.join(["symmb", *options.words]))
     return comparison.doubts
+
+
+def _table(comparison: mb.Comparison) -> dict[str, Any]:
+    """The entries of a file without bounds over time."""
+    entries = comparison.to_json()
+    reference, *methods = (
+        {name: value for name, value in part.items() if name not in _OVER_TIME}
+        for part in (entries["reference"], *entries["methods"])
+    )
+    return {"reference": reference, "methods": methods}
 
 
 @contextmanager

@@ -75,7 +75,7 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
         return
     print(partial)
     sys.stdout.flush()
-    for name in filter(None, (getattr(options, "json", None), getattr(options, "csv", None))):
+    for name in filter(None, (getattr(options, name, None) for name in ("json", "save", "csv"))):
         if not Path(name).suffix:  # a device
             continue
         path = Path(name).with_suffix(f".partial{Path(name).suffix}")

@@ -10,7 +10,14 @@ from symmb.results.files import require_suffix, save_json
 from symmb.results.plot import PICTURES
 from symmb.show.drawing import FORMATS
 
-_SUFFIXES = {"json": (".json",), "csv": (".csv",), "plot": PICTURES, "view": FORMATS, "report": (".html",)}
+_SUFFIXES = {
+    "json": (".json",),
+    "save": (".npz", ".json"),
+    "csv": (".csv",),
+    "plot": PICTURES,
+    "view": FORMATS,
+    "report": (".html",),
+}
 """Options that name files of results, and their suffixes."""
 
 
@@ -24,8 +31,8 @@ def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any
     """Write a result as JSON, with `more` entries, and as a table, and draw it or `drawn`, where asked for."""
     if "json" in paths:
         save_json(paths["json"], result.to_json() | more)
-    if "csv" in paths:
-        result.save(paths["csv"])
+    for name in {"csv", "save"} & {*paths}:
+        result.save(paths[name])
     if "plot" in paths:
         (drawn or result).plot(paths["plot"])
 
