@@ -233,3 +233,54 @@ def test_curves_have_a_time_axis(browser, pendulum):
     })()"""  # noqa: E501
     texts = browser.run(ticks)
     assert texts[:6] == ["0", "2", "4", "6", "8", "10 s"]
+
+
+@pytest.mark.parametrize("has_figure", [False, True])
+def test_places_of_sliders_are_runs(browser, tmp_path, has_figure):
+    """Of a thrown particle x = v t, y = -g t^2 / 2. A slider stands at the value next to the nominal one at first."""
+    rng = np.random.default_rng(int(has_figure))
+    p = mb.Parameters(speed=(1.0, "m/s"), drop=2.0)
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -p.drop), parameters=p)
+    outputs = {"x <b>": ball.x, "y": ball.y} | ({"peak": mb.maximum(ball.vx)} if has_figure else {})
+    scene = mb.Scene(system, {"ball.vx": p.speed}, np.linspace(0, 2, 11), outputs)
+    speeds, drops = np.sort(rng.uniform(0.5, 1.5, 4)), np.sort(rng.uniform(1, 3, 3))
+    path = tmp_path / "thrown.html"
+    mb.view(mb.sweep(scene, {"speed": speeds, "drop": drops}), path, time=2.0)
+    browser.open(path)
+    browser.run("symmb.play(false)")
+    text = "[...document.querySelectorAll('#sliders label')].map(label => label.textContent)"
+    at = [int(np.abs(speeds - 1).argmin()), int(np.abs(drops - 2).argmin())]
+    move = "(i => { i.value = %d; i.dispatchEvent(new Event('input')); })(document.querySelectorAll('nav input')[%d])"
+    for which, place in ((None, None), (0, 3), (1, 0), (0, 0), (1, 2)):
+        if which is not None:
+            at[which] = place
+            browser.run(move % (place, which))
+        speed, drop = speeds[at[0]], drops[at[1]]
+        assert browser.run(text) == [f"speed [m/s]{float(f'{speed:.4g}'):g}", f"drop{float(f'{drop:.4g}'):g}"]
+        for k in (0, 4, 10):
+            browser.run(f"symmb.seek({k})")
+            t = 0.2 * k
+            matrix = np.array(browser.run("symmb.frameMatrix(1)")).reshape(4, 4).T
+            assert np.abs(matrix[:3, 3] - [speed * t, -drop * t**2 / 2, 0]).max() < 1e-6
+            shown = float(browser.run("document.querySelector('#curves b').textContent"))
+            assert abs(shown - speed * t) < 1e-3
+    assert not browser.errors
+
+
+def test_sweeps_that_have_no_sliders(tmp_path):
+    scene = load_scene("double_pendulum").with_times([0.0, 0.1])
+    grid = mb.sweep(scene, {"l1": [0.9, 1.0]})
+    grid.save(tmp_path / "grid.npz")
+    of_function = mb.sweep(mb.FunctionSimulator(lambda k: [k], {"k": 1.0}, [0.0], ["x"]), {"k": [1.0, 2.0]})
+    failed = mb.sweep(scene, {"l1": [-1.0, 1.0]})
+    for sweep, name, words in (
+        (grid, "a.png", "need a page"),
+        (mb.Sweep.load(tmp_path / "grid.npz"), "a.html", "holds no scene"),
+        (of_function, "a.html", "holds no scene"),
+        (mb.simulate(scene, parameters=[{"l1": 0.9}, {"l1": 1.0}]), "a.html", "has no grid"),
+        (failed, "a.html", "1 of 2 runs failed"),
+        (mb.sweep(scene, {"l1": np.linspace(0.9, 1.1, 501)}), "a.html", "has 501 runs"),
+    ):
+        with pytest.raises(mb.DeclarationError, match=words):
+            mb.view(sweep, tmp_path / name)

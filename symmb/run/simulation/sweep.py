@@ -20,8 +20,9 @@ from symmb._units import number_in, numbers_in, units_of_parameters
 from symmb.connect import Progress, Reduction, Samples, Simulator
 from symmb.equations.model import Scene
 from symmb.results import plot
-from symmb.results.files import NAMES, TIMES, Record, Saved, entry
+from symmb.results.files import NAMES, NOT_KEPT, TIMES, Record, Saved, entry
 from symmb.run.integrate import Solver
+from symmb.run.simulation.figure_simulator import SceneSimulator
 from symmb.run.simulation.subject import simulator_for
 
 if TYPE_CHECKING:
@@ -61,6 +62,8 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         why each of the others is not, in order
     figures : tuple of str
         scalar outputs, which are one number per run
+    simulator : SceneSimulator
+        of the runs, by which `view` draws them; None if they are of a function or a program, or were read from a file
 
     Examples
     --------
@@ -85,6 +88,7 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
     ok: Mask = field(metadata=entry(Record.mask))
     messages: tuple[str, ...]
     figures: tuple[str, ...] = ()
+    simulator: SceneSimulator | None = field(default=None, metadata=NOT_KEPT)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -294,6 +298,7 @@ def _of_rows(
         ok,
         tuple(text for *_, texts in parts for text in texts),
         tuple(getattr(simulator, "figures", ())),
+        simulator if isinstance(simulator, SceneSimulator) else None,
     )
     warn_of(result.doubts, owner)
     return result

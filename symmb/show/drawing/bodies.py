@@ -35,8 +35,8 @@ _SAME = 1e-6
 _ALIKE = 0.03
 """Relative difference of second moments of mass below which a solid is drawn as round."""
 _LIGHT, _LONG = 500.0, 2.0
-"""Least density [kg/m^3] and greatest half length, over the span of a robot divided by its links, of a solid that stands
-for a link: inertias in files are often placeholders, such as 1 kg m^2 of a finger."""
+"""Least density [kg/m^3] and greatest half length, over the span of a robot divided by its links, of the solid of
+a link: inertias in files are often placeholders, such as 1 kg m^2 of a finger."""
 _NEIGHBOURS, _REACH = 12, 1.6
 """Nodes of a mesh that may be joined: of these nearest ones, up to this share of the longest edge of its tree."""
 

@@ -30,12 +30,14 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Angles from which a spatial mechanism is seen at first: about the vertical, and above the horizontal."""
 
 
-def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None) -> Drawing:
+def draw(
+    run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = MOST_PICTURES
+) -> Drawing:
     """A run at its output times, or at every so many and at those that `also` numbers, with the path of a point."""
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run holds no scene: it was read from a file. Give Trajectory.load the scene.")
-    rows = _pictures(len(run.t), also)
+    rows = _pictures(len(run.t), also, most)
     run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
     survey = Survey(run, scene)
     elements = [element for element in scene.system.elements if not _is_unseen(element)]
@@ -87,9 +89,9 @@ def _is_unseen(part: Body | Element) -> bool:
     return any(isinstance(body, Flywheel) for body in ([part] if isinstance(part, Body) else part.bodies()))
 
 
-def _pictures(count: int, also: Sequence[int]) -> Indices:
+def _pictures(count: int, also: Sequence[int], most: int) -> Indices:
     """Numbers of the output times that are shown, the first and the last among them."""
-    rows = np.linspace(0, count - 1, min(count, MOST_PICTURES)).astype(int)
+    rows = np.linspace(0, count - 1, min(count, most)).astype(int)
     return np.union1d(rows, [row for row in also if row < count]).astype(int)
 
 

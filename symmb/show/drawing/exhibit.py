@@ -11,11 +11,12 @@ from symmb._errors import DeclarationError
 from symmb._names import ByName
 from symmb._options import require_name
 from symmb._types import Array, Indices
-from symmb._units import units_of_parameters, with_units
+from symmb._units import label, units_of_parameters, with_units
 from symmb.bound.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of
 from symmb.bound.nodes import grid
 from symmb.declare.mechanics import Point
-from symmb.run.simulation import Trajectory, simulate, simulator_with
+from symmb.equations.model import Box
+from symmb.run.simulation import Sweep, Trajectory, simulate, simulator_with
 from symmb.show.drawing.draw import draw
 from symmb.show.drawing.shapes import Drawing
 
@@ -23,6 +24,8 @@ LOWER, UPPER = "#b3541e", "#5b3fa0"
 """Colours of the runs that attain the lower and the upper bound."""
 _LINE, _FEW, _SAMPLES, _SWEPT = 6, 2, 128, 150
 """Samples of a point's region: along each of a few parameters, and in all for more; times between which it sweeps."""
+_MOST_RUNS, _PICTURES, _FEWEST = 500, 20_000, 101
+"""Runs of a page with sliders, their pictures in all, about, and those of one run at least: a page has some ten MB."""
 _CLOSE, _THIN = 0.05, 0.5
 """Extent of what a cell of samples reaches in a while, over the mechanism's size, up to which the region is its hull.
 The region of other cells is where their samples went: the width of their ways over the radius of a bar."""
@@ -58,14 +61,28 @@ class PicturedBounds:
 
 
 @dataclass(frozen=True, eq=False)
+class Slider:
+    """A parameter with its unit, the values for which there are runs, and the number of the one to begin with."""
+
+    name: str
+    values: Array
+    at: int
+
+
+@dataclass(frozen=True, eq=False)
 class Exhibit:
-    """All that a page, a still or a film shows; `picture` is the one to begin with."""
+    """All that a page, a still or a film shows; `picture` is the one to begin with.
+
+    `family` are the runs over the grid of sliders, the last one changing fastest. The drawing is one of them.
+    """
 
     drawing: Drawing
     ghosts: tuple[Ghost, ...] = ()
     bounds: PicturedBounds | None = None
     region: Region | None = None
     picture: int = 0
+    sliders: tuple[Slider, ...] = ()
+    family: tuple[Drawing, ...] = ()
 
 
 def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
@@ -73,6 +90,31 @@ def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
     row = 0 if time is None else row_of("view", run.t, time)
     drawing = draw(run, also=[row, *_extremes(run.values, run.values)], point=point)
     return Exhibit(drawing, picture=_picture(drawing, run.t[row]))
+
+
+def of_sweep(sweep: Sweep, time: float | None, point: Point | None) -> Exhibit:
+    """The runs over a grid, and a slider for each parameter of it."""
+    if sweep.simulator is None or not sweep.grid:
+        raise DeclarationError(
+            "view draws sweeps over a grid of a scene's parameters: sweep(scene, {name: values}). This one "
+            + ("has no grid." if sweep.simulator else "holds no scene: it is of a function or a program, or of a file.")
+        )
+    if not sweep.ok.all() or len(sweep) > _MOST_RUNS:
+        why = f"has {len(sweep)} runs." if sweep.ok.all() else f"has failed runs. {sweep.doubts[0]}"
+        raise DeclarationError(f"view draws sweeps of up to {_MOST_RUNS} runs that did not fail. This one {why}")
+    nominal, units = sweep.simulator.parameters, units_of_parameters(sweep.parameters)
+    sliders = tuple(
+        Slider(label(name, units.get(name, "")), values, int(np.abs(values - nominal[name]).argmin()))
+        for name, values in sweep.grid.items()
+    )
+    box = Box(**{name: (values.min(), values.max()) for name, values in sweep.grid.items()})
+    samples = [Sample(np.nan, p[None], 0) for p in np.stack([*sweep.parameters.values()], axis=1)]
+    runs = attaining_runs(Study(sweep.simulator, box), samples)
+    row = 0 if time is None else row_of("view", sweep.t, time)
+    most = max(_PICTURES // len(runs), _FEWEST)
+    family = tuple(draw(run, also=[row], point=point, most=most) for run in runs)
+    drawing = family[int(np.ravel_multi_index([s.at for s in sliders], [len(s.values) for s in sliders]))]
+    return Exhibit(drawing, picture=_picture(drawing, runs[0].t[row]), sliders=sliders, family=family)
 
 
 def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Point | None) -> Exhibit:

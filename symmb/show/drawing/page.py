@@ -21,27 +21,27 @@ _WATCHED = 8.0
 
 
 class _Numbers:
-    """All numbers of a page in one array; each part is known by its offset and its rows."""
+    """All numbers of a page, each array once; each part is known by its offset and its rows."""
 
     def __init__(self) -> None:
-        self._parts: list[Array] = []
+        self._offsets: dict[bytes, int] = {}
         self._size = 0
 
     def __call__(self, values: Array) -> list[int]:
-        flat = np.asarray(values, dtype="<f8").ravel()
-        self._parts.append(flat)
-        self._size += len(flat)
-        return [self._size - len(flat), len(values)]
+        data = np.asarray(values, dtype="<f8").tobytes()
+        offset = self._offsets.setdefault(data, self._size)
+        self._size += len(data) // 8 if offset == self._size else 0
+        return [offset, len(values)]
 
     def text(self) -> str:
-        return base64.b64encode(np.concatenate([np.empty(0, "<f8"), *self._parts]).tobytes()).decode()
+        return base64.b64encode(b"".join(self._offsets)).decode()
 
 
 def page(exhibit: Exhibit) -> str:
     """The text of the page."""
     numbers = _Numbers()
     drawing, bounds, region = exhibit.drawing, exhibit.bounds, exhibit.region
-    runs = [_run(drawing, "nominal", "", numbers)]
+    runs = [_run(own, "nominal", "", numbers) for own in exhibit.family or (drawing,)]
     runs += [_run(ghost.drawing, ghost.label, ghost.tint, numbers) for ghost in exhibit.ghosts]
     data: dict[str, Any] = {
         "palette": OF_BODIES,
@@ -51,6 +51,7 @@ def page(exhibit: Exhibit) -> str:
         "runs": runs,
         "speed": speed(float(np.ptp(drawing.t))),
         "picture": exhibit.picture,
+        "sliders": [vars(slider) | {"values": slider.values.tolist()} for slider in exhibit.sliders],
     }
     if bounds is not None:
         data["bounds"] = {"lower": numbers(bounds.lower), "upper": numbers(bounds.upper)}

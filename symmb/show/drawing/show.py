@@ -15,8 +15,8 @@ from symmb.bound.bounds import Bounds
 from symmb.declare.mechanics import Point
 from symmb.equations.model import Scene
 from symmb.results.files import replacement, require_suffix
-from symmb.run.simulation import DAESimulator, Trajectory, prepare_equations, simulate
-from symmb.show.drawing.exhibit import Exhibit, of_bounds, of_run
+from symmb.run.simulation import DAESimulator, Sweep, Trajectory, prepare_equations, simulate
+from symmb.show.drawing.exhibit import Exhibit, of_bounds, of_run, of_sweep
 from symmb.show.drawing.film import FILMS, film
 from symmb.show.drawing.page import page
 from symmb.show.drawing.still import STILLS, still
@@ -41,7 +41,7 @@ class Page:
 
 
 def view(
-    subject: Scene | DAESimulator | Trajectory | Bounds,
+    subject: Scene | DAESimulator | Trajectory | Bounds | Sweep,
     path: str | Path | None = None,
     *,
     output: str | None = None,
@@ -52,9 +52,9 @@ def view(
 
     Parameters
     ----------
-    subject : Scene, Trajectory or Bounds
+    subject : Scene, Trajectory, Bounds or Sweep
         a Scene, or one of `prepare`, is simulated at its nominal parameters; with Bounds, the runs that attain them are
-        drawn as well
+        drawn as well; the page of a Sweep over a grid has a slider for each of its parameters, whose places are runs
     path : str or Path
         .html: a page to play, turn and look into, which needs no network; .png, .svg: a still; .gif, .mp4: a film; .mp4
         needs the program ffmpeg; default: a page that a notebook shows below its cell
@@ -87,14 +87,18 @@ def view(
     '<!DOCTYPE html>'
     """
     suffix = ".html" if path is None else require_suffix(path, *FORMATS)
-    if not isinstance(subject, Scene | DAESimulator | Trajectory | Bounds):
-        raise DeclarationError(f"view draws a Scene, a Trajectory or Bounds, got {type(subject).__name__}.")
+    if not isinstance(subject, Scene | DAESimulator | Trajectory | Bounds | Sweep):
+        raise DeclarationError(f"view draws a Scene, a Trajectory, Bounds or a Sweep, got {type(subject).__name__}.")
     if not isinstance(point, Point | None):
         raise DeclarationError(f"view: point must be a point of a body, such as body.point(0, 0), got {shown(point)}.")
     if isinstance(subject, Bounds):
         exhibit = of_bounds(subject, output, time, point)
     elif output is not None:
         raise DeclarationError("view: output= chooses the bounds that runs attain. It goes with Bounds alone.")
+    elif isinstance(subject, Sweep):
+        if suffix != ".html":
+            raise DeclarationError("view: the sliders of a Sweep need a page: a file that ends in .html.")
+        exhibit = of_sweep(subject, time, point)
     else:
         exhibit = of_run(subject if isinstance(subject, Trajectory) else simulate(subject), time, point)
     if path is None:

@@ -6,7 +6,7 @@
 
 const page = JSON.parse(document.getElementById("drawing").textContent);
 const numbers = new Float64Array(Uint8Array.from(atob(page.numbers), c => c.charCodeAt(0)).buffer);
-const runs = page.runs, first = runs[0];
+let runs = page.runs, first = runs[0];  // those that are shown: one of all if there are sliders
 const rgb = text => [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16) / 255);
 const COLOURS = Object.fromEntries(Object.entries(page.colours).map(([name, text]) => [name, rgb(text)]));
 const INERTIA = "solid of the same inertia";
@@ -256,8 +256,8 @@ function fit() {
   const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
   const include = (p, margin) => view.axes.map(axis => dot(axis, p)).forEach((x, i) =>
     [low[i], high[i]] = [Math.min(low[i], x - margin), Math.max(high[i], x + margin)]);
-  for (const run of runs) {
-    const n = run.t[1], step = Math.max(1, Math.floor(n / 60));
+  for (const run of page.runs) {
+    const n = run.t[1], step = Math.max(1, Math.floor(n / (page.sliders.length ? 8 : 60)));
     for (let k = 0; k < n; k += step)
       for (const shape of run.shapes)
         for (const place of shape.places) {
@@ -389,16 +389,19 @@ function makeCurves() {
   });
 }
 const times0 = () => numbers[first.t[0]], span = () => (numbers[first.t[0] + first.t[1] - 1] - times0()) || 1;
+function rangeOf(columns) {
+  let low = Infinity, high = -Infinity;
+  for (const y of columns.flat().filter(Number.isFinite)) { low = Math.min(low, y); high = Math.max(high, y); }
+  return high - low > 1e-12 * Math.max(Math.abs(low), Math.abs(high)) ? [low, high] : [low - 1, high + 1];
+}
+
 function drawCurves() {
   const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d"), by = roundBelow(span() / 4);
-  for (const { i, c } of curves) {  // images: a canvas would be laid into the page anew in each picture
-    const w = sheet.width = c.clientWidth * devicePixelRatio, foot = 14 * devicePixelRatio, h = (sheet.height = c.clientHeight * devicePixelRatio) - foot;
+  for (const curve of curves) {  // images: a canvas would be laid into the page anew in each picture
+    const { i, c } = curve, w = sheet.width = c.clientWidth * devicePixelRatio, foot = 14 * devicePixelRatio, h = (sheet.height = c.clientHeight * devicePixelRatio) - foot;
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
-    const all = [...lines.map(l => l.values), ...(bounds || [])].flat().filter(Number.isFinite);
-    let low = Infinity, high = -Infinity;
-    for (const y of all) { low = Math.min(low, y); high = Math.max(high, y); }
-    if (!(high - low > 1e-12 * Math.max(Math.abs(low), Math.abs(high)))) { low -= 1; high += 1; }
+    const [low, high] = curve.range ??= rangeOf([...page.runs.map(run => column(run.values, i, n)), ...(bounds || [])]);
     const room = 14 * devicePixelRatio, x = k => (t[k] - t[0]) / span() * w, y = v => h - room - (v - low) / (high - low) * (h - 2 * room);
     const path = values => values.forEach((v, k) => pen.lineTo(x(k), y(v)));
     if (bounds) {
@@ -426,6 +429,25 @@ function drawCurves() {
   }
 }
 const short = v => !v || Math.abs(v) >= 1e-3 && Math.abs(v) < 1e5 ? String(+v.toPrecision(4)) : v.toExponential(2);
+
+// Sliders: each place is a run
+function makeSliders() {
+  for (const slider of page.sliders) {
+    const label = document.createElement("label"), input = document.createElement("input");
+    slider.shown = document.createElement("output");
+    Object.assign(input, { type: "range", min: 0, max: slider.values.length - 1, value: slider.at });
+    input.oninput = () => { slider.at = Number(input.value); choose(); drawCurves(); show(); };
+    label.append(slider.name, input, slider.shown);
+    $("sliders").append(label);
+  }
+  if (page.sliders.length) choose();
+}
+
+function choose() {
+  for (const { shown, values, at } of page.sliders) shown.textContent = short(values[at]);
+  runs = [page.runs[page.sliders.reduce((k, { values, at }) => k * values.length + at, 0)]];
+  first = runs[0];
+}
 
 // Time
 let picture = 0, clock = 0, playing = false, previous = 0, drawn = 0;
@@ -535,6 +557,7 @@ const uniforms = program(), built = meshes();
 const swept = page.region?.sweep, IDENTITY = columns([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]);
 const covering = of => ({ mesh: mesh(Array.from({ length: swept[1] }, (_, k) => of(k)).flat().flatMap(k => [...rowAt(swept[0] + 2 * k, 2), 0, 0, 0, 1])), matrix: IDENTITY });
 const [sweep, outline] = swept?.[1] ? [covering(k => [k]), covering(k => [k, k % 3 < 2 ? k + 1 : k - 2])] : [];
+makeSliders();
 $("scrub").max = first.t[1] - 1; $("speed").value = page.speed;
 $("elastic").hidden = !first.places.some(p => p.elastic);
 $("several").hidden = runs.length < 2 && !page.region;
