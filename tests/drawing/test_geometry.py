@@ -145,3 +145,28 @@ def test_solids_of_links_without_shapes_are_no_larger_than_the_robot(tmp_path, c
     balls, size = solids(placeholder=True)
     assert all(half.max() < 0.5 * size for half in balls) and size < 1.5 * lengths.sum()
     assert all(4 / 3 * np.pi * half.prod() <= 1.2 * m / 500 for half, m in zip(balls, masses, strict=True))
+
+
+def test_meshes_that_fail_in_the_same_way_are_told_together(tmp_path, monkeypatch):
+    """Readers of trimesh say what they miss. Files that are not there are another reason."""
+
+    def load(path, force):
+        raise ImportError("missing `pip install pycollada`")
+
+    monkeypatch.setitem(sys.modules, "trimesh", SimpleNamespace(load=load))
+    names = [f"part{k}.{'dae' if k < 4 else 'stl'}" for k in range(6)]
+    links = "".join(
+        f'<link name="link{k}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+        f'</inertial><visual><geometry><mesh filename="{name}"/></geometry></visual></link>'
+        f'<joint name="j{k}" type="continuous"><parent link="base"/><child link="link{k}"/></joint>'
+        for k, name in enumerate(names)
+    )
+    for name in names[:4]:
+        (tmp_path / name).write_text("<COLLADA/>")
+    (tmp_path / "star.urdf").write_text(f'<robot name="star"><link name="base"/>{links}</robot>')
+    read, missing = drawing_of(mb.load_urdf(tmp_path / "star.urdf")).notes
+    assert read == (
+        "Mesh 'part0.dae' of 'link0' (part0.dae cannot be read by trimesh: missing `pip install pycollada`) "
+        "and 3 more for the same reason"
+    )
+    assert "there is no file" in missing and missing.endswith("part4.stl') and 1 more for the same reason")

@@ -247,7 +247,7 @@ def test_meshes_share_the_triangles_of_a_drawing(tmp_path, monkeypatch):
     meshes = [s for s in drawing.shapes if s.form == "mesh"]
     assert [len(s.direction) <= 1500 for s in meshes] == [True, True]
     assert np.ptp(meshes[1].direction, axis=0) == pytest.approx([0.02, 0.04, 0.02], rel=0.1)
-    assert drawing.notes[0].endswith("of 1,800 triangles of 'ball.stl' of 'body'")
+    assert drawing.notes[0].endswith("of 3,600 triangles of 2 meshes")
 
 
 def test_closed_surfaces_face_outward():

@@ -202,6 +202,13 @@ def test_default_outputs_are_the_joint_values(name, fixed_base, free):
     assert ca.is_equal(scene.y, given.y, 9)
 
 
+def test_the_start_of_a_robot_is_told_in_short():
+    robot = mb.load_urdf(FILES / "branch.urdf")
+    text = str(mb.simulate(mb.Scene(mb.System(*robot.elements), robot.start)))
+    (start,) = (line for line in text.splitlines() if line.startswith("  start "))
+    assert len(start) < 600 and all(f"{name}.angle" in start for name in robot.joints) and " more;" in start
+
+
 def test_a_joint_may_have_the_name_of_a_link(tmp_path):
     text = f'<link name="base"/><link name="arm">{ROD}</link>' + joint("arm", "continuous", "base", "arm")
     robot = load(tmp_path, text)

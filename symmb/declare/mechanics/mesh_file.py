@@ -85,8 +85,8 @@ def _by_trimesh(path: Path) -> Array:
     try:
         mesh: Any = trimesh.load(path, force="mesh")
         return np.asarray(mesh.vertices, dtype=float)[np.asarray(mesh.faces)]
-    except Exception:  # of readers of many formats
-        raise ValueError("cannot be read by trimesh") from None
+    except Exception as error:  # of readers of many formats, which say what they miss
+        raise ValueError(f"cannot be read by trimesh: {(str(error) or type(error).__name__).splitlines()[0]}") from None
 
 
 def coarser(triangles: Array, most: int) -> Array:

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-12, 1e-30
 """Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
+_NAMED = 12
+"""Coordinates and velocities that are printed of the start."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
@@ -353,9 +355,14 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:
     """What the start held, solved for and left free, and rows that are redundant."""
-    parts = "; ".join(f"{what} {', '.join(start[key])}" for key, what in _START.items() if start[key])
+    parts = "; ".join(f"{what} {_some(start[key])}" for key, what in _START.items() if start[key])
     redundant = [f"  redundant   {', '.join(start['redundant'])}: smallest reactions"] if start["redundant"] else []
     return [*([f"  start       {parts}"] if parts else []), *redundant]
+
+
+def _some(names: Sequence[str]) -> str:
+    """Names, of which a robot has hundreds."""
+    return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
 
 
 def _pulse_lines(simulator: DAESimulator) -> list[str]:

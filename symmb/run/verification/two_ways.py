@@ -184,8 +184,9 @@ def _changes(way: Way, p: Array, level: float) -> Array:
 
 def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, level: float) -> Array:
     """Changes of outputs y(x, p, t) along a run X (n_t, n_x) if states change by a level of their sizes, (n_y,)."""
-    signs = np.where(np.cos(np.arange(1, X.shape[1] + 1) ** 1.5) > 0, 1.0, -1.0)  # that no symmetry lets cancel
-    shifted, here = (batch(y, states, p, t[:, None])[0] for states in (X + _SHIFT * signs * dae.state_sizes, X))
+    k = np.arange(1, X.shape[1] + 1)  # neither symmetry nor differences of states, as joint angles are, cancel these:
+    shares = np.where(np.cos(k**1.5) > 0, 1.0, -1.0) * (1 + k * np.sqrt(1.25) % 1 / 2)
+    shifted, here = (batch(y, states, p, t[:, None])[0] for states in (X + _SHIFT * shares * dae.state_sizes, X))
     change = np.nan_to_num(np.abs(shifted - here), posinf=0.0)
     return level / _SHIFT * change.reshape(len(t), -1).max(axis=0)
 

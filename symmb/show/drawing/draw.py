@@ -12,7 +12,7 @@ from symmb.results.plot import labels
 from symmb.run.simulation import Trajectory
 from symmb.show.drawing.bodies import BodySketch
 from symmb.show.drawing.elements import GUIDE, Build, sketch
-from symmb.show.drawing.geometry import shapes_of_bodies
+from symmb.show.drawing.geometry import not_drawn, shapes_of_bodies
 from symmb.show.drawing.shapes import Drawing, Shape
 from symmb.show.drawing.survey import Survey
 
@@ -79,7 +79,7 @@ def draw(
         values=run.values,
         notes=(
             *(e.title for e, build in sketches if build is None and not isinstance(e, Gravity | Input | OwnState)),
-            *(note for own in given for note in own.notes),
+            *not_drawn(given),
         ),
     )
 

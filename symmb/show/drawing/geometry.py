@@ -1,5 +1,6 @@
 """Shapes that bodies were given: boxes, cylinders, spheres and meshes."""
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -20,11 +21,15 @@ _SOLIDS = {"box": 0.0, "cylinder": 1.0, "sphere": 2.0}
 
 
 class BodyShapes:
-    """The shapes of a body to be drawn; `notes` tell what of them is not."""
+    """The shapes of a body to be drawn; `unread` has the titles of other meshes, and why each is not.
+
+    `coarse` has the titles of meshes of which fewer triangles are drawn, and the numbers of these and of all.
+    """
 
     def __init__(self, body: AbstractBody, survey: Survey, most: int) -> None:
         self.body, self.survey, self.frame = body, survey, survey.frame(body)
-        self.notes: list[str] = []
+        self.unread: list[tuple[str, str]] = []
+        self.coarse: list[tuple[str, int, int]] = []
         self._drawn = []
         for shape in body.shapes:
             triangles = self._triangles(shape, most) if isinstance(shape, Mesh) else None
@@ -41,11 +46,11 @@ class BodyShapes:
         try:
             triangles = mesh.triangles
         except DeclarationError as error:
-            self.notes.append(f"Mesh {title} ({str(error).removeprefix('Mesh: ').removesuffix('.')})")
+            self.unread.append((title, str(error).removeprefix("Mesh: ").removesuffix(".")))
             return None
         drawn = coarser(triangles, most)
         if len(drawn) < len(triangles):
-            self.notes.append(f"{len(triangles) - len(drawn):,} of {len(triangles):,} triangles of {title}")
+            self.coarse.append((title, len(triangles) - len(drawn), len(triangles)))
         return drawn.reshape(-1, 3) if len(drawn) else None
 
     @property
@@ -83,6 +88,20 @@ def shapes_of_bodies(survey: Survey, elements: Sequence[object]) -> list[BodySha
     bodies = [body for body in (*grounds.values(), *survey.bodies[1:]) if body.shapes]
     meshes = sum(isinstance(shape, Mesh) for body in bodies for shape in body.shapes)
     return [BodyShapes(body, survey, MOST_TRIANGLES // max(meshes, 1) or 1) for body in bodies]
+
+
+def not_drawn(bodies: Sequence[BodyShapes]) -> Iterator[str]:
+    """What is not drawn of meshes, in one line for all that fail in the same way."""
+    alike: dict[str, list[tuple[str, str]]] = {}
+    for title, why in (unread for body in bodies for unread in body.unread):
+        alike.setdefault(re.sub(r"\S*" + re.escape(title.split("'")[1]) + r"\S*", "", why), []).append((title, why))
+    for (title, why), *others in alike.values():
+        yield f"Mesh {title} ({why})" + (f" and {len(others)} more for the same reason" if others else "")
+    coarse = [own for body in bodies for own in body.coarse]
+    if coarse:
+        title = coarse[0][0] if len(coarse) == 1 else f"{len(coarse)} meshes"
+        left, of_all = (sum(own[k] for own in coarse) for k in (1, 2))
+        yield f"{left:,} of {of_all:,} triangles of {title}"
 
 
 def outward(corners: Array) -> tuple[Array, bool]:
