@@ -155,16 +155,19 @@ def test_meshes_that_fail_in_the_same_way_are_told_together(tmp_path, monkeypatc
 
     monkeypatch.setitem(sys.modules, "trimesh", SimpleNamespace(load=load))
     names = [f"part{k}.{'dae' if k < 4 else 'stl'}" for k in range(6)]
+    flange = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'  # which does not tell where the part is
     links = "".join(
         f'<link name="link{k}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-        f'</inertial><visual><geometry><mesh filename="{name}"/></geometry></visual></link>'
+        f'</inertial><visual><geometry><mesh filename="{name}"/></geometry></visual>{flange}</link>'
         f'<joint name="j{k}" type="continuous"><parent link="base"/><child link="link{k}"/></joint>'
         for k, name in enumerate(names)
     )
     for name in names[:4]:
         (tmp_path / name).write_text("<COLLADA/>")
     (tmp_path / "star.urdf").write_text(f'<robot name="star"><link name="base"/>{links}</robot>')
-    read, missing = drawing_of(mb.load_urdf(tmp_path / "star.urdf")).notes
+    drawing = drawing_of(mb.load_urdf(tmp_path / "star.urdf"))
+    assert {"sphere", "centre of mass"} <= {shape.kind for shape in drawing.shapes if shape.name == "link2"}
+    read, missing = drawing.notes
     assert read == (
         "Mesh 'part0.dae' of 'link0' (part0.dae cannot be read by trimesh: missing `pip install pycollada`) "
         "and 3 more for the same reason"

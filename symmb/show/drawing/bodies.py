@@ -101,7 +101,7 @@ class BodySketch:
         if isinstance(self.body, FlexibleBody):
             yield from self._net(u)
             return
-        if self.own:
+        if self.own and not self.own.unread:
             return
         points = _distinct(self.points, _SAME * u)
         far = [p for p in points if np.linalg.norm(p) > _SAME * u]
