@@ -100,8 +100,7 @@ def not_drawn(bodies: Sequence[BodyShapes]) -> Iterator[str]:
     coarse = [own for body in bodies for own in body.coarse]
     if coarse:
         title = coarse[0][0] if len(coarse) == 1 else f"{len(coarse)} meshes"
-        left, of_all = (sum(own[k] for own in coarse) for k in (1, 2))
-        yield f"{left:,} of {of_all:,} triangles of {title}"
+        yield f"{sum(left for _, left, _ in coarse):,} of {sum(n for *_, n in coarse):,} triangles of {title}"
 
 
 def outward(corners: Array) -> tuple[Array, bool]:
