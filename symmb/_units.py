@@ -60,6 +60,7 @@ _TABLE = {
 }
 _OFFSET = re.compile(r"(?:\N{DEGREE SIGN}|deg)[CF]")
 _RAISED = re.compile("[\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}\N{SUPERSCRIPT TWO}\N{SUPERSCRIPT THREE}]+")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LOWERED = str.maketrans("\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}\N{SUPERSCRIPT TWO}\N{SUPERSCRIPT THREE}", "-123")
 _FACTOR = re.compile(r"([^\W\d_]+|\N{DEGREE SIGN}[CF]?)(?:\^(-?[1-9]))?")
 _DIVIDES, _TIMES = re.compile(r"/(?![^(]*\))"), re.compile(r"\s*[*\N{MIDDLE DOT}.]\s*|\s+")
@@ -188,12 +189,18 @@ def units_of_parameters(parameters: object) -> Mapping[str, str]:
 def with_units(values: Mapping[str, str], parameters: object) -> list[str]:
     """Texts such as "arm = 235 mm" of values of some parameters."""
     units = units_of_parameters(parameters)
-    return [f"{name} = {value} {units.get(name, '')}".rstrip() for name, value in values.items()]
+    return [f"{name} = {value} {typeset(units.get(name, ''))}".rstrip() for name, value in values.items()]
 
 
 def label(name: str, unit: str) -> str:
     """A name with its unit, if it has one."""
-    return f"{name} [{unit}]" if unit else name
+    return f"{name} [{typeset(unit)}]" if unit else name
+
+
+def typeset(unit: str) -> str:
+    """A unit as it is printed: m/s² for m/s^2, ° for deg, µm for um."""
+    raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
+    return re.sub(r"\bu(?=(m|s|g|N|rad)\b)", "µ", re.sub(r"\bdeg\b", "°", raised))
 
 
 def told_units(units: Sequence[str], n: int, parameters: object = None) -> Sequence[str]:
@@ -222,10 +229,8 @@ TIME_HEADINGS = "t", "t [s]"
 def headings(names: Sequence[str], units: Sequence[str], parameters: object = None) -> list[str]:
     """Headings of the time and of outputs in a .csv file. Only where there are units, the time has one."""
     told = told_units(units, len(names), parameters)
-    own = [
-        f"{name} []" if not unit and _parted(name)[1] else label(name, unit)
-        for name, unit in zip(names, told, strict=True)
-    ]
+    both = zip(names, told, strict=True)
+    own = [f"{name} [{unit}]" if unit or _parted(name)[1] else name for name, unit in both]
     return [TIME_HEADINGS[1], *own] if any(told) else [TIME_HEADINGS[0], *names]
 
 

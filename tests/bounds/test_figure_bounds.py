@@ -68,6 +68,18 @@ def test_reports_and_pictures_show_figures(bounds, tmp_path):
     assert (tmp_path / "bounds.png").stat().st_size
 
 
+def test_figures_are_bars(bounds):
+    """They have no time axis, and the bar is narrower than the panel; limits and other outputs go across."""
+    check = bounds.check({"height": (None, 9.0), "y": (None, 9.0)})
+    for figure in (bounds.plot(outputs=["height", "y"]), check.plot()):
+        bar, curve = figure.axes
+        assert not bar.xaxis.get_visible() and curve.xaxis.get_visible()
+        assert np.ptp(bar.lines[0].get_xdata()) < 0.5 * np.ptp(bounds.t)
+        assert np.ptp(curve.lines[0].get_xdata()) == np.ptp(bounds.t)
+        assert np.ptp(bar.get_xlim()) == np.ptp(bounds.t)
+    assert [text.get_text() for text in bar.texts] == ["limit"]
+
+
 def test_figures_alone_have_no_times():
     peak = lambda p: {"peak": mb.maximum(p.a * ca.sin(mb.t), window=(0.0, 3.0))}  # noqa: E731
     scene = formulas(peak, [0.0, 4.0], a=(0.9, 1.1))

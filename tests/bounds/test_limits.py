@@ -146,6 +146,47 @@ def test_enclosures_prove():
     assert bounds.check({"x": (0.9, None)}).kept is False
 
 
+ODD = "pce", "pce:2", "vertex", "mc:3", "taylor:2", "tm:2", "swarm:3"
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("method", ODD)
+def test_the_nominal_run_violates_a_limit_with_any_method(method):
+    """x = a cos(sqrt(k) t) is above 1.2 at the nominal a, in all cases below 1.5, and the box may leave out this a."""
+    scene = particle(lambda p, mass: -p.k * mass.x, np.linspace(0, 1, 5), {"mass.x": 0.0}, k=(1.9, 2.1), a=(1.1, 1.5))
+    scene = mb.Scene(scene.system, {"mass.x": scene.system.parameters.a}, scene.times, scene.outputs, scene.box)
+    bounds = mb.propagate(scene, method)
+    assert bounds.check({"x": (None, 1.3 - 1e-4)}).kept is False
+    assert bounds.check({"x": (None, 1.6)}).kept is not False and not bounds.check({"x": (None, 1.6)}).remarks
+    others = mb.propagate(scene, method, mb.Box(k=(1.9, 2.1), a=(1.0, 1.1)))
+    check = others.check({"x": (None, 1.2)})
+    assert check.kept is not False
+    remark = "The box leaves out nominal values (a = 1.3), so that the nominal run is none of its cases."
+    assert check.remarks == (remark,) and f"remark: {remark}" in str(check)
+
+
+@pytest.mark.parametrize(("low", "high", "is_left_out"), [
+    (0.3, 0.4, False), (0.2, 0.1 * 3, False), (0.3, 0.3, False), (0.31, 0.31, True), (0.1, 0.2, True),
+])  # fmt: skip
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("mm", 1e3), ("in", 1 / 0.0254)])
+def test_ends_of_an_interval_hold_the_nominal_value(low, high, is_left_out, unit, factor):
+    """Rounding moves ends, by another unit too. A fixed value that is not the nominal one leaves it out."""
+    p, box = mb.Parameters(arm=(0.3, "m")), mb.Box(arm=(low * factor, high * factor, unit))
+    scene = mb.Scene(mb.System(parameters=p), times=T, outputs={"y": p.arm * mb.t}, box=box)
+    assert bool(mb.propagate(scene, mb.Vertex()).check({"y": (None, 9)}).remarks) == is_left_out
+
+
+def test_a_run_is_made_for_the_nominal_values_where_nothing_else_decides():
+    """A sample of a black box has no run there; one more decides, and a second check makes none."""
+    calls = []
+    f = mb.FunctionSimulator(lambda k: calls.append(k) or np.exp(-((k - 1) ** 2) / 1e-6) * T, {"k": 1.0}, T, ["y"])
+    bounds = mb.propagate(f, mb.MonteCarlo(9), mb.Box(k=(0.5, 2.0)))
+    made = len(calls)
+    for _ in range(2):
+        assert bounds.check({"y": (None, 1.0)}).kept is False and calls[made:] == [1.0]
+    assert bounds.check({"y": (None, 3.0)}).kept is None
+
+
 def test_doubted_bounds_keep_nothing():
     t = np.array([0.0])
     bounds = mb.Bounds(

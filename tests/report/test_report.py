@@ -32,8 +32,8 @@ def rolling(name="roll", output="x"):
 
 
 def text_of(path):
-    """What a reader sees, with one space between words and cells: neither the inner page nor tags."""
-    page = re.sub(r"<(style|iframe)\b.*?</\1>", " ", path.read_text(), flags=re.DOTALL)
+    """What a reader sees, with one space between words and cells: no inner page, no tags; code is between backticks."""
+    page = re.sub(r"<(style|iframe)\b.*?</\1>", " ", re.sub("</?code>", "`", path.read_text()), flags=re.DOTALL)
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", page)).split())
 
 
@@ -82,15 +82,15 @@ def test_numbers_are_those_of_the_result(scene_report):
 
 def test_the_order_of_the_parts(scene_report):
     _, path = scene_report
-    answers = ["Result", "What to do next", "Curves", "The mechanism"]
+    answers = ["Result", "What to do next", "Curves", "The mechanism", "What is assumed"]
     annex = ["Limits", "Bounds", "Worst cases", "What each parameter contributes", "The start"]
-    assert headings(path) == [*answers, *annex, "What is assumed", "What it cost", "To repeat it"]
+    assert headings(path) == [*answers, *annex, "Settings", "What it cost", "To repeat it", "Equations"]
     page = path.read_text()
-    assert page.index("The mechanism</h2>") < page.index('id="annex"') < page.index("Limits</h2>")
-    assert page.index("The start</h2>") < page.index("<summary>Equations") < page.index("What is assumed")
+    assert page.index("What is assumed</h2>") < page.index('id="annex"') < page.index("Limits</h2>")
     equations = rolling().system.equations()
     assert "M q̈ = Q" in equations
-    assert words(equations) in text_of(path)
+    folded, printed = text_of(path).split("Equations")[1:]
+    assert words(equations) in folded and words(equations) in printed
 
 
 def test_the_worst_run_moves(scene_report):
@@ -106,7 +106,9 @@ def test_the_worst_run_moves(scene_report):
 
 def test_the_lines_repeat_the_bounds(scene_report):
     bounds, path = scene_report
-    lines = html.unescape(path.read_text().split("To repeat it</h2>")[1].split(">", 1)[1].split("</pre>")[0])
+    needed, lines = path.read_text().split("To repeat it</h2>")[1].split("</pre>")[0].split("<pre")
+    lines = html.unescape(lines.split(">", 1)[1])
+    assert "declaration of roll. Ask its author for the Python file that defines <code>scene</code>." in needed
     space = {"scene": rolling()}
     exec("\n".join(lines.splitlines()[:-1]), space)
     np.testing.assert_array_equal(space["bounds"].upper, bounds.upper)
@@ -185,7 +187,8 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     bounds.save(tmp_path / f"b{suffix}")
     text, found, page = reported(mb.Bounds.load(tmp_path / f"b{suffix}"), tmp_path, {"x": (None, 2)})
     assert "<iframe" not in page and "The mechanism" not in found
-    assert {"Limits", "Bounds", "Curves", "What is assumed"} <= {*found}
+    assert {"Limits", "Bounds", "Curves", "Settings"} <= {*found}
+    assert ("What is assumed" in found) == (suffix != ".csv")
     assert ("Worst cases" in found) == ("What each parameter contributes" in found) == (suffix != ".csv")
     assert (f"Worst case: {words(bounds.check({'x': (None, 2)}).worst)}" in text) == (suffix != ".csv")
     if suffix != ".csv":
@@ -249,7 +252,7 @@ def test_comparisons(tmp_path):
     text, found, _ = reported(comparison, tmp_path)
     table = str(comparison).split("---\n")[-1].splitlines()[:2]
     assert all(words(row) in text for row in table) and "seeds 0 of MonteCarlo(2)" in text
-    assert found == ["Methods", "What is assumed", "What it cost", "To repeat it"]
+    assert found == ["Methods", "What is assumed", "Settings", "What it cost", "To repeat it"]
     assert "The methods: 4 runs" in text and f"The reference: {comparison._reference()}" in text
     comparison.save(tmp_path / "c.json")
     assert reported(mb.Comparison.load(tmp_path / "c.json"), tmp_path)[0] == text
@@ -281,7 +284,7 @@ def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
     simulator, box = decay()
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
     monkeypatch.setattr(mb.Bounds, "_known_contributions", fails)
-    assert "What each parameter contributes 3 of 4 runs failed. What is assumed" in reported(bounds, tmp_path)[0]
+    assert "What each parameter contributes 3 of 4 runs failed. Settings" in reported(bounds, tmp_path)[0]
 
 
 SCENE = """

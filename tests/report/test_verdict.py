@@ -31,8 +31,9 @@ def machine(rng):
 def told(bounds, limits):
     """The check, the sentences of the verdict, and the next steps."""
     check = None if limits is None else bounds.check(limits)
+    bounds = bounds if check is None or check.kept else bounds._with_nominal()
     shares = bounds._known_contributions() if bounds.range_of else None
-    return check, verdict(bounds, check, shares), next_steps(bounds, check, shares)
+    return check, verdict(bounds, check), next_steps(bounds, check, shares)
 
 
 def bounded(seed, method=None):
@@ -69,7 +70,7 @@ def test_a_violated_limit_and_what_keeps_it(seed, side):
     verb = "fall below" if side == "lower" else "exceed"
     start = f"{bounds.names[0]} may {verb} its limit of {end:.6g} by {-limit.margin[limit.row]:.3g}"
     assert text.startswith(start) and -limit.margin[limit.row] == pytest.approx(excess, rel=1e-3)
-    assert "nominal values violate" not in text
+    assert "nominal values" not in text
     when = re.findall(r"(\w+) is (high|low) \(([^)]+)\)", text)
     assert when
     for name, word, value in when:
@@ -94,7 +95,12 @@ def test_nominal_values_beyond_a_limit(seed):
     peak = float(bounds.nominal[:, 0].max())
     limit = float(peak - rng.uniform(0.1, 0.9) * (peak - low))
     _, sentences, steps = told(bounds, {bounds.names[0]: (None, limit)})
-    assert sentences[1][1].endswith("The nominal values violate it too.")
+    least = float(bounds.lower[:, 0].max()) - limit
+    if least > 0:
+        assert sentences[0][1] == "The limit is violated in all cases."
+        assert f"limit of {limit:.6g} in all cases, by at least {least:.3g}" in sentences[1][1]
+    else:
+        assert f"exceeds its limit of {limit:.6g} by {peak - limit:.3g} at the nominal values, and" in sentences[1][1]
     assert steps[0].startswith(f"The nominal values violate the limit of {bounds.names[0]} by {peak - limit:.3g}: ")
     assert not any("ighten" in step for step in steps)
 
@@ -126,6 +132,46 @@ def test_a_proved_limit(seed):
     assert f"x is at most {limit:.6g} m in all cases" in sentences[1][1]
     assert f"The smallest margin is {limit - 1.1 * p['speed']:.3g} m" in sentences[1][1]
     assert sentences[-1][1] == "The bounds behind these sentences are proved."
+
+
+@pytest.mark.parametrize("method", ["tm:2", "pce"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_all_cases_violate_a_limit(seed, method):
+    """x = speed t. The interval of the speed leaves out its nominal value at times."""
+    rng = np.random.default_rng(seed + 60)
+    p = mb.Parameters(speed=float(rng.uniform(1, 3)), idle=1.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, parameters=p)
+    low, high = sorted(p["speed"] * rng.uniform(0.7, 1.3, 2))
+    box, outputs = mb.Box(speed=(low, high), idle=(0.9, 1.1)), {"x": ball.x, "y": p.idle}
+    scene = mb.Scene(system, {"ball.vx": p.speed}, T, outputs, box)
+    limit = float(low * rng.uniform(0.5, 0.9))
+    bounds = mb.propagate(scene, method)
+    is_inside = low <= p["speed"] <= high
+    _, sentences, steps = told(bounds, {"x": (None, limit)})
+    assert sentences[0] == ("violated", "The limit is violated in all cases.")
+    least, most = f"{low - limit:.3g} m", f"{high - limit:.3g} m"
+    start = f"x exceeds its limit of {limit:.6g} m in all cases, by at least {least} and up to {most}, at 1 s"
+    assert sentences[1][1].startswith(start) and "idle" not in sentences[1][1]
+    assert any("leaves out nominal values" in text for _, text in sentences) != is_inside
+    who, change = ("The nominal values", "them") if is_inside else ("All cases", "the intervals")
+    excess = p["speed"] - limit if is_inside else low - limit
+    assert steps[0] == f"{who} violate the limit of x by {excess:.3g} m: change {change}, or the limit."
+
+
+@pytest.mark.parametrize("method", ["vertex", "pce:2", "pce", "mc:200"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_parameters_without_an_effect_are_not_named(seed, method):
+    """`other` depends on the third parameter alone. At times the box leaves out the nominal value of the first one."""
+    simulator, box = machine(np.random.default_rng(seed + 70))
+    if seed % 2:
+        (low, high), name = box.bounds[0], box.names[0]
+        box = mb.Box(**(box.intervals | {name: (low + 1, high + 1)}))
+    bounds = mb.propagate(simulator, method, box)
+    low, high = bounds.lower[-1, 1], bounds.upper[-1, 1]
+    for share in (0.3, 2.0):
+        _, sentences, _ = told(bounds, {"other": (None, float(low + share * (high - low)))})
+        assert re.findall(r"(\w+) is (high|low) \(", sentences[1][1]) == [(box.names[2], "high")]
 
 
 @pytest.mark.parametrize("seed", SEEDS)

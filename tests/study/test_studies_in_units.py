@@ -50,7 +50,7 @@ def test_runs(both):
     runs = [mb.simulate(scene, SOLVER) for scene in both]
     same(*(run.values for run in runs))
     assert runs[0].units == ("mm", "deg", "kN")
-    assert "arm = 250 mm, rate = 0.125 N/mm, angle = 30 deg, mass = 750 g" in str(runs[0])
+    assert "arm = 250 mm, rate = 0.125 N/mm, angle = 30 °, mass = 750 g" in str(runs[0])
     further = [mb.simulate(both[0], SOLVER, parameters={"arm": "26 cm", "mass": (0.8, "kg")})]
     further += [mb.simulate(both[1], SOLVER, parameters={"arm": 0.26, "mass": 0.8})]
     same(*(run.values for run in further))
@@ -82,7 +82,7 @@ def test_sensitivities(both):
     own, si = (mb.sensitivities(scene, solver=SOLVER) for scene in both)
     ratio = np.multiply.outer([*FACTORS.values()], [*OF_PARAMETERS.values()])
     same(own.values, si.values, 1e-8, ratio)  # steps follow the sizes of derivatives
-    assert "arm [mm]" in str(own) and "angle [deg]" in str(own)
+    assert "arm [mm]" in str(own) and "angle [°]" in str(own)
 
 
 def test_contributions_worst_cases_and_limits(both, tmp_path):

@@ -275,11 +275,9 @@ class Answers(Envelope):
             remarks.append("Polynomials that are not good enough answer here: bounds from a file make no runs.")
         values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
         point = self.box.to_unit(np.array(values))
-        outside = ", ".join(n for n, x in zip(self.box.names, point, strict=True) if abs(x) > 1 + 1e-12)
-        if outside:
-            remarks.append(
-                f"Nominal values are outside of the intervals, so that the ends of the intervals are taken: {outside}."
-            )
+        if self._left_out:
+            taken = "so that the ends of the intervals are taken"
+            remarks.append(f"Nominal values are outside of the intervals, {taken}: {', '.join(self._left_out)}.")
         estimate = adaptive.estimate if adaptive.estimate is not None else adaptive.surrogate.error
         own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
         runs = 0 if adaptive is self else adaptive.evaluations

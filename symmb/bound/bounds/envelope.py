@@ -1,8 +1,8 @@
 """Lower and upper bounds over time, and what is doubtful about them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -74,6 +74,20 @@ class Envelope(WithWarnings):
         if self.caution:
             doubts.append(f"The bounds are {self.caution}.")
         return tuple(doubts)
+
+    @property
+    def _left_out(self) -> tuple[str, ...]:
+        """Parameters whose nominal value is outside of their interval: then the nominal run is no case of the box."""
+        pairs = () if self.box is None else zip(self.box.names, self.box.bounds, strict=True)
+        ends = [(n, self.nominal_parameters.get(n, low), low, high) for n, (low, high) in pairs]
+        return tuple(n for n, x, low, high in ends if max(low - x, x - high) > 1e-12 * max(-low, high, abs(x)))
+
+    def _with_nominal(self) -> Self:
+        """The bounds with the nominal run, which is made if it is not known, and how far it may be off."""
+        if self.nominal is not None or self.study is None:
+            return self
+        nominal, noise = self.study.nominal
+        return replace(self, nominal=nominal, noise=noise if self.noise is None else self.noise)
 
     @property
     def outer(self) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
 from symmb._types import Array, Indices
-from symmb._units import number_in, told_units
+from symmb._units import number_in, told_units, typeset
 from symmb.bound.bounds.direct_search import direct_search
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.time_windows import ROUNDING
@@ -41,6 +41,7 @@ _SPREAD, _PEAKS = 16, 3
 _CLOSE, _LINE = 0.03, 17
 """Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search, and
 points on each: a peak that passes output times makes many hills. Less misses more, more takes more runs."""
+WARNED = "See the warnings"
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
 
 
@@ -139,6 +140,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
     limits : tuple of KeptLimit
     draw : function            of names of outputs, and of axes or None: a figure of their bounds
     worst : WorstCase          the run that comes closest to a limit, or is farthest beyond it; None if none is known
+    remarks : tuple of str     what else is known about the box, in sentences
     """
 
     t: Array
@@ -146,6 +148,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
     limits: tuple[KeptLimit, ...]
     draw: "Callable[..., Figure]"
     worst: WorstCase | None
+    remarks: tuple[str, ...] = ()
 
     _left = (0, 1, 2)
     _most = None
@@ -180,7 +183,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         rows = [["limit", "result", "why", "smallest margin", "at [s]"]]
         for limit in self.limits:
             least, _ = self._least(limit)
-            margin = f"{least:.4g}{' ' * bool(limit.unit)}{limit.unit}"
+            margin = f"{least:.4g}{' ' * bool(limit.unit)}{typeset(limit.unit)}"
             rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, time_text(self.t, limit.row, limit.margin)])
         return over_times(rows, self.t)
 
@@ -199,8 +202,9 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return results
 
     def __str__(self) -> str:
-        worst = [f"  worst case: {self.worst}"] if self.worst else []
-        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), self._left)), *worst])
+        more = [f"worst case: {self.worst}"] if self.worst else []
+        more += [f"remark: {remark}" for remark in self.remarks]
+        return "\n  ".join([self._head(), *aligned(self._rows(), self._left), *more])
 
     def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         some = self.limits if columns is None else [self.limits[k] for k in columns]
@@ -244,10 +248,22 @@ def limit_pairs(
 def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLimit:
     """Whether an output keeps a limit."""
     k = bounds.names.index(output)
-    unit = bounds.units[k] if bounds.units else ""
+    unit, found = bounds.units[k] if bounds.units else "", _decision(bounds, k, low, high)
+    if found.kept is None or (found.kept and bounds.kind != "enclosure"):
+        found = _by_nominal_run(bounds if found.kept else bounds._with_nominal(), k, low, high, found)
     with np.errstate(over="ignore", invalid="ignore"):
         width = float(np.fmax.reduce(bounds.upper[:, k] - bounds.lower[:, k], initial=0.0))
-    return KeptLimit(output, unit, low, high, *_decision(bounds, k, low, high), width)
+    return KeptLimit(output, unit, low, high, *found, width)
+
+
+def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _Decision) -> _Decision:
+    """What was found without the nominal run, unless this run of the box is beyond the limit."""
+    if bounds.nominal is None or bounds.box is None or bounds._left_out:
+        return found
+    margin = np.minimum(bounds.nominal[:, k] - low, high - bounds.nominal[:, k])
+    if not margin.min() < -_rounding(bounds, k):
+        return found
+    return _Decision(False, "The nominal run is beyond it.", np.minimum(found.margin, margin))
 
 
 def _unit_told(bounds: Envelope, k: int) -> str:
@@ -278,7 +294,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     if beyond > rounding:
         return _Decision(False, "A run is beyond it.", margin)
     if doubt := _doubt(bounds, bounds.names[k]):
-        return _Decision(None, f"See the warnings: {shorten(doubt, 60, placeholder=' ...')}", margin)
+        return _Decision(None, f"{WARNED}: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
         return _Decision(
             None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}{unit}.", margin
@@ -326,7 +342,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
                 None, f"A further run meets it, within {rounding:.1e}{unit} of rounding or noise.", margin, further
             )
         if np.isfinite(error):
-            why = f"{further.runs} further runs near it stay {inside:.1e}{unit} inside, and may be off by {error:.1e}"
+            why = f"{further.runs} further runs near it stay {inside:.3g}{unit} inside, and may be off by {error:.1e}"
             return _Decision(
                 True if inside > error else None, f"{why}{unit}.", np.fmin(np.maximum(margin, inside), own), further
             )

@@ -94,6 +94,6 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     of_scene = isinstance(simulator, SceneSimulator)
     known["subject"] = simulator.name if of_scene else repr(simulator)
     known["solver"] = repr(simulator.solver) if of_scene else ""
-    if bounds.noise is None and bounds.kind == "sampled" and isinstance(simulator, Noisy):
+    if bounds.noise is None and bounds.estimate is None and isinstance(simulator, Noisy):
         known["noise"] = simulator.noise
     return replace(bounds, **known)

@@ -31,6 +31,9 @@ class Runs(Protocol):
     @property
     def adaptive(self) -> Any: ...
 
+    @property
+    def nominal(self) -> tuple[Array | None, Array | None]: ...
+
     def sample(self, n: int) -> tuple[Array, Array]: ...
 
 

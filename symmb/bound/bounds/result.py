@@ -16,7 +16,7 @@ from symmb._options import require_truth
 from symmb._presentation import presentation
 from symmb._progress import shown_runs
 from symmb._table import aligned, over_times
-from symmb._units import headings, told_names
+from symmb._units import headings, told_names, with_units
 from symmb.bound.bounds import result_file
 from symmb.bound.bounds.answers import Answers
 from symmb.bound.bounds.failures import failure_text
@@ -90,11 +90,12 @@ class Bounds(Answers, Counted, Result, Saved):
         """Check whether outputs keep limits for all parameters of the box, at all times.
 
         A limit is kept if the bounds, widened by their estimated error at each time, are inside, and no warning
-        concerns the output. It is violated if a run is beyond it by more than rounding and noise. If the bounds are
-        closer to a limit than twice their estimated error, further runs search for a run beyond the limit. For a scene,
-        half of the width of the bounds is close enough. The search makes at most 600 runs, or as many as the study;
-        with other simulators no more than the study. The limit is kept if the search ends inside. Otherwise it is
-        undecided. An enclosure proves that a limit is kept. Samples alone can only show that it is violated.
+        concerns the output. It is violated if a run is beyond it by more than rounding and noise, such as the nominal
+        run if its parameters are in the box. This run is made if nothing else decides. If the bounds are closer to a
+        limit than twice their estimated error, further runs search for a run beyond the limit. For a scene, half of the
+        width of the bounds is close enough. The search makes at most 600 runs, or as many as the study; with other
+        simulators no more than the study. The limit is kept if the search ends inside. Otherwise it is undecided. An
+        enclosure proves that a limit is kept. Samples alone can only show that it is violated.
 
         Parameters
         ----------
@@ -109,7 +110,15 @@ class Bounds(Answers, Counted, Result, Saved):
         pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
             checked = [kept_limit(self, name, *ends) for name, ends in pairs.items()]
-        return LimitCheck(self.t, self.method, tuple(checked), partial(self.plot, None), self._closest_to(checked))
+        worst, draw = self._closest_to(checked), partial(self.plot, None)
+        return LimitCheck(self.t, self.method, tuple(checked), draw, worst, self._about_nominal())
+
+    def _about_nominal(self) -> tuple[str, ...]:
+        """A remark if the box leaves out nominal values."""
+        values = {name: f"{self.nominal_parameters[name]:.6g}" for name in self._left_out}
+        listed = ", ".join(with_units(values, self.nominal_parameters))
+        text = f"The box leaves out nominal values ({listed}), so that the nominal run is none of its cases."
+        return (text,) if values else ()
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
         """The run that comes closest to one of some limits, if runs are known.
@@ -182,7 +191,8 @@ class Bounds(Answers, Counted, Result, Saved):
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
         Without names these are the first six outputs. The filled band lies between lower and upper; dashed lines are
-        ``outer``, dotted ones ``inner`` of bounds that are not sampled. The thin line is the nominal run.
+        ``outer``, dotted ones ``inner`` of bounds that are not sampled. The thin line is the nominal run. Scalar
+        outputs are bars without a time axis.
 
         Parameters
         ----------
@@ -213,6 +223,7 @@ class Bounds(Answers, Counted, Result, Saved):
             inner=None if self.kind == "sampled" else self.inner,
             nominal=self.nominal,
             deviation=deviation,
+            timeless=self.figures if len(self.t) > 1 else (),
             style=plot.Style("Bounds.plot", ax, **look),
         )
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)

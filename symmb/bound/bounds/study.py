@@ -13,7 +13,7 @@ from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bound.bounds.reductions import FailedRuns, gathered
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.nodes import Sobol
-from symmb.connect import Simulator
+from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
 from symmb.run.simulation import DAESimulator, SceneSimulator, simulator_with
@@ -54,6 +54,12 @@ class Study:
         """Bounds over the box by PolynomialChaos()."""
         with shown_runs(None, "a study with PolynomialChaos()") as progress:
             return PolynomialChaos().bounds(self.simulator, self.box, progress=progress)
+
+    @cached_property
+    def nominal(self) -> tuple[Array | None, Array | None]:
+        """Outputs (n_t, n_y) of the nominal run, None if it fails, and how far they may be off."""
+        Y, bad = gathered(self.simulator, np.array([[*map(float, self.simulator.parameters.values())]]), None)
+        return (None, None) if bad else (Y[0], noise_from_runs(self.simulator))
 
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
         """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and how many runs they took.

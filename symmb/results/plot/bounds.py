@@ -39,6 +39,10 @@ class Band:
     upper: Array
 
 
+_LIMIT, _BAR = "#d1495b", 0.3
+"""Colour of limits, and width of the bar of a scalar output, over that of its panel."""
+
+
 @dataclass(frozen=True)
 class PlottedBounds:
     """Bounds by one setting of one family of methods: lower, upper (n_t, n_y), error (n_y,), run time [s]."""
@@ -78,6 +82,7 @@ def plot_bounds(
     inner: tuple[Array, Array] | None = None,
     nominal: Array | None = None,
     deviation: bool = False,
+    timeless: Sequence[str] = (),
     style: Style = OWN,
 ) -> Figure:
     """Bounds over time, one panel an output; see `plot_comparison` for t, names, units and style.
@@ -90,6 +95,7 @@ def plot_bounds(
                                                                runs attained
     nominal : (n_t, n_y) or None       the nominal run, a thin line
     deviation                          draw deviations from the nominal run
+    timeless                           outputs that are the same at all times: a bar stands for them
     """
     least = rounding(np.stack([band.lower, band.upper]), units)
     shown, own_names, own_units = outputs_of(names, units, chosen, MOST_PANELS if style.ax is None else None)
@@ -109,17 +115,21 @@ def plot_bounds(
     figure, panels = panels_over_time(style, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
         drawn = np.stack([end[:, i] - origin[:, i] for end in (band.lower, band.upper)])
+        place = abscissa(t)
+        if names[i] in timeless:
+            place = place.mean() + _BAR * (place - place.mean())
+            axes.xaxis.set_visible(False)
         low, high = (along(t, end) for end in drawn)
-        axes.fill_between(abscissa(t), low, high, color=colour, alpha=_TINT, linewidth=0, label=label)
+        axes.fill_between(place, low, high, color=colour, alpha=_TINT, linewidth=0, label=label)
         for (lower, upper), name, look in pairs:
             own = np.stack([lower[:, i] - origin[:, i], upper[:, i] - origin[:, i]])
             if name is not None:
                 with np.errstate(invalid="ignore"):  # infinite bounds
                     own = np.where(np.abs(own - drawn) <= _SEEN * np.ptp(drawn), np.nan, own)
-            _draw_pair(axes, t, *own, label=None if np.isnan(own).all() else name, color=colour, **look)
+            _draw_pair(axes, place, *own, label=None if np.isnan(own).all() else name, color=colour, **look)
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])
-            axes.plot(abscissa(t), run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")
+            axes.plot(place, run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")
     flatten(panels, least[shown])
     legends(figure, panels, style)
     return figure
@@ -144,16 +154,16 @@ def draw_bounds(
         axes.fill_between(abscissa(t), *band, color=BAND_COLOUR, linewidth=0, label=reference.label)
         for k, curve in enumerate(curves):
             look: dict[str, Any] = {"linestyle": cyclic(DASHES, k), "linewidth": 1.1, "color": colours[k]}
-            _draw_pair(axes, t, curve.lower[:, i], curve.upper[:, i], label=texts[k], **look)
+            _draw_pair(axes, abscissa(t), curve.lower[:, i], curve.upper[:, i], label=texts[k], **look)
         if is_empty and np.ptp(axes.dataLim.intervaly) > least[i]:
             axes.set_ylim(*_window(reference, curves, i))
     flatten(panels, least[[*shown]])
 
 
-def _draw_pair(axes: Axes, t: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:
-    """Two curves over time of one style, with one label."""
-    axes.plot(abscissa(t), along(t, lower), label=label, **style)
-    axes.plot(abscissa(t), along(t, upper), **style)
+def _draw_pair(axes: Axes, x: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:
+    """Two curves of one style over places x, with one label."""
+    for y, text in ((lower, label), (upper, None)):
+        axes.plot(x, np.broadcast_to(y, x.shape), label=text, **style)
 
 
 def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[float, float]:
@@ -175,4 +185,6 @@ def add_limits(figure: Figure, ax: GivenAxes, limits: Sequence[tuple[float, floa
     for axes, ends in zip(figure.axes if ax is None else axes_in("LimitCheck.plot", ax), limits, strict=False):
         for end in ends:
             if np.isfinite(end):
-                axes.axhline(end, color="#d1495b", linestyle="--", linewidth=1.2)
+                axes.axhline(end, color=_LIMIT, linestyle="--", linewidth=1.2)
+                style: dict[str, Any] = {"fontsize": 7, "color": _LIMIT, "ha": "right", "va": "bottom"}
+                axes.annotate("limit", (1.0, end), xycoords=("axes fraction", "data"), **style)

@@ -5,7 +5,6 @@ as they are.
 """
 
 import io
-import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -18,6 +17,7 @@ from symmb._errors import DeclarationError
 from symmb._options import numbers_of, require_names, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Axes, Figure, GivenAxes
+from symmb._units import label, typeset
 from symmb.results.files import replacement, require_suffix
 from symmb.results.plot.style import Style
 
@@ -52,7 +52,6 @@ _TRUETYPE = 42
 """Type of fonts in PDF files: journals refuse matplotlib's default, type 3."""
 _LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
 """Characters of a line, and size [point], of legends in axes of the caller: the first that fits into them is taken."""
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SCREEN = 80
 """Pixels of a notebook for an inch of a figure."""
 
@@ -218,7 +217,7 @@ def given_panels(
         text = (
             texts[own[0]]
             if len(own) == 1
-            else f"[{_typeset(shared.pop())}]"
+            else f"[{typeset(shared.pop())}]"
             if len(shared) == 1 and shared != {""}
             else ""
         )
@@ -379,11 +378,4 @@ def own_legend(axes: Axes, style: Style) -> None:
 
 def labels(names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
     """Names with their units in brackets, where there are any."""
-    units = units or [""] * len(names)
-    return tuple(f"{name} [{_typeset(unit)}]" if unit else name for name, unit in zip(names, units, strict=True))
-
-
-def _typeset(unit: str) -> str:
-    """A unit as it is printed: m/s² for m/s^2, ° for deg, µm for um."""
-    raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
-    return re.sub(r"\bu(?=(m|s|g|N|rad)\b)", "µ", re.sub(r"\bdeg\b", "°", raised))
+    return tuple(map(label, names, units or [""] * len(names)))

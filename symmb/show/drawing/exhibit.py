@@ -130,7 +130,8 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     column = bounds.names.index(output) if output else _widest(bounds)
     name, width = bounds.names[column], bounds.upper[:, column] - bounds.lower[:, column]
     times = scene.times if name in bounds.figures else bounds.t  # a figure has the same bounds at all of them
-    at = int(width.argmax()) if time is None else row_of("view", times, time)
+    widest = len(times) // 2 if name in bounds.figures else int(width.argmax())
+    at = widest if time is None else row_of("view", times, time)
     row, t = min(at, len(bounds.t) - 1), float(times[at])
     value_of = name if name in bounds.figures else f"{name}({t:g} s)"
     if bounds.attaining is None:

@@ -61,7 +61,8 @@ def view(
     output : str
         of Bounds: the output whose lowest and highest value the runs attain; default: the widest
     time : float
-        of a still, and when the bounds are attained [s]; default: the start, and where the output's bounds are widest
+        of a still, and when the bounds are attained [s]; default: the start, and where the output's bounds are widest,
+        or the middle of the motion for a scalar output
     point : Point
         whose path is drawn, and with Bounds where it gets over the box
 

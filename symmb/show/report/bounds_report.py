@@ -1,6 +1,7 @@
 """The report of bounds."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
@@ -17,7 +18,7 @@ from symmb.results.files import require_suffix
 from symmb.run.simulation import SceneSimulator, simulate
 from symmb.show.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.show.report import document
-from symmb.show.report.document import assumed, called, section, seed
+from symmb.show.report.document import assumed, called, section, seed, settings_table
 from symmb.show.report.verdict import by_urgency, next_steps, verdict
 
 _NO_CONTRIBUTIONS = "The polynomials of the study do not give them. {} makes the further runs that they need."
@@ -53,7 +54,9 @@ def _parts(
         shares = contributions or (bounds._known_contributions() if bounds.range_of else None)
     except SymmbError as error:
         why = document.note(str(error))
-    yield section("Result", document.sentences(verdict(bounds, check, shares)), style="verdict")
+    if check is not None and check.kept is not True:
+        bounds = bounds._with_nominal()
+    yield section("Result", document.sentences(verdict(bounds, check)), style="verdict")
     steps = next_steps(bounds, check, shares)
     yield section("What to do next", document.sentences(("", step) for step in steps), style="steps")
     yield section("Curves", _curves(bounds, check))
@@ -62,8 +65,9 @@ def _parts(
         prepared = study.prepared
     scene = None if prepared is None else prepared.scene
     yield section("The mechanism", _part_or_reason(lambda: _motion(bounds, scene, check)) if scene else "")
+    yield "" if bounds.box is None else assumed(bounds.box, bounds.nominal_parameters)
     yield document.ANNEX
-    yield section("Warnings", document.warnings(bounds.doubts, bounds.remarks))
+    yield section("Warnings and remarks", document.warnings(bounds.doubts, bounds.remarks))
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
         yield section("Limits", check._tabulated(), *worst, style="limits")
@@ -77,13 +81,13 @@ def _parts(
         at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
         start = _part_or_reason(lambda: html.picture(start_picture(prepared)))
         yield section("The start", at_start, start, style="still")
-        equations = f"{scene.system}\n\n{scene.system.equations()}".rstrip()
-        yield document.folded("Equations", equations)
-    yield assumed(bounds.box, bounds.nominal_parameters, _settings(bounds), is_own=bounds.study is not None)
+    yield settings_table(_settings(bounds), is_own=bounds.study is not None)
     took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
     weighed = " A run with derivatives counts as many as they cost." if bounds.method.startswith("Taylor(") else ""
     yield section("What it cost", document.note(f"{bounds.evaluations} runs{took}.{weighed}"))
-    yield section("To repeat it", html.text(command or _python(bounds, scene, check)))
+    yield section("To repeat it", *_repeated(command, bounds, scene, check))
+    if scene is not None:
+        yield document.equations(f"{scene.system}\n\n{scene.system.equations()}".rstrip())
 
 
 def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
@@ -129,7 +133,10 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributio
     if left := len(bounds.names) - len(shown):
         notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
     order = shown if left else range(len(bounds.names))
-    drawn = _pictures([bounds.names[k] for k in shown], lambda name: shares.plot(outputs=name))
+    drawn = _pictures(
+        [bounds.names[k] for k in shown],
+        lambda name: shares.plot(outputs=name, time=float(bounds.t[0]) if name in bounds.figures else None),
+    )
     return "".join(map(document.note, notes)) + shares.some_as_html(order, rows) + drawn
 
 
@@ -147,13 +154,15 @@ def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
     output, time = (None, None) if worst is None else (worst.output, worst.time)
     text = "The nominal run, and the runs of the study that come closest to the bounds:"
     try:
-        exhibit = of_bounds(bounds, output, time, None)
-    except DeclarationError as error:
+        exhibit = of_bounds(bounds, output, None if output in bounds.figures else time, None)
+    except DeclarationError:
         assert isinstance(bounds.study, Study)
-        exhibit, text = of_run(simulate(scene, bounds.study.solver), None, None), f"The nominal run. {error}"
-    file = BytesIO()
-    still(exhibit, file, ".png")
-    labels = [ghost.label for ghost in exhibit.ghosts]
+        text = f"The nominal run. {bounds.method} keeps no runs that attain its bounds."
+        when = scene.times[len(scene.times) // 2] if check is None else bounds.t[check.margin.argmin()]
+        exhibit = of_run(simulate(scene, bounds.study.solver), float(when), None)
+    file, ghosts = BytesIO(), exhibit.ghosts
+    still(replace(exhibit, ghosts=tuple(replace(ghost, label="") for ghost in ghosts)), file, ".png")
+    labels = [(ghost.tint, ghost.label) for ghost in ghosts]
     return document.note(text) + document.moving(page(exhibit), file.getvalue(), labels)
 
 
@@ -169,15 +178,17 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
     ]
 
 
-def _python(bounds: Bounds, scene: Scene | None, check: LimitCheck | None) -> str:
-    """Lines that find the bounds again, from the scene or the simulator, which the reader has."""
+def _repeated(command: str, bounds: Bounds, scene: Scene | None, check: LimitCheck | None) -> list[str]:
+    """What the reader needs, and the command or the lines that find the bounds again with it."""
+    if command:
+        return [document.note("Run this command where the files that it names are:"), html.text(command)]
     solver = repr(bounds.study.solver) if scene is not None and isinstance(bounds.study, Study) else ""
     box = "" if bounds.box is None else repr(bounds.box)
     subject = "scene_or_simulator" if bounds.study is None else "simulator" if scene is None else "scene"
+    what = f"the declaration of {bounds.subject}" if bounds.subject else "what was bounded"
+    needed = f"This report does not hold {what}. Ask its author for the Python file that defines `{subject}`."
     lines = ["import symmb as mb", f"bounds = mb.propagate({subject}, {called(bounds.method, box, solver)})"]
-    if check is None:
-        return "\n".join([*lines, 'bounds.report("report.html")'])
-    ends = {
-        limit.output: tuple(x if np.isfinite(x) else None for x in (limit.low, limit.high)) for limit in check.limits
-    }
-    return "\n".join([*lines, f'bounds.report("report.html", {ends})'])
+    limits = () if check is None else check.limits
+    ends = {own.output: tuple(x if np.isfinite(x) else None for x in (own.low, own.high)) for own in limits}
+    lines.append(f'bounds.report("report.html"{f", {ends}" if ends else ""})')
+    return [document.note(f"{needed} Add these lines to it, and run it:"), html.text("\n".join(lines))]

@@ -6,7 +6,7 @@ from pathlib import Path
 from symmb import _html as html
 from symmb.results.files import require_suffix
 from symmb.show.report import document
-from symmb.show.report.document import assumed, called, section, seed
+from symmb.show.report.document import assumed, called, section, seed, settings_table
 from symmb.study import Comparison
 
 
@@ -28,7 +28,8 @@ def _parts(comparison: Comparison, command: str) -> Iterator[str]:
         ("solver", comparison.solver),
         ("why this solver", comparison.reason),
     ]
-    yield assumed(comparison.box, {}, settings)
+    yield assumed(comparison.box, {})
+    yield settings_table(settings)
     runs, took = sum(row.evaluations for row in comparison.rows), sum(row.run_seconds for row in comparison.rows)
     cost = f"The methods: {runs} runs, {took:.3g} s. The reference: {comparison._reference()}."
     yield section("What it cost", document.note(cost))

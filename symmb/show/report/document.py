@@ -21,6 +21,8 @@ ANNEX = '<h1 class="annex" id="annex">Annex: methods, warnings and details</h1>'
 BLOCK = "company", "author", "date", "drawing", "revision"
 """Parts of the title block."""
 _LARGE = 1e6
+_PRINTED = 100
+"""Lines of equations that are printed: a page."""
 _CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
 """A call of a class in the text of a method, a box or a solver."""
 
@@ -41,8 +43,13 @@ def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str
 
 def sentences(texts: Iterable[tuple[str, str]]) -> str:
     """A list of sentences, each with its style."""
-    items = "".join(f'<li class="{style}">{escape(text)}</li>' for style, text in texts)
+    items = "".join(f'<li class="{style}">{_prose(text)}</li>' for style, text in texts)
     return f"<ul>{items}</ul>"
+
+
+def _prose(text: str) -> str:
+    """A text whose code stands between backticks."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def section(heading: str, *parts: str, style: str = "") -> str:
@@ -59,7 +66,7 @@ def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
 
 def note(text: str) -> str:
     """A sentence about what stands beside it."""
-    return f'<p class="note">{escape(text)}</p>'
+    return f'<p class="note">{_prose(text)}</p>'
 
 
 def pictures(files: Iterable[tuple[str, bytes]]) -> str:
@@ -68,24 +75,34 @@ def pictures(files: Iterable[tuple[str, bytes]]) -> str:
     return f'<div class="pictures">{figures}</div>'
 
 
-def moving(page: str, png: bytes, labels: Sequence[str]) -> str:
-    """A page inside the report, in whose place a picture with the labels of the page is printed.
+def moving(page: str, png: bytes, labels: Iterable[tuple[str, str]]) -> str:
+    """A page inside the report, in whose place a picture is printed below the colours in it and their labels.
 
     The page runs its own scripts, and reaches nothing of the report.
     """
     frame = f'<iframe sandbox="allow-scripts" title="the mechanism, to play" srcdoc="{escape(page)}"></iframe>'
-    return f'{frame}<div class="printed still">{"".join(map(note, labels))}{html.picture(png)}</div>'
+    texts = (f'<p class="note"><b style="color: {tint}">■</b> {escape(text)}</p>' for tint, text in labels)
+    return f'{frame}<div class="printed still">{"".join(texts)}{html.picture(png)}</div>'
 
 
-def folded(heading: str, text: str) -> str:
-    """A text that shows on demand, and is not printed."""
-    return f"<details><summary>{escape(heading)}</summary>{html.text(text)}</details>" if text else ""
+def equations(text: str) -> str:
+    """Equations that show on demand. As many whole matrices as fit on a page are printed."""
+    blocks = text.split("\n\n")
+    lengths = np.cumsum([block.count("\n") + 2 for block in blocks])
+    printed = [html.text(block) for block in blocks[: int((lengths <= _PRINTED).sum())]]
+    if len(printed) < len(blocks):
+        printed.append(note(f"These are some of {lengths[-1]} lines: `print(scene.system.equations())` shows all."))
+    folded = f"<details><summary>Equations</summary>{html.text(text)}</details>"
+    return folded + section("Equations", *printed, style="printed equations")
 
 
-def assumed(
-    box: Box | None, nominal: Mapping[str, float], settings: Sequence[tuple[str, str]], is_own: bool = False
-) -> str:
-    """The box, and settings by name; those that are empty are left out.
+def assumed(box: Box, nominal: Mapping[str, float]) -> str:
+    """The intervals of the box, and the values of other parameters."""
+    return section("What is assumed", html.page(html.table(_intervals(box, nominal))))
+
+
+def settings_table(settings: Sequence[tuple[str, str]], is_own: bool = False) -> str:
+    """Settings by name; those that are empty are left out.
 
     Versions are those of the report. They are those of the result too if it `is_own`, and was not read from a file.
     """
@@ -93,8 +110,7 @@ def assumed(
     packages = [f"{name} {version(name)}" for name in _PACKAGES]
     own = versions, ", ".join([*packages, f"Python {platform.python_version()}"])
     known = [[name, text] for name, text in (*settings, own) if text]
-    intervals = [] if box is None else [html.page(html.table(_intervals(box, nominal)))]
-    return section("What is assumed", *intervals, html.page(html.table([["setting", "value"], *known], (0, 1))))
+    return section("Settings", html.page(html.table([["setting", "value"], *known], (0, 1))), style="settings")
 
 
 def _intervals(box: Box, nominal: Mapping[str, float]) -> list[list[str]]:

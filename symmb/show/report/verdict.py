@@ -7,14 +7,15 @@ import numpy as np
 from symmb._errors import SymmbError
 from symmb._table import is_timeless
 from symmb._types import Array, Mask
-from symmb.bound.bounds import ROUNDING, Bounds, Contributions, KeptLimit, LimitCheck
+from symmb._units import typeset
+from symmb.bound.bounds import ROUNDING, SIDES, WARNED, Bounds, Contributions, KeptLimit, LimitCheck, Study
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
 STATES = {False: "violated", None: "undecided", True: "kept"}
 """Names of results of limits, the most urgent first, and what is said of one limit and of several."""
 _SAID = {
-    False: ("is violated in some cases", "are violated in some cases"),
+    False: ("is violated in {} cases", "are violated in {} cases"),
     None: ("is not decided", "are not decided"),
     True: ("is kept", "are kept"),
 }
@@ -22,16 +23,20 @@ _MANY, _FEW = 6, 3
 """Limits or ranges that have a sentence, and parameters that one sentence names."""
 _FAR, _SMALL = 0.5, 0.05
 """Distance from the middle, over the half width, from which a value is high or low; the share of the largest
-contribution below which a parameter is not named, and the factor of a tolerance below which it is not narrowed."""
-_STEPS, _SAFE = 8, 0.99
+effect below which a parameter is not named, and the factor of a tolerance below which it is not narrowed."""
+_STEPS, _SAFE = 12, 0.99
 """Bisections of that factor, and a share that covers the rounding of tolerances that are stated."""
 _CERTAIN = {
     "enclosure": "The bounds behind these sentences are proved.",
     "sampled": "Only the {} cases that were run are known. Other cases may lie farther out.",
-    "estimate": "These are estimates from {} runs, not proofs. The annex states their errors.",
+    "estimate": "These are estimates from {} runs, not proofs.",
 }
+_WARNED = "A warning leaves this open. The annex has it. Clear its cause, or take another method."
 _SEARCH = "`mb.tolerances(...)` searches, with further runs, for tolerances that keep the limits."
-_AGAIN = "These tolerances are cautious estimates: `mb.tolerances(...)` finds and checks larger ones by further runs."
+_AGAIN = (
+    "These tolerances leave room for the estimated error of the study. `mb.tolerances(...)` makes further runs "
+    "instead, and finds the largest factor of all tolerances together."
+)
 
 
 def by_urgency(check: LimitCheck) -> list[KeptLimit]:
@@ -39,51 +44,59 @@ def by_urgency(check: LimitCheck) -> list[KeptLimit]:
     return sorted(check.limits, key=lambda limit: [*STATES].index(limit.kept))
 
 
-def verdict(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[tuple[str, str]]:
+def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
     """Sentences about all limits, about each limit or range, and about certainty, each with a result or ""."""
     if check is None:
         head = "No limits were given. These are the ranges within the tolerances."
         ends = zip(bounds.names, bounds.lower.min(axis=0), bounds.upper.max(axis=0), _units(bounds), strict=True)
         some = [("", f"{name} is between {_text(a, '', 4)} and {_text(b, unit, 4)}.") for name, a, b, unit in ends]
     else:
-        head = _headline([limit.kept for limit in check.limits])
-        some = [(STATES[limit.kept], _sentence(bounds, limit, shares)) for limit in by_urgency(check)]
+        everywhere = [_least_excess(bounds, limit)[0] > 0 for limit in check.limits if limit.kept is False]
+        head = _headline([limit.kept for limit in check.limits], "all" if all(everywhere) else "some")
+        some = [(STATES[limit.kept], _sentence(bounds, limit)) for limit in by_urgency(check)]
     more = [f"The annex has the other {len(some) - _MANY}."] * (len(some) > _MANY)
-    more.append(_CERTAIN[bounds.kind].format(bounds.evaluations))
+    errors = " Their errors are not known." if bounds.estimate is None else " The annex states their errors."
+    more.append(_CERTAIN[bounds.kind].format(bounds.evaluations) + errors * (bounds.kind == "estimate"))
     if bounds.failed:
         more.append(f"{len(bounds.failed)} of {bounds.evaluations} runs failed: these cases are not known.")
     if n := len(bounds.doubts):
         more.append(f"{'A warning says' if n == 1 else f'{n} warnings say'} what is uncertain: see the annex.")
+    more += bounds._about_nominal()
     return [("" if check is None else STATES[check.kept], head), *some[:_MANY], *(("", text) for text in more)]
 
 
-def _headline(results: Sequence[bool | None]) -> str:
+def _headline(results: Sequence[bool | None], cases: str) -> str:
+    """How many limits have which results, those that are violated in "some" or "all" cases."""
     n, counts = len(results), {state: results.count(state) for state in STATES if state in results}
-    words = [f"{count} {_SAID[state][count > 1]}" for state, count in counts.items()]
+    words = [f"{count} {_SAID[state][count > 1].format(cases)}" for state, count in counts.items()]
     if len(words) > 1:
         return f"Of {n} limits, {_listed(words)}."
     subject, (state,) = ["", "The limit", "Both limits"][n] if n < 3 else f"All {n} limits", counts
-    return f"{subject} {_SAID[state][n > 1]}{' in all cases within the tolerances' if state else ''}."
+    return f"{subject} {_SAID[state][n > 1].format(cases)}{' in all cases within the tolerances' if state else ''}."
 
 
 def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[str]:
     """What decides limits, which tolerances to tighten and by how much, and which parameters matter most."""
     limits = [] if check is None else by_urgency(check)
-    texts = [f"{limit.output}: {limit.why}" for limit in limits if limit.kept is None][:_MANY]
+    reasons = [(own.output, own.why) for own in limits if own.kept is None][:_MANY]
+    texts = [f"{name}: {_WARNED if why.startswith(WARNED) else why}" for name, why in reasons]
     ends = {limit: limit.high if bounds._side(limit) == "upper" else limit.low for limit in limits if not limit.kept}
     beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -ROUNDING * abs(end)]
-    lost = [limit for limit in beyond if _nominal_excess(bounds, limit) > 0]
+    excess = {limit: max(_nominal_excess(bounds, limit), _least_excess(bounds, limit)[0]) for limit in beyond}
+    lost = [limit for limit in beyond if excess[limit] > 0]
     if lost:
-        words = [f"{limit.output} by {_text(_nominal_excess(bounds, limit), limit.unit)}" for limit in lost[:_MANY]]
+        words = [f"{limit.output} by {_text(excess[limit], limit.unit)}" for limit in lost[:_MANY]]
         more = [f"{len(lost) - _MANY} other outputs"] * (len(lost) > _MANY)
-        texts.append(f"The nominal values violate the limit of {_listed([*words, *more])}: change them, or the limit.")
-    texts += _tighten(bounds, [limit for limit in beyond if limit not in lost], shares)
+        is_nominal = np.isfinite(_nominal_excess(bounds, lost[0]))
+        who, change = ("The nominal values", "them") if is_nominal else ("All cases", "the intervals")
+        texts.append(f"{who} violate the limit of {_listed([*words, *more])}: change {change}, or the limit.")
+    texts += _tighten(bounds, [limit for limit in beyond if limit not in lost])
     idle = "No tolerance has to be tightened." if limits else "Give limits of outputs, and this page checks them."
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
 
 
 def _text(value: float, unit: str, digits: int = 3) -> str:
-    return f"{value + 0.0:.{digits}g}{' ' * bool(unit)}{unit}"
+    return f"{value + 0.0:.{digits}g}{' ' * bool(unit)}{typeset(unit)}"
 
 
 def _listed(words: Sequence[str], last: str = "and") -> str:
@@ -107,54 +120,90 @@ def _inside(limit: KeptLimit) -> str:
 
 
 def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
-    """How far the nominal run is beyond the limit, below 0 inside, or where it is not known."""
-    if bounds.nominal is None:
+    """How far the nominal run is beyond the limit, below 0 inside, or where it is not known or no case of the box."""
+    if bounds.nominal is None or bounds._left_out:
         return -np.inf
     values = bounds.nominal[:, _column(bounds, limit)]
     return float(max((limit.low - values).max(), (values - limit.high).max()))
 
 
-def _sentence(bounds: Bounds, limit: KeptLimit, shares: Contributions | None) -> str:
+def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
+    """How far all cases are beyond the limit at a time, on its closest side, and the number of the time where that is
+    most; minus infinity if it is not known."""
+    if bounds.failed or (bounds.estimate is None and bounds.kind != "enclosure"):
+        return -np.inf, 0
+    lower, upper = (end[:, _column(bounds, limit)] for end in bounds.outer)
+    excess = lower - limit.high if bounds._side(limit) == "upper" else limit.low - upper
+    return float(excess.max()), int(excess.argmax())
+
+
+def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
+    def at(row: int) -> str:
+        return "" if name in bounds.figures or is_timeless(bounds.t) else f", at {bounds.t[row]:.4g} s"
+
     name, margin = limit.output, float(limit.margin[limit.row])
-    where = "" if name in bounds.figures or is_timeless(bounds.t) else f", at {bounds.t[limit.row]:.4g} s"
-    where += _when(bounds, limit, shares)
+    where = at(limit.row) + _when(bounds, limit)
     least = f"The smallest margin is {_text(margin, limit.unit)}{where}."
     end = limit.high if bounds._side(limit) == "upper" else limit.low
     if abs(margin) <= ROUNDING * abs(end):
         return f"{name} reaches its limit of {_text(end, limit.unit, 6)}{where}, within rounding."
     if limit.kept:
         return f"{name} is {_inside(limit)} in all cases within the tolerances. {least}"
-    verb = "exceed" if bounds._side(limit) == "upper" else "fall below"
-    beyond = f"{name} may {verb} its limit of {_text(end, limit.unit, 6)} by {_text(-margin, limit.unit)}{where}."
+    may, does = ("exceed", "exceeds") if bounds._side(limit) == "upper" else ("fall below", "falls below")
+    most, nominal, (every, row) = -margin, _nominal_excess(bounds, limit), _least_excess(bounds, limit)
+    limit_of, up_to = f"its limit of {_text(end, limit.unit, 6)}", f"{_text(most, limit.unit)}{where}"
+    beyond = f"{name} may {may} {limit_of} by {up_to}."
     if limit.kept is None:
         return f"It is not decided whether {name} is {_inside(limit)}. {least if margin >= 0 else beyond}"
-    return f"{beyond}{' The nominal values violate it too.' if _nominal_excess(bounds, limit) > 0 else ''}"
+    if every > 0:
+        least = _text(every, limit.unit)
+        other = f"{at(row)}," if row != limit.row and at(row) else ""
+        by = "" if least == _text(most, limit.unit) else f"at least {least}{other} and up to "
+        return f"{name} {does} {limit_of} in all cases, by {by}{up_to}."
+    if nominal > 0:
+        return f"{name} {does} {limit_of} by {_text(nominal, limit.unit)} at the nominal values, and by up to {up_to}."
+    return beyond
 
 
-def _when(bounds: Bounds, limit: KeptLimit, shares: Contributions | None) -> str:
+def _when(bounds: Bounds, limit: KeptLimit) -> str:
     """Which parameters are high or low in the run that comes closest to the limit."""
     try:
         case, box = bounds._closest_to([limit]), bounds.box
+        if case is None or box is None or case.is_short or case.width <= ROUNDING * abs(case.value):
+            return ""
+        point = box.to_unit(np.array([case.parameters[name] for name in box.names]))
+        names = _acting(bounds, _column(bounds, limit), limit.row, point)
     except SymmbError:  # the run does not come again
         return ""
-    if case is None or box is None or case.is_short or case.width <= ROUNDING * abs(case.value):
-        return ""
-    place = dict(zip(box.names, box.to_unit(np.array([case.parameters[name] for name in box.names])), strict=True))
-    units = dict(zip(box.names, _units(box), strict=True))
-    names = _important(bounds, _column(bounds, limit), limit.row, shares)
-    names = [n for n in names if n in case.varied and abs(place[n]) >= _FAR]
+    place, units = dict(zip(box.names, point, strict=True)), dict(zip(box.names, _units(box), strict=True))
+    names = [n for n in names if abs(place[n]) >= _FAR]
     some = names[:_MANY]
     words = [f"{n} is {'high' if place[n] > 0 else 'low'} ({_text(case.parameters[n], units[n], 4)})" for n in some]
-    words += [f"{len(names) - _MANY} others are high or low"] * (len(names) > _MANY)
+    if (n := len(names) - _MANY) > 0:
+        words.append(f"{n} other{'s are' if n > 1 else ' is'} high or low")
     return f", when {_listed(words)}" if words else ""
 
 
-def _important(bounds: Bounds, k: int, i: int, shares: Contributions | None) -> list[str]:
-    """Parameters by what they contribute to output number k at time number i; all of them if that is not known."""
-    if shares is None:
-        return [] if bounds.box is None else [*bounds.box.names]
-    alone = dict(zip(shares.parameters, shares.alone[i, k].tolist(), strict=True))
-    return [n for n in sorted(alone, key=lambda n: -alone[n]) if alone[n] > _SMALL * max(alone.values())]
+def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
+    """Parameters by their effects on output number k at time number i: how much it changes where one of them moves
+    from a place (d,) of the unit box to the middle of its interval.
+
+    Good polynomials tell that, or as many runs as there are parameters. They are not made if they are expensive and
+    the study took fewer.
+    """
+    box, study = bounds.box, bounds.study
+    assert box is not None
+    points = np.vstack([place, np.where(np.eye(len(box), dtype=bool), 0.0, place)])
+    if bounds.surrogate is not None and bounds.have_good_surrogate()[k]:
+        values = bounds.surrogate.part([i], [k]).values(points)[:, 0, 0]
+    elif isinstance(study, Study) and (study.has_lanes or len(box) < bounds.evaluations):
+        values = study.attempted(points)[0][:, i, k]
+    else:
+        return []
+    effects = np.nan_to_num(np.abs(values[1:] - values[0]))
+    noise = 0.0 if bounds.noise is None else bounds.noise[k]
+    least = max(_SMALL * effects.max(), ROUNDING * np.abs(values[0]), noise)
+    return [box.names[n] for n in np.argsort(-effects, kind="stable") if effects[n] > least]
 
 
 def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | None) -> list[str]:
@@ -164,19 +213,21 @@ def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | Non
         assert shares is not None
         i, unit = rows.get(k, int(shares.width[:, k].argmax())), _units(bounds)[k]
         alone = dict(zip(shares.parameters, shares.alone[i, k].tolist(), strict=True))
-        names = [f"{n} ({_text(alone[n], unit)} alone)" for n in _important(bounds, k, i, shares)[:_FEW]]
+        names = [n for n in sorted(alone, key=lambda n: -alone[n]) if alone[n] > _SMALL * max(alone.values())]
+        words = [f"{n} ({_text(alone[n], unit)} alone)" for n in names[:_FEW]]
         width = _text(shares.width[i, k], unit)
-        texts += [f"The spread of {bounds.names[k]}, {width}, comes from {_listed(names)}."] if names else []
+        texts += [f"The spread of {bounds.names[k]}, {width}, comes from {_listed(words)}."] if words else []
     return texts
 
 
-def _tighten(bounds: Bounds, limits: Sequence[KeptLimit], shares: Contributions | None) -> list[str]:
+def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
     """Which tolerances keep limits that the nominal values keep, by the polynomials of the study."""
     columns, box = [_column(bounds, limit) for limit in limits], bounds.box
     if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
         return [_SEARCH] * bool(limits)
     nominal = [bounds.nominal_parameters.get(name, middle) for name, middle in zip(box.names, box.center, strict=True)]
-    middle, parts = np.clip(box.to_unit(np.array(nominal)), -1.0, 1.0), list[tuple[KeptLimit, Piecewise]]()
+    middle, names = np.clip(box.to_unit(np.array(nominal)), -1.0, 1.0), dict[str, None]()
+    parts = list[tuple[KeptLimit, Piecewise]]()
 
     def ends(factor: float, names: Sequence[str]) -> tuple[Array, Array]:
         low, high = (middle + factor * (end - middle) for end in (-1.0, 1.0))
@@ -203,21 +254,22 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit], shares: Contributions 
         return f"{name} from {_tolerance(x[i], *old)} to {_tolerance(x[i], *new)} {_units(box)[i]}".rstrip()
 
     for limit, k in zip(limits, columns, strict=True):
-        part = surrogate.part(slice(None), [k])
+        part, one = surrogate.part(slice(None), [k]), np.ones(len(box))
+        extremes = part.part([limit.row], [0]).range(-one, one)[2][:, 0, 0]
+        names |= dict.fromkeys(_acting(bounds, k, limit.row, extremes[SIDES.index(bounds._side(limit))]))
         rows = np.flatnonzero(beyond(limit, part, 1.0, ()))  # over parts of the box the others are inside as well
         parts += [(limit, part.part(rows, [0]))] if len(rows) else []
     if not parts:  # runs are beyond limits that polynomials keep
         return [_SEARCH]
-    places = zip(columns, (limit.row for limit in limits), strict=True)
-    names = list(dict.fromkeys(name for k, i in places for name in _important(bounds, k, i, shares)))[:_MANY]
+    some = [*names][:_MANY]
     goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MANY]])}"
-    factors = {name: largest([name]) for name in names}
-    if best := sorted((n for n in names if factors[n] >= _SMALL), key=lambda n: -factors[n])[:_FEW]:
+    factors = {name: largest([name]) for name in some}
+    if best := sorted((n for n in some if factors[n] >= _SMALL), key=lambda n: -factors[n])[:_FEW]:
         one = "tighten one of these tolerances" if len(best) > 1 else "tighten this tolerance"
         return [f"{goal}, {one}: {_listed([change(n, factors[n]) for n in best], 'or')}.", _AGAIN]
     if (factor := largest(box.names)) >= _SMALL:
-        changes = _listed([change(n, factor) for n in names])
-        return [f"{goal}, multiply all tolerances by {factor:.2f}, such as {changes}.", _AGAIN]
+        changes = _listed([change(n, factor) for n in some])
+        return [f"{goal}, multiply all tolerances by {factor:.3g}, such as {changes}.", _AGAIN]
     return [_SEARCH]  # the error of the polynomials leaves no room
 
 
