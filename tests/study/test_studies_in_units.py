@@ -183,8 +183,8 @@ def test_tables_tell_units(both):
             assert f"{name} [{unit.replace('deg', '°')}]" in str(result) and f"{name} [" not in str(plain)
     for name, unit in zip(FACTORS, own[0].units, strict=True):
         worst, plain = own[0].worst(name), si[0].worst(name)
-        assert f"lowest {name} [{unit}]" in str(worst) and f"lowest {name} [" not in str(plain)
-        assert f"{unit} at " in str(worst.lower) and str(plain.lower).startswith(
+        assert f"lowest {name} [{unit.replace('deg', '°')}]" in str(worst) and f"lowest {name} [" not in str(plain)
+        assert f"{unit.replace('deg', '°')} at " in str(worst.lower) and str(plain.lower).startswith(
             f"lowest {name} {plain.lower.value:.6g} at"
         )
     assert [limit.text for limit in own[0].check({"tip": (-200, 210)}).limits] == ["-200 <= tip <= 210 mm"]

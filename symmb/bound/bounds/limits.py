@@ -126,7 +126,7 @@ class KeptLimit:
         (unit,) = told_units([self.unit], 1)
         low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
         high = f" <= {self.high:g}" if np.isfinite(self.high) else ""
-        return f"{low}{self.output}{high} {unit}".rstrip()
+        return f"{low}{self.output}{high} {typeset(unit)}".rstrip()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -268,7 +268,7 @@ def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _D
 
 def _unit_told(bounds: Envelope, k: int) -> str:
     """The unit behind numbers of output number k, unless it is one of SI."""
-    return f" {told_units(bounds.units, len(bounds.names))[k]}".rstrip()
+    return f" {typeset(told_units(bounds.units, len(bounds.names))[k])}".rstrip()
 
 
 def _rounding(bounds: Envelope, k: int) -> float:

@@ -13,7 +13,7 @@ from symmb._names import ByName, look_up_by_name
 from symmb._options import is_finite_number, shown
 from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array, Indices
-from symmb._units import label, units_of_parameters, with_units
+from symmb._units import label, typeset, units_of_parameters, with_units
 from symmb.connect import Attained, Simulator
 from symmb.equations.model import Scene
 from symmb.results.files import NOT_KEPT, Record
@@ -174,7 +174,7 @@ class WorstCase:
 
     def __str__(self) -> str:
         values = ", ".join(with_units({name: f"{self.parameters[name]:.6g}" for name in self.varied}, self.parameters))
-        unit = f" {self.unit}" if self.unit else ""
+        unit = f" {typeset(self.unit)}" if self.unit else ""
         text = f"{self._word} {self.output} {self.value + 0.0:.6g}{unit}{at_time(self._times, 0)}"
         text += f": {values}" if values else ""
         return text + (f"; the run there attains {self.attained:.6g}{unit}" if self.is_short else "")
