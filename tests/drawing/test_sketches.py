@@ -201,6 +201,9 @@ def test_shapes_are_drawn_at_their_place_in_parameters_and_change_nothing_else()
         (lambda: mb.Cylinder(1.0, 1.0, axis=(0, 0, 0)), "no direction"),
         (lambda: mb.Cylinder(1.0, "long"), "expected one number"),
         (lambda: mb.Sphere(None), "expected one number"),
+        (lambda: mb.Sphere([1.0, 2.0]), "expected one number"),
+        (lambda: mb.Sphere(np.ma.masked_all(())), "expected one number"),
+        (lambda: mb.Box3(np.ma.masked_all(())), "has not three sides"),
         (lambda: mb.Mesh(3), "expected the path"),
         (lambda: mb.Body("rod", 1.0, 0.1, shapes=mb.Sphere(1.0)), "are no list of Box3"),
         (lambda: mb.Ground([3]), "are no list of Box3"),
@@ -212,9 +215,11 @@ def test_faults_of_shapes(shape, told):
 
 
 @pytest.mark.parametrize(
-    "at", [(1.0, 2.0, 3.0), [1.0, 2.0, 3.0], np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3], ">f8")]
+    "at",
+    [(1.0, 2.0, 3.0), [1.0, 2.0, 3.0], *(np.array([1, 2, 3], kind) for kind in (float, ">f8", "f4", np.longdouble))],
 )
-def test_a_place_is_the_same_in_each_form(at):
+def test_a_place_and_a_size_are_the_same_in_each_form(at):
+    assert repr(mb.Box3(at)) == repr(mb.Box3((1.0, 2.0, 3.0))) and repr(mb.Sphere(at[0])) == repr(mb.Sphere(1.0))
     for shape in (mb.Sphere(0.1, at), mb.Cylinder(0.1, 1.0, at=at), mb.Box3((1, 2, 3), at)):
         assert shape.at == (1.0, 2.0, 3.0) and "at=(1.0, 2.0, 3.0)" in repr(shape)
 

@@ -37,17 +37,23 @@ class Geometry:
         """Raise for what is no place and for lengths that are no numbers above 0."""
         kind = type(self).__name__
         for name, value in sizes.items():
-            for part in value if isinstance(value, list | tuple | np.ndarray) else [value]:
+            parts = components(value) if name == "size" else None
+            for part in [value] if parts is None else parts:
                 if is_real(part) and not 0 < part < np.inf:
                     raise DeclarationError(f"{kind}: {name} is {shown(value)}; it must be above 0 and finite.")
                 scalar(part, f"{kind}: {name}")
-            if is_real(value):
-                object.__setattr__(self, name, float(value))
+            object.__setattr__(self, name, _double(value) if parts is None else tuple(map(_double, parts)))
         if has_irregular_constant(vector(self.at, f"{kind}: at")):
             raise DeclarationError(f"{kind}: at {shown(self.at)} contains NaN or infinity.")
-        object.__setattr__(self, "at", tuple(components(self.at) or ()))
+        object.__setattr__(self, "at", tuple(map(_double, components(self.at) or ())))
         if (turn := getattr(self, "rotation", None)) is not None:
             require_instance(f"{kind}: rotation", turn, Rotation, "a rotation, mb.rotation(axis=..., angle=...)")
+
+
+def _double(value: Any) -> Any:
+    """A number in any form as Python's own; an expression as it is."""
+    value = value.item() if isinstance(value, np.ndarray) else value
+    return float(value) if is_real(value) else value
 
 
 def _turned(rotation: Rotation | None, columns: ca.SX) -> ca.SX:
@@ -79,7 +85,7 @@ class Box3(Geometry):
     rotation: Rotation | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.size, list | tuple | np.ndarray) or len(self.size) != 3:
+        if len(components(self.size) or ()) != 3:
             raise DeclarationError(f"Box3: size {shown(self.size)} has not three sides. Give (x, y, z).")
         self._check(size=self.size)
 

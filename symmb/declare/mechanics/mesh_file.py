@@ -59,13 +59,15 @@ def _stl(data: bytes) -> Array:
         raise ValueError("is empty")
     count = int.from_bytes(data[_HEAD - 4 : _HEAD], "little") if len(data) >= _HEAD else -1
     is_text = data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1024]
-    if len(data) == _HEAD + _EACH * count or (count >= 0 and not is_text):
+    if count >= 0 and (len(data) == _HEAD + _EACH * count or not is_text):
         whole = (len(data) - _HEAD) // _EACH
         if whole < count:
             raise ValueError(f"is cut off, or no STL: it says that it has {count:,} triangles and holds {whole:,}")
         return np.frombuffer(data, _TRIANGLE, count, _HEAD)["corners"].astype(float)
     if not is_text:
-        raise ValueError("is no STL: it begins neither with 'solid' nor with a header of 84 bytes")
+        raise ValueError(
+            "is not STL: it does not begin with 'solid', and it is shorter than the header of a binary file"
+        )
     words = np.array(_VERTEX.findall(data)).reshape(-1, 3)
     facets = len(re.findall(rb"\bendfacet\b", data, re.IGNORECASE))
     if len(words) != 3 * facets or not re.search(rb"\bendsolid\b", data, re.IGNORECASE):
