@@ -37,7 +37,7 @@ class Geometry:
         """Raise for what is no place and for lengths that are no numbers above 0."""
         kind = type(self).__name__
         for name, value in sizes.items():
-            parts = components(value) if name == "size" else None
+            parts = components(value) if name in ("size", "scale") else None
             for part in [value] if parts is None else parts:
                 if is_real(part) and not 0 < part < np.inf:
                     raise DeclarationError(f"{kind}: {name} is {shown(value)}; it must be above 0 and finite.")
