@@ -14,8 +14,9 @@ SIGNALS = tuple(
     getattr(signal, f"SIG{name}") for name in ("INT", "TERM", "HUP", "QUIT") if hasattr(signal, f"SIG{name}")
 )
 """Those that end the command line in order."""
-_SWALLOW = {"casadi.py", "weakref.py"}
-"""Files with functions that C code calls. It drops what they raise: CasADi asks numbers for their shape in this way."""
+_SWALLOW = {"casadi.py", "weakref.py", "_weakrefset.py"}
+"""Files with functions that C code calls. C code ignores what they raise: CasADi reads shapes in this way, and Python
+removes objects."""
 _AGAIN = 1e-3
 """Time after which an interrupt that met such a function is sent again [s]."""
 
@@ -62,7 +63,7 @@ class _Repeated:
     def __call__(self, number: int, frame: FrameType | None) -> None:
         self.due = 0
         while frame is not None:
-            if Path(frame.f_code.co_filename).name in _SWALLOW:
+            if Path(frame.f_code.co_filename).name in _SWALLOW or frame.f_code.co_name == "__del__":
                 self.due = number
                 threading.Timer(_AGAIN, self._again).start()
                 return

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -336,3 +337,32 @@ def test_without_threads_and_processes_commands_and_studies_run(tmp_path):
     end = subprocess.run(command, env=environment, cwd="/", capture_output=True, text=True)
     assert end.returncode == 0 and "theta2_dot" in end.stdout and "Vertex" in end.stdout, end.stderr
     assert "cannot be started" in end.stderr and "Traceback" not in end.stderr
+
+
+class _Gone:
+    """An object at whose end a signal arrives."""
+
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("kind", ["__del__", "WeakSet"])
+def test_an_interrupt_at_the_end_of_an_object_is_kept(kind):
+    """Python drops what such functions raise."""
+    with pytest.raises(KeyboardInterrupt), kept_interrupts():
+        if kind == "__del__":
+            _Gone()
+        else:
+            known, item = weakref.WeakSet(), type("Item", (), {})()
+            known.add(item)
+            known.data = _Data(known.data)
+            del item
+        time.sleep(1.0)  # it is sent again
+
+
+class _Data(set):
+    """The references of a WeakSet; a signal arrives while one goes."""
+
+    def discard(self, item):
+        signal.raise_signal(signal.SIGINT)
+        super().discard(item)
