@@ -206,13 +206,10 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         parameters, noise = record.numbers("parameters"), record.numbers("noise")
         times, data, residuals = (record.record(key) for key in ("data_times", "data", "residuals"))
         series = {name: times.array(name, None) for name in noise}
-        covariance = record.with_nan("covariance", len(parameters), len(parameters))
-        diagonal = np.diag(covariance)  # JSON has no inf
-        np.fill_diagonal(covariance, np.where(np.isnan(diagonal), np.inf, diagonal))
         return cls(
             record.text("name"),
             parameters,
-            covariance,
+            record.covariance("covariance", len(parameters)),
             noise,
             series,
             {name: data.array(name, len(t)) for name, t in series.items()},

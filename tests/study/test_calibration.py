@@ -1,5 +1,7 @@
 """Calibration against closed forms of linear regression, and SciPy's curve_fit on solutions by hand."""
 
+import json
+
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
@@ -217,6 +219,15 @@ def test_estimates_are_labelled():
     np.testing.assert_array_equal(data["residual"], found.residuals["x"])
     assert dict(zip(table.parameter, table.estimate, strict=True)) == found.parameters
     assert dict(zip(table.parameter, table.deviation, strict=True)) == found.deviations
+
+
+@pytest.mark.parametrize("changed", [[[-1.0, 0.0], [0.0, 1.0]], [[1.0, 0.5], [0.1, 1.0]]])
+def test_a_file_whose_covariance_cannot_be_is_refused(changed, tmp_path):
+    path = tmp_path / "a.json"
+    mb.calibrate(particle(), {"x": ([0.5, 1.0, 3.0], [0.7, 1.4, 6.0])}).save(path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"covariance": changed}))
+    with pytest.raises(mb.DeclarationError, match="covariance"):
+        mb.Calibration.load(path)
 
 
 def test_pictures(tmp_path):

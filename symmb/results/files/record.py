@@ -114,6 +114,15 @@ class Record:
             raise self._wrong(name, "an array of numbers of at least 0", "others")
         return value
 
+    def covariance(self, name: str, n: int) -> Array:
+        """A symmetric matrix (n, n) with variances of at least 0. Variances that are infinite are nan in JSON."""
+        value = self.with_nan(name, n, n)
+        variances = np.where(np.isnan(np.diag(value)), np.inf, np.diag(value))
+        if not (np.allclose(value, value.T, equal_nan=True) and (variances >= 0).all()):
+            raise self._wrong(name, "a symmetric matrix with a diagonal of at least 0", "another one")
+        np.fill_diagonal(value, variances)
+        return value
+
     def times(self, name: str = "t") -> Array:
         """Times (n_t,) that increase; at least one."""
         t = self.array(name, None)
