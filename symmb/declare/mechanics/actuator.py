@@ -6,14 +6,14 @@ from typing import cast
 
 import casadi as ca
 
-from symmb._options import is_real, number_text
+from symmb._options import is_real
 from symmb._types import Expr
 from symmb.declare.mechanics.axis_joint import AxisJoint, Joint
 from symmb.declare.mechanics.body import AbstractBody, Body
 from symmb.declare.mechanics.contact_law import ContactLaw
 from symmb.declare.mechanics.element import Bind, Element, bound
 from symmb.declare.mechanics.force import Action, ForceElement, Load, is_constant, moment_on, push
-from symmb.declare.mechanics.impact import RESTITUTION, Impact
+from symmb.declare.mechanics.impact import COEFFICIENT, Impact
 from symmb.declare.symbolic import ddt
 
 
@@ -32,10 +32,11 @@ class JointForce(ForceElement):
         return (self.joint,)
 
     def faults(self) -> Iterator[str]:
+        yield from super().faults()
         joint, coordinate = self.joint, self.coordinate
         if not isinstance(joint, Joint):
-            yield f"{self.title}: expected a joint, got {type(joint).__name__}. Give what Revolute(...) returns."
-        elif not joint.handles:
+            return
+        if not joint.handles:
             yield f"{self.title}: {joint.title} has no angle and no displacement. {joint.without}"
         elif coordinate is None and joint.coordinate is None:
             yield f"{self.title}: {joint.title} turns and slides. Give coordinate='angle' or 'displacement'."
@@ -44,7 +45,6 @@ class JointForce(ForceElement):
             yield f"{self.title}: {joint.title} has no coordinate {coordinate!r}. Give {known}."
         else:
             yield from joint.faults()
-        yield from super().faults()
 
     @property
     def handle(self) -> str:
@@ -98,7 +98,7 @@ class Actuator(JointForce):
     law: Expr
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        law = bind(self.law, f"{self.title}: law")
+        law = self.number(bind, "law")
         yield Action(self.loads(law), force=law)
 
 
@@ -134,7 +134,7 @@ class Stop(JointForce):
     lower: Expr | None
     upper: Expr | None
     law: ContactLaw | None = None
-    restitution: Expr | None = None
+    restitution: Expr | None = field(default=None, metadata=COEFFICIENT)
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
@@ -145,33 +145,27 @@ class Stop(JointForce):
             yield f"{self.title}: lower {numbers[0]!r} is not below upper {numbers[1]!r}."
         if (self.law is None) == (self.restitution is None):
             yield f"{self.title}: give either a law of contact or restitution=..., a number from 0 to 1."
-        elif is_real(self.restitution) and not 0 <= self.restitution <= 1:
-            yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
 
     @property
-    def _ends(self) -> dict[str, tuple[int, Expr]]:
+    def _ends(self) -> dict[str, int]:
         """The limits by name, each with the direction in which the joint moves away from it."""
-        ends = {"lower": (1, self.lower), "upper": (-1, self.upper)}
-        return {name: (sign, end) for name, (sign, end) in ends.items() if end is not None}
+        return {name: sign for name, sign in (("lower", 1), ("upper", -1)) if getattr(self, name) is not None}
 
     def impacts(self, bind: Bind) -> tuple[Impact, ...]:
         """The impacts at the limits, if it has a restitution."""
         if self.restitution is None:
             return ()
         value = getattr(self.joint, self.handle)
-        gaps = {
-            f"{self.name}.{name}": sign * (value - bind(end, f"{self.title}: {name}"))
-            for name, (sign, end) in self._ends.items()
-        }
-        return tuple(Impact(name, gap, self.restitution) for name, gap in gaps.items())
+        gaps = {name: sign * (value - self.number(bind, name)) for name, sign in self._ends.items()}
+        return tuple(Impact(f"{self.name}.{name}", gap, self.restitution) for name, gap in gaps.items())
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         if self.law is None:
             return
         law = bound(self.law, bind, self.title)
         value, rate = (getattr(self.joint, f"{self.handle}{suffix}") for suffix in ("", "_rate"))
-        for name, (sign, limit) in self._ends.items():
-            end = bind(limit, f"{self.title}: {name}")
+        for name, sign in self._ends.items():
+            end = self.number(bind, name)
             penetration = sign * (end - value)
             force = law.force(penetration, sign * (ddt(end) - rate))
             potential = law.potential(penetration) if is_constant(law.stores, end) else None

@@ -33,7 +33,6 @@ from symmb.declare.symbolic import (
 )
 
 Axis = tuple[Expr, ...]
-_Z: Axis = (0, 0, 1)
 ORIENTED: tuple[type[Pose], ...] = (Planar, Spatial)
 
 
@@ -48,6 +47,7 @@ class Joint(Constraint):
     joint that closes loops only. `also` reminds of what users overlook.
     """
 
+    expected: ClassVar[str] = "a joint, got {}. Give what Revolute(...) returns."
     poses: ClassVar = (ORIENTED, ORIENTED)
     handles: ClassVar[tuple[str, ...]] = ()
     coordinate: ClassVar[str | None] = None
@@ -107,7 +107,7 @@ class AxisJoint(Joint):
     aligns: ClassVar[bool] = False
     parallel: ClassVar[tuple[int, ...]] = (2,)
 
-    axis: Axis = _Z
+    axis: Axis = (0, 0, 1)
     axis_b: Axis | None = None
     zero: Rotation | None = field(default=None, kw_only=True)
 

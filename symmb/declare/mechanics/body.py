@@ -17,7 +17,44 @@ from symmb.declare.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, S
 from symmb.declare.symbolic import ddt, is_zero, vector
 
 
-class AbstractBody:
+class Located:
+    """Components of a place in the world, and of its velocity: of a body they are those of the centre of mass."""
+
+    _place: ca.SX
+    _velocity: ca.SX
+
+    @property
+    def x(self) -> ca.SX:
+        """World x [m]."""
+        return self._place[0]
+
+    @property
+    def y(self) -> ca.SX:
+        """World y [m]."""
+        return self._place[1]
+
+    @property
+    def z(self) -> ca.SX:
+        """World z [m]."""
+        return self._place[2]
+
+    @property
+    def vx(self) -> ca.SX:
+        """World x velocity [m/s]."""
+        return self._velocity[0]
+
+    @property
+    def vy(self) -> ca.SX:
+        """World y velocity [m/s]."""
+        return self._velocity[1]
+
+    @property
+    def vz(self) -> ca.SX:
+        """World z velocity [m/s]."""
+        return self._velocity[2]
+
+
+class AbstractBody(Located):
     """Base of bodies and the ground: a name, a pose, a frame and points."""
 
     name: str
@@ -42,34 +79,12 @@ class AbstractBody:
         return self.frame.R
 
     @property
-    def x(self) -> ca.SX:
-        """World x of the centre of mass [m]."""
-        return self.frame.r[0]
+    def _place(self) -> ca.SX:
+        return self.frame.r
 
     @property
-    def y(self) -> ca.SX:
-        """World y of the centre of mass [m]."""
-        return self.frame.r[1]
-
-    @property
-    def z(self) -> ca.SX:
-        """World z of the centre of mass [m]."""
-        return self.frame.r[2]
-
-    @property
-    def vx(self) -> ca.SX:
-        """World x velocity of the centre of mass [m/s]."""
-        return self.frame.velocity[0]
-
-    @property
-    def vy(self) -> ca.SX:
-        """World y velocity of the centre of mass [m/s]."""
-        return self.frame.velocity[1]
-
-    @property
-    def vz(self) -> ca.SX:
-        """World z velocity of the centre of mass [m/s]."""
-        return self.frame.velocity[2]
+    def _velocity(self) -> ca.SX:
+        return self.frame.velocity
 
     @property
     def theta(self) -> ca.SX:
@@ -220,7 +235,7 @@ class Ground(AbstractBody):
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class Point(Located):
     """A point fixed to a body, or to a node of a flexible one, `s` (3,) from its frame in its axes [m]."""
 
     body: "AbstractBody"
@@ -239,34 +254,12 @@ class Point:
         return ddt(self.r)
 
     @property
-    def x(self) -> ca.SX:
-        """World x [m]."""
-        return self.r[0]
+    def _place(self) -> ca.SX:
+        return self.r
 
     @property
-    def y(self) -> ca.SX:
-        """World y [m]."""
-        return self.r[1]
-
-    @property
-    def z(self) -> ca.SX:
-        """World z [m]."""
-        return self.r[2]
-
-    @property
-    def vx(self) -> ca.SX:
-        """World x velocity [m/s]."""
-        return self.velocity[0]
-
-    @property
-    def vy(self) -> ca.SX:
-        """World y velocity [m/s]."""
-        return self.velocity[1]
-
-    @property
-    def vz(self) -> ca.SX:
-        """World z velocity [m/s]."""
-        return self.velocity[2]
+    def _velocity(self) -> ca.SX:
+        return self.velocity
 
 
 def velocity_at(body: AbstractBody, arm: ca.SX) -> ca.SX:

@@ -122,12 +122,12 @@ class Clutch(PairTorque, Constraint):
 
     def _held(self, bind: Bind) -> ca.SX:
         """The capacity as an expression that is not below 0."""
-        capacity = bind(self.capacity, f"{self.title}: capacity")
+        capacity = self.number(bind, "capacity")
         return capacity if is_real(self.capacity) else ca.fmax(capacity, 0)
 
     def events(self, bind: Bind) -> tuple[JointEvent, ...]:
         """The events at which it begins to slip and to stick."""
-        limit = bind(self.static_ratio, f"{self.title}: static_ratio") * self._held(bind)
+        limit = self.number(bind, "static_ratio") * self._held(bind)
         # No condition holds while it does not count: one that held already could not begin to.
         slips = ca.fabs(self.lam) > limit + (1 - self.closed)
         struck = self.closed * ca.fabs(self.slip) > 1 - self.closed

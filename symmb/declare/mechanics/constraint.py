@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from symmb._options import require_truth
 from symmb._types import Expr
 from symmb.declare.mechanics.element import Bind, Element
 
@@ -26,9 +25,6 @@ class Constraint(Element):
         return ca.SX(0, 1)
 
     unilateral: bool = False
-
-    def __post_init__(self) -> None:
-        require_truth(self.title, "unilateral", self.unilateral)
 
     def pressure(self, lam: ca.SX) -> ca.SX:
         """The force of its multipliers (n,) that a unilateral constraint can exert where it is positive [N]."""
@@ -62,7 +58,7 @@ class Motion(Constraint):
     law: Expr
 
     def position_rows(self, bind: Bind) -> ca.SX:
-        return bind(self.expression, f"{self.title}: expression") - bind(self.law, f"{self.title}: law")
+        return self.number(bind, "expression") - self.number(bind, "law")
 
 
 @dataclass(frozen=True, eq=False)

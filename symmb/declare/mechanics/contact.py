@@ -129,7 +129,7 @@ class Contact(SurfaceContact):
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.plane_point.body
         axis = unit(vector(self.normal))
-        radius = bind(self.radius, f"{self.title}: radius")
+        radius = self.number(bind, "radius")
         height = ca.dot(axis, a.frame.R.T @ (self.point.r - self.plane_point.r))
         yield from touch(self, bind, a, self.point, radius, axis, height, self.point.s, self.plane_point.s, axis)
 
@@ -170,7 +170,7 @@ class BushContact(PairForce):
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.point_a.body
         axis = unit(vector(self.axis))
-        clearance = bind(self.clearance, f"{self.title}: clearance")
+        clearance = self.number(bind, "clearance")
         d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
         across = d - ca.dot(d, axis) * axis
         # Half way to the wall there is no force: the motion may stay where no direction leads to the wall.
@@ -217,7 +217,7 @@ class ToothContact(PairForce):
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.point_a.body
         direction = unit(vector(self.direction))
-        backlash = bind(self.backlash, f"{self.title}: backlash")
+        backlash = self.number(bind, "backlash")
         d = ca.dot(direction, a.frame.R.T @ (self.point_b.r - self.point_a.r))
 
         def loads(force: ca.SX) -> tuple[Load, ...]:
@@ -264,8 +264,7 @@ class TorsionContact(PairTorque):
     axis: tuple[Expr, ...] = (0, 0, 1)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        backlash = bind(self.backlash, f"{self.title}: backlash")
-        middle = bind(self.angle, f"{self.title}: angle")
+        backlash, middle = self.number(bind, "backlash"), self.number(bind, "angle")
         alpha, law = self.alpha - middle, bound(self.law, bind, self.title)
         penetration = ca.fabs(alpha) - backlash / 2
         yield press(law, penetration, lambda torque: self._loads(-ca.sign(alpha) * torque), backlash, middle)

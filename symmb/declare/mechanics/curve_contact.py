@@ -213,7 +213,7 @@ class PointOnCurve(Joint):
     curve: Curve
     radius: Expr = field(default=0.0, kw_only=True, metadata=NOT_NEGATIVE)
     inside: bool = field(default=False, kw_only=True, metadata=TRUTH)
-    unilateral: bool = field(default=False, kw_only=True)
+    unilateral: bool = field(default=False, kw_only=True, metadata=TRUTH)
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
@@ -226,7 +226,7 @@ class PointOnCurve(Joint):
             side = _side(curve.measured(bind), self.inside)
         except DeclarationError as error:
             raise DeclarationError(f"{self.title}: {error}.") from None
-        radius = bind(self.radius, f"{self.title}: radius")
+        radius = self.number(bind, "radius")
 
         def foot_at(s: ca.SX) -> Foot:
             return Foot.at(curve, s, P, None if curve.closed else Bounds.of(s, curve.ends))

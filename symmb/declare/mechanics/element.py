@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any, ClassVar, Protocol, Self, TypeVar, get_args, get_origin
 
 import casadi as ca
+import numpy as np
 
 from symmb._errors import DeclarationError, text_of
 from symmb._options import is_real, number_text, python_number, shown
@@ -60,6 +61,10 @@ class Element(ABC):
         """The bodies and grounds the element is attached to."""
         return _attached(self)
 
+    def number(self, bind: Bind, what: str) -> ca.SX:
+        """A field as an expression."""
+        return bind(getattr(self, what), f"{self.title}: {what}")
+
     def parts(self) -> "tuple[Element, ...]":
         """Other elements that it acts on, which must be in the system as well."""
         return ()
@@ -101,7 +106,8 @@ def _field_faults(title: str, owner: object) -> Iterator[str]:
         kinds: tuple[Any, ...] = get_args(f.type) or (f.type,)
         for kind in kinds:
             if hasattr(kind, "expected") and not isinstance(value, kind):
-                yield f"{title}: expected {kind.expected.format(shown(value))}"
+                got = value.title if isinstance(value, Element) else shown(value)
+                yield f"{title}: expected {kind.expected.format(got)}"
         if "faults" in f.metadata:
             yield from f.metadata["faults"](title, f.name, value)
 
@@ -161,24 +167,42 @@ def direction_faults(title: str, what: str, axis: Any) -> Iterator[str]:
 
 def truth_faults(title: str, what: str, value: object) -> Iterator[str]:
     """Fault of what is neither True nor False."""
-    if not isinstance(value, bool):
+    if not isinstance(value, bool | np.bool_):
         yield f"{title}: {what} must be True or False, got {shown(value)}."
 
 
+def law_faults(title: str, what: str, value: object, *, of: str) -> Iterator[str]:
+    """Fault of what is no function."""
+    if not callable(value):
+        yield f"{title}: {what} {shown(value)} is no law. Give a function of {of}"
+
+
 def number_faults(
-    title: str, what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
+    title: str,
+    what: str,
+    value: Any,
+    *,
+    above: float = -math.inf,
+    least: float = -math.inf,
+    most: float = math.inf,
+    remedy: str = "",
 ) -> Iterator[str]:
     """Fault of a number that is out of its range. Expressions are not checked."""
     if is_real(value) and not (value > above and least <= value <= most):
         words = [f"above {above:g}"] if above > -math.inf else []
         words += [f"at least {least:g}"] if least > -math.inf else []
         words += [f"at most {most:g}"] if most < math.inf else []
-        yield f"{title}: {what} is {number_text(value)}; it must be {' and '.join(words)}."
+        yield f"{title}: {what} is {number_text(value)}; it must be {' and '.join(words)}. {remedy}".rstrip()
 
 
-def within(**limits: float) -> dict[str, Any]:
-    """Metadata of a field whose numbers are `above` one limit, or from `least` to `most`."""
+def within(**limits: Any) -> dict[str, Any]:
+    """Metadata of a field whose numbers are `above` one limit, or from `least` to `most`, with a `remedy` if any."""
     return {"faults": partial(number_faults, **limits)}
+
+
+def function(of: str) -> dict[str, Any]:
+    """Metadata of a field that takes a function. The text says of what, and ends the sentence of its fault."""
+    return {"faults": partial(law_faults, of=of)}
 
 
 POSITIVE, NOT_NEGATIVE = within(above=0.0), within(least=0.0)

@@ -124,9 +124,7 @@ class Gravity(ForceElement):
     name: str = "gravity"
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        g = ca.vertcat(
-            *[bind(c, f"Gravity: {n}") for n, c in zip(("gx", "gy", "gz"), (self.gx, self.gy, self.gz), strict=True)]
-        )
+        g = ca.vertcat(*[self.number(bind, what) for what in ("gx", "gy", "gz")])
         for body, mass in masses:
             potential = -mass * ca.dot(g, body.center.frame.r) if is_constant(g, mass) else None
             yield Action((Load(body.center, mass * g, ca.SX(3, 1)),), potential)
@@ -179,9 +177,7 @@ class SpringDamper(PairForce):
         return (force_at(self.point_a, force), force_at(self.point_b, -force))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        k = bind(self.stiffness, f"{self.title}: stiffness")
-        c = bind(self.damping, f"{self.title}: damping")
-        length = bind(self.length, f"{self.title}: length")
+        k, c, length = (self.number(bind, what) for what in ("stiffness", "damping", "length"))
         d = self.point_b.r - self.point_a.r
         if not is_zero(k):
             stretch = ca.sumsqr(d) if is_zero(length) else (ca.norm_2(d) - length) ** 2
@@ -307,9 +303,7 @@ class TorsionSpring(PairTorque):
     axis: tuple[Expr, ...] = (0, 0, 1)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        k = bind(self.stiffness, f"{self.title}: stiffness")
-        c = bind(self.damping, f"{self.title}: damping")
-        rest = bind(self.angle, f"{self.title}: angle")
+        k, c, rest = (self.number(bind, what) for what in ("stiffness", "damping", "angle"))
         turn = self.alpha - rest
         if not is_zero(k):
             potential = 0.5 * k * turn**2 if is_constant(k, rest) else None

@@ -195,7 +195,7 @@ class Friction(PairForce):
     law: FrictionLaw
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
-        normal_force = bind(self.normal_force, f"{self.title}: normal_force")
+        normal_force = self.number(bind, "normal_force")
         if not normal_force.is_constant():
             yield (
                 normal_force + _SLIGHT,
@@ -205,7 +205,7 @@ class Friction(PairForce):
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         a = self.point_a.body
         axis = unit(vector(self.axis))
-        normal_force = bind(self.normal_force, f"{self.title}: normal_force")
+        normal_force = self.number(bind, "normal_force")
         slip = ddt(ca.dot(axis, a.frame.R.T @ (self.point_b.r - self.point_a.r)))
         law = bound(self.law, bind, self.title)
         force, states = law.resistance(self.name, slip, normal_force)

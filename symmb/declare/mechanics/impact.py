@@ -1,7 +1,7 @@
 """Impacts: Newton's law of restitution at the instant when a gap closes."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
@@ -10,6 +10,18 @@ from symmb._options import is_real, number_text
 from symmb._types import Expr
 from symmb.declare.mechanics.element import Element
 from symmb.declare.symbolic import Kind, Symbol, declare
+
+RESTITUTION = "restitution {} is not between 0 and 1"
+
+
+def _faults(title: str, _: str, value: object) -> Iterator[str]:
+    """Fault of a number that is no coefficient of restitution."""
+    if is_real(value) and not 0 <= value <= 1:
+        yield f"{title}: {RESTITUTION.format(number_text(value))}. Give one that is."
+
+
+COEFFICIENT = {"faults": _faults}
+"""Metadata of a field that takes a coefficient of restitution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +66,7 @@ class Impact(Element):
 
     name: str
     gap: Expr
-    restitution: Expr
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        if is_real(self.restitution) and not 0 <= self.restitution <= 1:
-            yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
+    restitution: Expr = field(metadata=COEFFICIENT)
 
     @property
     def closed(self) -> ca.SX:
@@ -71,6 +78,3 @@ class Impact(Element):
         """The record of `closed`, a state that changes at events only."""
         name = f"{self.name}.closed"
         return declare([name], Kind.STATE, ca.SX.sym(name), ca.SX(1, 1), ca.SX(1, 1))[0]
-
-
-RESTITUTION = "restitution {} is not between 0 and 1"

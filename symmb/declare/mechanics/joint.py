@@ -11,13 +11,13 @@ from typing import ClassVar
 
 import casadi as ca
 
-from symmb._options import is_real, shown
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.declare.mechanics.angle import relative_angle
 from symmb.declare.mechanics.axis_joint import ORIENTED, AxisJoint, Joint, SlidingJoint, TurningJoint
 from symmb.declare.mechanics.body import AbstractBody, Ground
 from symmb.declare.mechanics.constraint import Constraint
-from symmb.declare.mechanics.element import Bind, Element, law_value
+from symmb.declare.mechanics.element import TRUTH, Bind, Element, function, law_value, within
 from symmb.declare.mechanics.joint_coordinates import (
     AXIS,
     HINGE,
@@ -109,7 +109,7 @@ class Screw(TurningJoint, SlidingJoint):
         return ca.vertcat(self._across(), self._parallel(), self.displacement - self.advance(self.angle, bind))
 
     def advance(self, angle: ca.SX, bind: Bind) -> ca.SX:
-        return bind(self.pitch, f"{self.title}: pitch") * angle / (2 * ca.pi)
+        return self.number(bind, "pitch") * angle / (2 * ca.pi)
 
 
 class Prismatic(SlidingJoint):
@@ -305,19 +305,14 @@ class Distance(Joint):
 
     poses: ClassVar = (_ANY, _ANY)
 
-    length: Expr
-    unilateral: bool = field(default=False, kw_only=True)
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        if is_real(self.length) and not self.length > 0:
-            yield f"{self.title}: length {self.length!r} is not positive. For coinciding points use Spherical."
+    length: Expr = field(metadata=within(above=0.0, remedy="For points that coincide use Spherical."))
+    unilateral: bool = field(default=False, kw_only=True, metadata=TRUTH)
 
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.norm_2(self.d) - self.positive(bind)
 
     def positive(self, bind: Bind) -> ca.SX:
-        return bind(self.length, f"{self.title}: length")
+        return self.number(bind, "length")
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,7 +360,7 @@ class Gear(AxisJoint):
 
     def position_rows(self, bind: Bind) -> ca.SX:
         (angle_a, _), (angle_b, _) = self._angles
-        return angle_b - bind(self.ratio, f"{self.title}: ratio") * angle_a
+        return angle_b - self.number(bind, "ratio") * angle_a
 
 
 @dataclass(frozen=True, eq=False)
@@ -404,8 +399,8 @@ class CamFollower(Constraint):
     name: str
     cam: Joint
     follower: Joint
-    lift: Callable[[ca.SX], Expr]
-    unilateral: bool = field(default=True, kw_only=True)
+    lift: Callable[[ca.SX], Expr] = field(metadata=function("the cam's angle, or a Table."))
+    unilateral: bool = field(default=True, kw_only=True, metadata=TRUTH)
 
     def bodies(self) -> tuple[AbstractBody, ...]:
         return (*self.cam.bodies(), *self.follower.bodies())
@@ -416,12 +411,8 @@ class CamFollower(Constraint):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         for joint in self.parts():
-            if not isinstance(joint, Joint):
-                yield f"{self.title}: expected a joint, got {shown(joint)}. Give what Revolute(...) returns."
-            elif joint.coordinate is None:
+            if isinstance(joint, Joint) and joint.coordinate is None:
                 yield f"{self.title}: {joint.title} does not move by one coordinate. {joint.without}"
-        if not callable(self.lift):
-            yield f"{self.title}: lift {shown(self.lift)} is no law. Give a function of the cam's angle, or a Table."
 
     def position_rows(self, bind: Bind) -> ca.SX:
         angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (self.cam, self.follower))

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
-from symmb._options import shown
 from symmb._types import Expr
 from symmb.declare.mechanics.axis_joint import AxisJoint, Joint
 from symmb.declare.mechanics.body import Point
@@ -42,11 +41,6 @@ class JointEvent(Element):
 
     def parts(self) -> tuple[Element, ...]:
         return (self.joint,)
-
-    def faults(self) -> Iterator[str]:
-        if not isinstance(self.joint, Joint):
-            got = self.joint.title if isinstance(self.joint, Element) else shown(self.joint)
-            yield f"{type(self).__name__}: expected a joint, got {got}."
 
     @property
     def closed(self) -> ca.SX:

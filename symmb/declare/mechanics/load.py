@@ -5,12 +5,11 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from symmb._options import shown
 from symmb._types import Expr
 from symmb.declare.mechanics.body import Body, Point
 from symmb.declare.mechanics.contact import press
 from symmb.declare.mechanics.contact_law import ContactLaw
-from symmb.declare.mechanics.element import DIRECTION, NOT_NEGATIVE, POSITIVE, Bind, Law, bound, law_value
+from symmb.declare.mechanics.element import DIRECTION, NOT_NEGATIVE, POSITIVE, Bind, Law, bound, function, law_value
 from symmb.declare.mechanics.force import (
     MEETING,
     Action,
@@ -46,13 +45,7 @@ class NonlinearSpring(PairForce):
     array([1.    , 0.3262])
     """
 
-    pull: Callable[[ca.SX, ca.SX], Expr]
-
-    def faults(self) -> Iterator[str]:
-        yield from super().faults()
-        if not callable(self.pull):
-            pull = shown(self.pull)
-            yield f"{self.title}: pull {pull} is no law. Give a function of length and rate: lambda d, v: ..."
+    pull: Callable[[ca.SX, ca.SX], Expr] = field(metadata=function("length and rate: lambda d, v: ..."))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d = self.point_b.r - self.point_a.r

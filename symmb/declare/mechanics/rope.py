@@ -140,7 +140,7 @@ class Rope(ForceElement):
         return {}
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
-        course, free, rooms = self.course(bind), bind(self.length, f"{self.title}: length"), []
+        course, free, rooms = self.course(bind), self.number(bind, "length"), []
         bodies = self.bodies()
         has_load = len({id(body) for body, r in zip(bodies, course.radii, strict=True) if r.is_zero()}) > 1
         for (i, j), part in course.straights.items():
@@ -153,8 +153,7 @@ class Rope(ForceElement):
         yield ca.vertcat(ca.SX(0, 1), *course.far_sides), "it meets a pulley{} on the side where it does not lie."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        points, course = [point for point, _ in self._wraps], self.course(bind)
-        length = bind(self.length, f"{self.title}: length")
+        points, course, length = [point for point, _ in self._wraps], self.course(bind), self.number(bind, "length")
 
         def loads(pull: ca.SX) -> tuple[Load, ...]:
             """The pull of the straight parts on both sides of each point. Round a pulley it acts on the centre."""

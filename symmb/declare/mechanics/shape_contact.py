@@ -30,10 +30,6 @@ class ShapeContact(SurfaceContact):
         """Vector from point a to point b in the axes of body a [m], (3,)."""
         return self.point_a.body.frame.R.T @ (self.point_b.r - self.point_a.r)
 
-    def number(self, bind: Bind, what: str) -> ca.SX:
-        """A field as an expression."""
-        return bind(getattr(self, what), f"{self.title}: {what}")
-
     def round(self, bind: Bind, d: ca.SX, *fixed: ca.SX, inside: bool) -> Iterator[Action]:
         """Actions between round shapes whose centres are apart by d (3,) [m] in the axes of body a."""
         radius_a, radius_b = (self.number(bind, what) for what in ("radius_a", "radius_b"))
