@@ -7,6 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SMALL
 from symmb._options import is_real
 from symmb._types import Expr
 from symmb.declare.mechanics.angle import turning_direction
@@ -17,7 +18,7 @@ from symmb.declare.mechanics.force import Action, PairTorque
 from symmb.declare.mechanics.joint_event import JointEvent, event_state
 from symmb.declare.symbolic import Symbol, symbols_in, unit, vector
 
-_STATES, _SLIGHT, _JUMP = 4, 1e-7, 1e-3
+_STATES, _SLIGHT, _JUMP = 4, 1e-7, SMALL
 """Random states at which a capacity is compared at slips of both signs, the slip [rad/s], and the share of the capacity
 that is a jump: one that is steep changes by less."""
 

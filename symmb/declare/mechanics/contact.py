@@ -5,21 +5,12 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
+from symmb._magnitudes import MEETING
 from symmb._types import Expr
 from symmb.declare.mechanics.body import AbstractBody, Body, Point, velocity_at
 from symmb.declare.mechanics.contact_law import ContactLaw
 from symmb.declare.mechanics.element import DIRECTION, Bind, bound
-from symmb.declare.mechanics.force import (
-    MEETING,
-    Action,
-    ForceElement,
-    Load,
-    PairForce,
-    PairTorque,
-    fixed_at,
-    is_constant,
-    push,
-)
+from symmb.declare.mechanics.force import Action, ForceElement, Load, PairForce, PairTorque, fixed_at, is_constant, push
 from symmb.declare.mechanics.friction import FrictionLaw
 from symmb.declare.mechanics.pose import Planar
 from symmb.declare.symbolic import Z, ddt, triad, unit, vector

@@ -10,6 +10,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
+from symmb._magnitudes import ROUNDING, SAME, SLIGHT
 from symmb._options import is_finite_number, numbers_of, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.declare.mechanics.element import Bind, law_value
@@ -117,7 +118,7 @@ _TURN = np.pi / 2
 curvature."""
 _OVERLAP = 0.1
 """Share of a part by which it reaches into the next one: where one ends, a foot on the other is nearer."""
-_INSET = 1e-12
+_INSET = ROUNDING
 """Share of a piece by which derivatives keep off its corners, where they jump."""
 _MOST_PARTS = 64
 
@@ -140,11 +141,11 @@ class Measured:
         self.length, self.middle = float(np.hypot(*np.diff(x, axis=0).T).sum()), x[:-1].mean(axis=0)
         moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]
         self.area = float((moment[1:] + moment[:-1]) @ np.diff(s)) / 4
-        if curve.closed and np.hypot(*(x[-1] - x[0])) > 1e-9 * self.length:
+        if curve.closed and np.hypot(*(x[-1] - x[0])) > SAME * self.length:
             raise DeclarationError("its curve is closed, but it does not end where it starts")
         beyond = np.array([0.0, 0.01]) * self.period
         gap = np.hypot(*(numbers(start + beyond)[0] - numbers(end + beyond)[0]).T)
-        self.is_periodic = curve.closed and bool(gap.max() <= 1e-9 * self.length)
+        self.is_periodic = curve.closed and bool(gap.max() <= SAME * self.length)
 
     @property
     def _pieces(self) -> list[tuple[float, float]]:
@@ -178,7 +179,7 @@ class Measured:
     def _is_concave(self, before: float, behind: float, side: float) -> bool:
         inset = _INSET * self.period
         (u, v) = self._numbers(np.array([before - inset, behind + inset]))[1]
-        return side * (u[0] * v[1] - u[1] * v[0]) > 1e-6 * np.hypot(*u) * np.hypot(*v)
+        return side * (u[0] * v[1] - u[1] * v[0]) > SLIGHT * np.hypot(*u) * np.hypot(*v)
 
     def _parts(self, a: float, b: float, side: float) -> list[Part]:
         """Cuts of a smooth piece where it begins to bend to the other side, and after each quarter of a turn."""
@@ -191,7 +192,7 @@ class Measured:
         if whole and callable(self.curve.shape) and bend.max() <= 0:  # splines have two seams only
             return [(-np.inf, np.inf)]
         for k in range(_SAMPLES):
-            now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > 1e-6 else sign
+            now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > SLIGHT else sign
             turn += abs(bend[k]) * (s[k + 1] - s[k])
             if (sign and now != sign) or turn > _TURN:
                 cuts.append(float(s[k]))
@@ -234,7 +235,7 @@ class Measured:
         normal = side * np.column_stack([-d[:, 1], d[:, 0]]) / np.hypot(*d.T)[:, None]
         center = x + radius * normal
         distance = np.hypot(*(center[:, None] - x[None]).transpose(2, 0, 1)).min(axis=1)
-        if (distance < (1 - 1e-6) * radius).any():
+        if (distance < (1 - SLIGHT) * radius).any():
             place = ", ".join(f"{value:.3g}" for value in x[distance.argmin()])
             raise DeclarationError(
                 f"where {circle} of radius {radius:g} touches the curve at ({place}), it is over it elsewhere: the "
@@ -284,7 +285,7 @@ def _points(points: object, closed: bool) -> Array:
     x = numbers_of(points)
     if x is None or x.ndim != 2 or x.shape[1] != 2 or not np.isfinite(x).all():
         raise DeclarationError("Curve: shape must be a function of s, or points (n, 2) of finite numbers.")
-    if closed and np.allclose(x[0], x[-1], rtol=0, atol=1e-12 * np.ptp(x)):
+    if closed and np.allclose(x[0], x[-1], rtol=0, atol=ROUNDING * np.ptp(x)):
         x = x[:-1]
     if len(x) < 2 + closed:
         raise DeclarationError(f"Curve: {len(x)} points are too few. Give two or more, three or more if it is closed.")

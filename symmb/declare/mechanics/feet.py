@@ -7,12 +7,13 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SLIGHT, SMALL
 from symmb.declare.mechanics.curve import Curve, Measured, Part
 from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
 """Least slope of the foot's condition, as a share of that of a straight line: it is 0 at a centre of curvature."""
-_SINGULAR = 1e-3
+_SINGULAR = SMALL
 """Least determinant of the conditions of two feet, as a share of that of two circles as long as the curves."""
 _CATCH_UP = 100.0
 """A foot that is off comes e times nearer while the point moves by this share, 1 / 100, of the curve's length."""
@@ -20,9 +21,9 @@ _SAMPLES, ALL_SAMPLES = 12, 64
 """Places on a part, and on a curve, from which the search of a foot chooses."""
 _NO_TANGENT = 1e-60
 """Square of a mean tangent beside which none counts: the tangents of places on far sides may be the same."""
-_AT_REST = 1e-6
+_AT_REST = SLIGHT
 """Speed [m/s] of a point at rest by which its foot still approaches."""
-_STRAIGHT = 1e-6
+_STRAIGHT = SLIGHT
 """Curvature over 1 / length of the curve up to which a part is straight."""
 _ROUNDS, _STEPS = 2, 6
 """Searches of two feet by turns, and Newton's steps from there."""

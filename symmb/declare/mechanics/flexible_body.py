@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import NOTHING, SAME, SLIGHT
 from symmb._options import is_whole, shown
 from symmb._types import Array, Expr
 from symmb.declare.mechanics.body import AbstractBody, Body, Inertial, Point
@@ -26,13 +27,13 @@ from symmb.declare.mechanics.pose import Frame, Planar, Pose, Spatial
 from symmb.declare.structures import Invariants, Modes
 from symmb.declare.symbolic import rotation_matrix, rotation_z, vector
 
-_IN_PLANE = 1e-9
+_IN_PLANE = SAME
 """Share of the largest displacement of a mode up to which its part out of the plane is rounding."""
 
 
 _SHORT_ARM = 0.051
 """Rigid arm between nodes over the size of the body up to which it is taken to bend little: half a tenth of a beam."""
-_ON_LINE = 1e-6
+_ON_LINE = SLIGHT
 """Distance of a node from a line over its distance from another node, up to which it is on the line."""
 
 
@@ -158,7 +159,7 @@ class FlexibleBody(Body):
         place = np.array([x, y, z], dtype=float) - m.origin
         number = m.nearest(*place)
         arm = place - m.positions[number]
-        arm[np.abs(arm) < 1e-9 * np.ptp(m.positions, axis=0).max(initial=1e-300)] = 0.0
+        arm[np.abs(arm) < SAME * np.ptp(m.positions, axis=0).max(initial=NOTHING)] = 0.0
         if arm.any() and self._n and not m.rotations.any():
             raise DeclarationError(
                 f"point of {self.name!r}: no node at ({x:g}, {y:g}, {z:g}), and nodes without rotations hold no arm. "

@@ -9,6 +9,7 @@ from typing import ClassVar
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import MEETING
 from symmb._names import counted
 from symmb._options import shown
 from symmb._types import Expr
@@ -17,9 +18,6 @@ from symmb.declare.mechanics.body import AbstractBody, Body, Point
 from symmb.declare.mechanics.element import Bind, Element, direction_faults
 from symmb.declare.mechanics.pose import Planar, Spatial
 from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, lookup, symbols_in, unit, vector
-
-MEETING = 1e-12
-"""Distance below which two points meet [m]: no direction leads from one to the other."""
 
 _LARGE_TURN = 0.5
 """Turn [rad] at which the moment of a Bushing, by the sine, is 4 % below that of a spring linear in the angle."""

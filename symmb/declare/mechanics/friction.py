@@ -8,6 +8,7 @@ from typing import ClassVar
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SLIGHT
 from symmb._options import is_real
 from symmb._types import Expr
 from symmb.declare.mechanics.body import Body
@@ -54,13 +55,9 @@ class Coulomb(FrictionLaw):
     Examples
     --------
     >>> import symmb as mb
-    >>> ground, block = mb.Ground(), mb.Body("block", 1.0, 0.1, mb.Planar())
-    >>> slide = mb.Prismatic("slide", ground.point(0, 0), block.point(0, 0), axis=(1, 0, 0))
-    >>> law = mb.Coulomb(0.2, 0.01)
-    >>> rub = mb.Friction("rub", ground.point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law)
-    >>> scene = mb.Scene(mb.System(block, slide, rub), {"block.vx": 3.0}, [0.0, 1.0])
-    >>> run = mb.simulate(scene, mb.CVODES())
-    >>> run["block.vx"].round(3)
+    >>> block, law = mb.Body("block", 1.0, pose=mb.Particle()), mb.Coulomb(0.2, speed=0.01)
+    >>> rub = mb.Friction("rub", mb.Ground().point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law)
+    >>> mb.simulate(mb.Scene(mb.System(block, rub), {"block.vx": 3.0}, [0.0, 1.0]))["block.vx"].round(3)
     array([3., 1.])
 
     References
@@ -111,13 +108,9 @@ class Bristle(FrictionLaw):
     Examples
     --------
     >>> import symmb as mb
-    >>> ground, block = mb.Ground(), mb.Body("block", 1.0, 0.1, mb.Planar())
-    >>> slide = mb.Prismatic("slide", ground.point(0, 0), block.point(0, 0), axis=(1, 0, 0))
-    >>> law = mb.Bristle(0.2, 1e3)
-    >>> rub = mb.Friction("rub", ground.point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law)
-    >>> scene = mb.Scene(mb.System(block, slide, rub), {"block.vx": 3.0}, [0.0, 0.1])
-    >>> run = mb.simulate(scene, mb.CVODES())
-    >>> run["block.vx"].round(3)
+    >>> block, law = mb.Body("block", 1.0, pose=mb.Particle()), mb.Bristle(0.2, 1e3)
+    >>> rub = mb.Friction("rub", mb.Ground().point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law)
+    >>> mb.simulate(mb.Scene(mb.System(block, rub), {"block.vx": 3.0}, [0.0, 0.1]))["block.vx"].round(3)
     array([3. , 2.8])
 
     References
@@ -158,10 +151,6 @@ _ELASTIC = 0.7**2
 Dupont, Hayward, Armstrong and Altpeter (2002), IEEE Transactions on Automatic Control 47, 787-792."""
 
 
-_SLIGHT = 1e-6
-"""Normal force below 0 that may be rounding of 0 [N]."""
-
-
 @dataclass(frozen=True, eq=False)
 class Friction(PairForce):
     """Friction between two bodies that slide along an axis, as in a `Prismatic` guide or on a table.
@@ -198,7 +187,7 @@ class Friction(PairForce):
         normal_force = self.number(bind, "normal_force")
         if not normal_force.is_constant():
             yield (
-                normal_force + _SLIGHT,
+                normal_force + SLIGHT,  # [N]: a little below 0 is rounding
                 "its normal force is below 0{}, so that friction would push the bodies on. Write casadi.fmax(..., 0).",
             )
 

@@ -7,6 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import LAST_DIGITS
 from symmb.declare.mechanics.element import Bind
 from symmb.declare.symbolic import product, rotation_matrix, rotation_z
 
@@ -73,7 +74,7 @@ def quaternion_of(F: ca.SX) -> ca.SX:
         ]
     )
     e = np.linalg.eigh(K, "U")[1][:, -1]
-    e[np.abs(e) < 1e-15] = 0.0  # exact zeros make products shorter
+    e[np.abs(e) < LAST_DIGITS] = 0.0  # exact zeros make products shorter
     return ca.SX(ca.sparsify(ca.DM(e * (1 if e[0] >= 0 else -1))))
 
 

@@ -5,21 +5,13 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
+from symmb._magnitudes import MEETING
 from symmb._types import Expr
 from symmb.declare.mechanics.body import Body, Point
 from symmb.declare.mechanics.contact import press
 from symmb.declare.mechanics.contact_law import ContactLaw
 from symmb.declare.mechanics.element import DIRECTION, NOT_NEGATIVE, POSITIVE, Bind, Law, bound, function, law_value
-from symmb.declare.mechanics.force import (
-    MEETING,
-    Action,
-    ForceElement,
-    PairForce,
-    force_at,
-    mount,
-    mount_matrices,
-    push,
-)
+from symmb.declare.mechanics.force import Action, ForceElement, PairForce, force_at, mount, mount_matrices, push
 from symmb.declare.symbolic import ddt, scalar, unit, vector
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import LARGEST, SAME
 from symmb._types import Array
 
 _HEAD, _EACH = 84, 50
@@ -17,8 +18,6 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more",
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _LARGEST_FILE = 2**28
 """Bytes of a file that is read: 5 million triangles, which take a few seconds."""
-_LARGEST = 1e30
-"""Largest coordinate: products of three are numbers, too."""
 _COARSER = 0.8
 """Cells along a side from one attempt to the next: about two thirds as many triangles."""
 
@@ -47,8 +46,8 @@ def _read(path: Path, changed: int, size: int) -> Array:
         raise DeclarationError(f"Mesh: {path.name} {error}.") from None
     if not len(triangles):
         raise DeclarationError(f"Mesh: {path.name} has no triangle.")
-    if not (np.abs(triangles) < _LARGEST).all():  # NaN is not either
-        raise DeclarationError(f"Mesh: {path.name} has coordinates that are not finite, or beyond {_LARGEST:g}.")
+    if not (np.abs(triangles) < LARGEST).all():  # NaN is not either
+        raise DeclarationError(f"Mesh: {path.name} has coordinates that are not finite, or beyond {LARGEST:g}.")
     triangles.flags.writeable = False
     return triangles
 
@@ -96,7 +95,7 @@ def coarser(triangles: Array, most: int) -> Array:
     low, extent, cells = triangles.min(axis=(0, 1)), float(np.ptp(triangles, axis=(0, 1)).max()), 2 * np.sqrt(most)
     fewer = triangles
     while len(fewer) > most:
-        cell = np.floor((triangles.reshape(-1, 3) - low) * (cells / (extent or 1.0)) * (1 - 1e-9)).astype(np.int64)
+        cell = np.floor((triangles.reshape(-1, 3) - low) * (cells / (extent or 1.0)) * (1 - SAME)).astype(np.int64)
         _, number = np.unique(cell @ [1, 2**20, 2**40], return_inverse=True)
         sums = [np.bincount(number, column) for column in triangles.reshape(-1, 3).T]
         places = np.stack(sums, axis=1) / np.bincount(number)[:, None]  # the middle of those in the cell

@@ -7,19 +7,20 @@ from functools import cached_property
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import MEETING, SLIGHT
 from symmb._options import shown
 from symmb._types import Expr
 from symmb.declare.mechanics.body import AbstractBody, Body, Point
 from symmb.declare.mechanics.contact import press
 from symmb.declare.mechanics.contact_law import KelvinVoigt
 from symmb.declare.mechanics.element import NOT_NEGATIVE, POSITIVE, Bind, bound, pair_faults, point_faults
-from symmb.declare.mechanics.force import MEETING, Action, ForceElement, Load, force_at
+from symmb.declare.mechanics.force import Action, ForceElement, Load, force_at
 from symmb.declare.mechanics.pose import Spatial
 from symmb.declare.symbolic import SOFT, Kind, Symbol, Z, ddt, declare
 
 Wrap = Point | tuple[Point, Expr]
 """A point, or a pulley with its signed radius."""
-_TOUCHING = 1e-6
+_TOUCHING = SLIGHT
 """Share of the square of a radius by which a rope that touches its pulley may be within it, by rounding."""
 
 

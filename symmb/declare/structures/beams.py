@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SAME
 from symmb._options import require_instance, require_whole
 from symmb._types import Array, Expr, Indices
 from symmb.declare.structures.beam_element import GAUSS, XI, Line, elements, properties
@@ -102,12 +103,12 @@ class Beam:
         x /= np.linalg.norm(x, axis=1)[:, None]
         if self.orientation is None:
             y = np.cross([0.0, 0.0, 1.0], x)
-            y[np.linalg.norm(y, axis=1) < 1e-9] = [0.0, 1.0, 0.0]
+            y[np.linalg.norm(y, axis=1) < SAME] = [0.0, 1.0, 0.0]
         else:
             y = np.tile(numbers(self.orientation, "Beam", "orientation", (3,)), (len(x), 1))
         normal = y - (x * y).sum(axis=1)[:, None] * x
         size = np.linalg.norm(normal, axis=1)
-        if (size <= 1e-9 * np.linalg.norm(y, axis=1)).any():
+        if (size <= SAME * np.linalg.norm(y, axis=1)).any():
             raise DeclarationError(
                 f"Beam: orientation {self.orientation!r} is along the beam. Give a direction across it."
             )
@@ -271,7 +272,7 @@ def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int, shar
 def _merged(nodes: list[Array]) -> tuple[Array, list[Indices]]:
     """Distinct nodes in the order of their first appearance, and the numbers of each beam's nodes."""
     every = np.vstack(nodes)
-    near = 1e-9 * np.ptp(every, axis=0).max()
+    near = SAME * np.ptp(every, axis=0).max()
     first = np.array([(np.abs(every - node) <= near).all(axis=1).argmax() for node in every])
     unique = np.unique(first)
     return every[unique], np.split(np.searchsorted(unique, first), np.cumsum([len(x) for x in nodes])[:-1])

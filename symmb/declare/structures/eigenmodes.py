@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import FACTORS, NOTHING, ROUNDING, SAME
 from symmb._types import Array, Indices
 from symmb.declare.structures.mass_samples import Sparse
 
@@ -13,9 +14,9 @@ DENSE = 400
 """Degrees of freedom up to which the computation of all modes takes less time than inverse iteration."""
 SPARE = 6
 """Modes computed beyond those that are asked for: they show that no lower one was missed."""
-MASSLESS = 1e-14
+MASSLESS = FACTORS
 """Share of the largest flexibility below which a mode has no mass but for rounding."""
-SINGULAR = 1e-14
+SINGULAR = FACTORS
 """Scaled pivot below which a matrix is singular but for rounding."""
 
 MECHANISM = (
@@ -44,14 +45,14 @@ def definite(M: Sparse, K: Sparse) -> bool:
     scale = stiffness_scale(K)
     stiff = (K.multiply(scale[:, None])).multiply(scale)
     massive = (M.multiply(scale[:, None])).multiply(scale)
-    _, pivots = _pivots(massive + 1e-9 * abs(massive).max() * stiff, np.ones(len(scale)))
+    _, pivots = _pivots(massive + SAME * abs(massive).max() * stiff, np.ones(len(scale)))
     return bool(M.diagonal().min() >= 0 and pivots.min() > -SINGULAR * np.abs(pivots).max())
 
 
 def stiffness_scale(K: Sparse) -> Array:
     """Units in which the degrees of freedom are about equally stiff, 1 for those without stiffness."""
     stiffness = K.diagonal()
-    return 1 / np.sqrt(np.maximum(stiffness, 1e-12 * stiffness.max(initial=1e-300)))
+    return 1 / np.sqrt(np.maximum(stiffness, ROUNDING * stiffness.max(initial=NOTHING)))
 
 
 def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
@@ -104,7 +105,7 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
     except LinAlgError:
         raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}") from None
     massive = mu > MASSLESS * mu.max(initial=0)
-    if (mu < -1e-9 * mu.max(initial=0)).any():
+    if (mu < -SAME * mu.max(initial=0)).any():
         raise DeclarationError(f"FiniteElements: {INDEFINITE}")
     X = _mass_orthonormal((elastic @ Y[:, massive] / np.sqrt(mu[massive]))[:, ::-1], M)
     return 1 / mu[massive][::-1], scale[:, None] * X

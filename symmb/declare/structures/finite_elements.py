@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import ROUNDING, SLIGHT
 from symmb._options import require_instance, require_truth, shown, whole
 from symmb._types import Array, Expr, Indices
 from symmb.declare.structures.beams import AxialForces, Beam
@@ -177,7 +178,7 @@ class FiniteElements:
         where = np.array(chosen((node,), len(self.positions), owner))
         tensor = numbers(inertia, owner, "inertia", (), (3,), (3, 3))
         tensor = np.diag(tensor * np.ones(3)) if tensor.ndim < 2 else tensor
-        if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < -1e-12 * np.abs(tensor).max():
+        if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < -ROUNDING * np.abs(tensor).max():
             raise DeclarationError(f"{owner}: inertia must be symmetric and not negative, got {shown(inertia)}.")
         if self.per_node == 3 and tensor.any():
             raise DeclarationError(
@@ -361,7 +362,7 @@ class FiniteElements:
         """(n,) signs that make the largest translation in each column of X, rows `dofs`, positive."""
         shapes = X[dofs % self.per_node < 3]
         size = np.abs(shapes)
-        first = np.argmax(size >= (1 - 1e-6) * size.max(axis=0), axis=0)
+        first = np.argmax(size >= (1 - SLIGHT) * size.max(axis=0), axis=0)
         return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)
 
 

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array
 from symmb.declare.structures.mass_samples import MassSamples, Sparse
 
-ROUNDING = 1e-12
-"""Share of the largest entry below which an entry is rounding, and becomes 0."""
 OF_MODES = 100.0
 """Rounding of products of modes over that of other sums."""
 EPSILON = np.array(

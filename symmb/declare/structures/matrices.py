@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError, FileError
+from symmb._magnitudes import SLIGHT, SMALL
 from symmb._options import optional_package
 from symmb._types import Array
 from symmb.declare.structures.eigenmodes import INDEFINITE, definite
@@ -18,7 +19,7 @@ from symmb.declare.structures.validation import numbers
 from symmb.results.files import told
 
 OWNER = "FiniteElements.matrices"
-ASYMMETRY, STRAIN = 1e-8, 1e-6
+ASYMMETRY, STRAIN = 1e-8, SLIGHT
 """Asymmetry, and strain under rigid motions, over the largest entries, that the printed digits of a file may cause."""
 
 
@@ -119,7 +120,7 @@ def checked(positions: Array, K: Sparse, M: Sparse) -> None:
         raise DeclarationError(f"{OWNER}: a structure has at least two nodes, at different places.")
     motions = rigid_motions(positions - positions.mean(axis=0), K.shape[0] // len(positions))
     largest = abs(K) @ np.abs(motions)
-    wrong = np.abs(K @ motions) > STRAIN * np.maximum(largest, largest.max(axis=0) * 1e-3)
+    wrong = np.abs(K @ motions) > STRAIN * np.maximum(largest, largest.max(axis=0) * SMALL)
     if wrong.any():
         motion = ("translation along", "rotation about")[int(wrong.any(axis=0).argmax()) // 3]
         axis = "xyz"[int(wrong.any(axis=0).argmax()) % 3]

@@ -11,6 +11,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
+from symmb._magnitudes import NOTHING, SAME
 from symmb._types import Array
 from symmb.declare.structures.flexibility import Flexibility
 from symmb.declare.structures.inertia_invariants import Invariants
@@ -162,7 +163,7 @@ class Modes:
                 object.__setattr__(self, name, numbers(getattr(self, name), "Modes", name, shape))
         for name, other in (("J0", self.J0.T), ("J2", self.J2.swapaxes(0, 1)), ("J2", self.J2.swapaxes(2, 3))):
             array = getattr(self, name)
-            if not np.allclose(array, other, rtol=0, atol=1e-9 * np.abs(array).max(initial=0)):
+            if not np.allclose(array, other, rtol=0, atol=SAME * np.abs(array).max(initial=0)):
                 raise DeclarationError(f"Modes: {name} must be symmetric. Give the mean of it and its transpose.")
         if (self.stiffness <= 0).any():
             raise DeclarationError(
@@ -239,7 +240,7 @@ class Modes:
         ends = np.array([first, int(np.argmax(np.linalg.norm(s - s[first], axis=1)))])
         other = ends[np.linalg.norm(s[:, None] - s[ends], axis=2).argmax(axis=1)]
         line, moved = s[other] - s, self.shapes[other] - self.shapes
-        squared = np.maximum((line**2).sum(axis=1), 1e-300)
+        squared = np.maximum((line**2).sum(axis=1), NOTHING)
         return _END_OVER_CHORD * np.cross(line[:, :, None], moved, axis=1) / squared[:, None, None]
 
     @cached_property
@@ -248,7 +249,7 @@ class Modes:
         projection = np.zeros((6, 6))
         for shapes, at in ((self.shapes, slice(0, 3)), (self.rotations, slice(3, 6))):
             sizes, axes = np.linalg.eigh(np.einsum("kan,kbn->ab", shapes, shapes))
-            moving = axes[:, sizes > _STILL * sizes.max(initial=1e-300)]
+            moving = axes[:, sizes > _STILL * sizes.max(initial=NOTHING)]
             projection[at, at] = moving @ moving.T
         return projection
 

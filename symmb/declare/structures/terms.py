@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SAME, SMALL
 from symmb._options import number_text, numbers_of, shown
 from symmb._types import Array, Expr, Indices
 from symmb.declare.structures.beams import Beam, Mesh, mesh
@@ -19,7 +20,7 @@ from symmb.declare.symbolic import batch
 OWNER = "FiniteElements.modes"
 CORNERS, INNER = 32, 32
 """Most corners of a box, and points inside it, at which laws are tried."""
-_NEAR, _NEAR_ZERO = 1e-3, 1e-9
+_NEAR, _NEAR_ZERO = SMALL, SAME
 """Share by which a parameter without an interval is varied to see what depends on it, or how far if it is 0."""
 _SAME = 1e-11
 """Relative difference of laws up to which it is rounding."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._limits import fits
+from symmb._magnitudes import LAST_DIGITS, ROUNDING, SMALL
 from symmb._names import counted
 from symmb._options import shown
 from symmb.declare.symbolic.given import given
@@ -86,11 +87,7 @@ def without_rounding(matrix: ca.SX) -> ca.SX:
         return matrix
     values = ca.DM(ca.densify(matrix)).full()
     whole = np.round(values)
-    return ca.SX(ca.sparsify(ca.DM(np.where(np.abs(values - whole) < _ROUNDING, whole, values))))
-
-
-_ROUNDING = 1e-15
-"""Errors of cosines by rounding: several units in the last place of 1."""
+    return ca.SX(ca.sparsify(ca.DM(np.where(np.abs(values - whole) < LAST_DIGITS, whole, values))))
 
 
 def triad(axis: ca.SX) -> ca.SX:
@@ -128,7 +125,7 @@ def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
     return ca.SX.eye(3) + w + w @ w / (1 + ca.dot(a, b))
 
 
-_OPPOSITE, _CLEAR = 1e-3, 1e-12
+_OPPOSITE, _CLEAR = SMALL, ROUNDING
 """Length of the sum of two directions below which 1 plus their cosine has lost digits, and the sine above which their
 common normal is no rounding. test_assembly.py"""
 

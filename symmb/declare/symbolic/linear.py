@@ -6,6 +6,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import NOTHING, SMALL
 from symmb._types import Array
 from symmb.declare.symbolic.batch import pattern
 from symmb.declare.symbolic.geometry import is_zero
@@ -71,13 +72,10 @@ _LIFT = 1e-10
 """Share of the diagonal added to a singular matrix: far above the rounding of its factors, far below its other
 eigenvalues. The solution is refined once, so errors are of its square. tests/symbolic/test_linear.py"""
 
-_VANISHED = 1e-3
+_VANISHED = SMALL
 """Least square of a row over that of its usual size, so that it is measured by this where it vanishes in passing. Rows
 that depend on each other do so up to the drift of a run, which a division by less would magnify: Bennett's linkage
 needs 1e-4, at 1e-6 its drift grows by a thousand. tests/start/test_overconstrained.py"""
-
-_TINY = 1e-300
-"""A square that keeps velocities without rows from a division by 0."""
 
 
 def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Callable[[ca.SX], ca.SX]:
@@ -120,7 +118,7 @@ def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
     The norm is that of the multipliers in some units (n_r,).
     """
     G = ca.sparsify(ca.diag(units) @ G)
-    size = ca.sqrt(ca.sum1(G * G).T + _TINY)
+    size = ca.sqrt(ca.sum1(G * G).T + NOTHING)  # velocities without rows
     columns = ca.sparsify(G @ ca.diag(1 / size))
     S, right = ca.sparsify(columns.T @ columns), force / size
     lifted = symmetric_solver(S + _LIFT * ca.SX.eye(S.shape[0]))

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb._types import Indices
 from symmb.declare.mechanics import JointEvent, Latch, Sticks, Struck
 from symmb.declare.symbolic import common, least_multipliers, symmetric_solver, t
 from symmb.equations.model.system import System
 
-_SMALL, _REST = 1e-12, 1e-10
+_SMALL, _REST = ROUNDING, 1e-10
 """Shares of the terms of an angular acceleration, and of an angular velocity at the start, that are rounding."""
 _UNBOUNDED = 100.0
 """Multipliers of rows that contradict each other, over those of least norm: the solver's lift makes them 1e10 times

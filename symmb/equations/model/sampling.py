@@ -6,11 +6,12 @@ import casadi as ca
 import numpy as np
 
 from symmb._limits import MOST_STEPS_KEPT, require_steps
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array
 from symmb.declare.symbolic import common, t
 from symmb.equations.model.system import System
 
-_DUE = 1e-6
+_DUE = SLIGHT
 """Share of a period before an instant within which it is reached: steps end there but for rounding."""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError, SymmbError
 from symmb._interrupts import kept_interrupts
+from symmb._magnitudes import SLIGHT
 from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._presentation import presentation
@@ -454,5 +455,5 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
 
 _HORIZONS = 1e-60, 1e60
 """Shortest and longest horizon [s]. Fourth powers of steps, which are 1e-14 of it at the least, are finite numbers."""
-_ROUNDED = 1e-6
+_ROUNDED = SLIGHT
 """Share of the horizon by which rounding may move a time: solvers move by small steps from one to the next."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, SupportsFloat
 
 from symmb._errors import DeclarationError, FileError, text_of
+from symmb._magnitudes import SAME
 from symmb._names import did_you_mean, normal
 from symmb._options import is_finite_number, numbers_of, shown
 from symmb._units import NUMBER, number_in, numbers_in, quantity, ratio_of, scaled, unit_of
@@ -18,8 +19,6 @@ from symmb.equations.model.iso_grades import sizes_of_grade
 from symmb.results.files import told
 
 Interval = tuple[float, float]
-_SAME = 1e-9
-"""Share by which a nominal value may differ from that of a table, or from the size told with a grade, by rounding."""
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
 _SIGNS = str.maketrans(
     {"\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "\N{NO-BREAK SPACE}": " "} | dict.fromkeys("Øø⌀", "")
@@ -140,7 +139,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
         low, high = (scaled(end, ratio) for end in told.ends)
         if told.size is None:
             return nominal + low, nominal + high
-        if abs(nominal - scaled(told.size, ratio)) > _SAME * abs(nominal):
+        if abs(nominal - scaled(told.size, ratio)) > SAME * abs(nominal):
             raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")
         return low, high
     if told.size is None or told.unit not in ("", _DEGREE):
@@ -203,7 +202,7 @@ def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> floa
             "pair of them."
         )
     for unit in units.values():
-        if abs(nominal - unit * size) <= _SAME * unit * abs(size):
+        if abs(nominal - unit * size) <= SAME * unit * abs(size):
             return unit
     signed = f" A value below 0 takes its deviations, as '-{size:g} ±0.5'." if nominal < 0 < size else ""
     raise DeclarationError(
@@ -300,7 +299,7 @@ def _require_nominal(owner: str, name: str, nominal: float, parameters: Mapping[
     if name not in parameters:
         raise DeclarationError(f"{owner}: unknown parameter {name!r}.{did_you_mean(name, parameters)}")
     own = float(parameters[name])
-    if not abs(own - nominal) <= _SAME * abs(nominal):
+    if not abs(own - nominal) <= SAME * abs(nominal):
         raise DeclarationError(
             f"{owner}: the nominal value of {name!r} is {nominal:.12g} there, and {own:.12g} in the model."
         )

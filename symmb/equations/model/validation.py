@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SAME
 from symmb._names import name_fault
 from symmb._options import number_text, shown
 from symmb._types import Array
@@ -111,7 +112,7 @@ def _inertia_faults(body: Body, what: str, value: ca.SX, parameters: Parameters)
     return []
 
 
-_ASYMMETRY = 1e-9
+_ASYMMETRY = SAME
 """Difference of opposite entries of an inertia matrix, over the largest entry, that is rounding of a turned one."""
 
 

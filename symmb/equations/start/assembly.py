@@ -20,7 +20,7 @@ from symmb.equations.start.joint_values import (
 )
 from symmb.equations.start.labels import constraint_of_row
 from symmb.equations.start.scales import with_coarse_scales
-from symmb.equations.start.tolerances import NEGLIGIBLE, ROUNDING
+from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ def _reached(
     scene: Scene, rows: PositionRows, q: Array, s: Array, free: Indices, is_damped: bool
 ) -> tuple[Array, Array]:
     """Coordinates and states on the constraints, from q and s; raises FailedAssembly if they are not reached."""
-    dae, limit = rows.dae, ROUNDING * rows.size(q)
+    dae, limit = rows.dae, SOLVED * rows.size(q)
     q, s, r = rows.reach(q, s, free, is_damped)
     violation = np.abs(r)
     if not violation.max(initial=0.0) <= limit:

@@ -13,7 +13,7 @@ from symmb.equations.model import DAE, Scene
 from symmb.equations.start.equilibrium import is_stable
 from symmb.equations.start.rank import redundant_names, vanishing_combinations
 from symmb.equations.start.sparse_rows import normal_solver
-from symmb.equations.start.tolerances import NEGLIGIBLE, ROUNDING
+from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
 
 
 def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
@@ -52,7 +52,7 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
     lam, y = ca.SX(scene.system.lam), scene.y
     if rank == len(G) or not any(ca.which_depends(y, lam, 1, True)):
         return
-    sizes = np.maximum(np.linalg.norm(G, axis=1, keepdims=True), ROUNDING)
+    sizes = np.maximum(np.linalg.norm(G, axis=1, keepdims=True), SOLVED)
     shares = vanishing_combinations(G / sizes, rank)
     shares = np.where(np.abs(shares) > NEGLIGIBLE, shares, 0.0) / sizes
     system = scene.system
@@ -78,7 +78,7 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
     forces = dae.Q(*at).full().ravel() * scales
     lam = _multipliers(G[rows], forces)
     terms = np.abs(forces) + np.abs(G[rows].T) @ np.abs(lam)
-    if np.abs(forces - G[rows].T @ lam).max() > ROUNDING * terms.max():
+    if np.abs(forces - G[rows].T @ lam).max() > SOLVED * terms.max():
         return False
     delta, others = ca.SX.sym("delta", dae.n_v), [ca.SX(ca.DM(part)) for part in at[1:]]
     moved = dae.retract(ca.SX(ca.DM(at[0])), ca.SX(ca.DM(scales)) * delta)

@@ -4,11 +4,12 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
+from symmb._magnitudes import FACTORS, NOTHING
 from symmb._types import Array, Indices
 from symmb.equations.model import DAE
 from symmb.equations.start.labels import coordinate_of
 from symmb.equations.start.scales import evaluate_at_rest, resting
-from symmb.equations.start.tolerances import ROUNDING
+from symmb.equations.start.tolerances import SOLVED
 
 _TOLERANCE = 1e-11
 """Remaining forces over those of a displacement of the scene's size. tests/start/test_equilibrium.py"""
@@ -81,20 +82,20 @@ def _damped_newton(
         whole = max(float(np.abs(J[:n, n:] @ lam).max(initial=0.0)), float(np.abs(J[:n, :n] * scales).max(initial=0.0)))
         if not (np.isfinite(r).all() and np.isfinite(J).all()):
             return None
-        if reach <= ROUNDING and forces <= _TOLERANCE * whole and np.abs(r[n:]).max(initial=0.0) <= _TOLERANCE * size:
+        if reach <= SOLVED and forces <= _TOLERANCE * whole and np.abs(r[n:]).max(initial=0.0) <= _TOLERANCE * size:
             return q, lam, J
         if damped and not step:
             drag = float(np.abs(np.linalg.lstsq(M, r[:n], rcond=None)[0] / scales).max(initial=0.0)) / _FIRST_STEP
         elif damped:
             more = forces / before
             drag *= _DRAG_DECAY * more if more < 1 else min(2.0, more)
-        before = forces or 1e-300
+        before = forces or NOTHING
         A = J.copy()
         A[:n, :n] -= drag * M
         weights = np.concatenate([np.ones(n), np.full(m, np.abs(A[:n, :n]).max(initial=0.0) or 1.0)])
-        z = weights * np.linalg.lstsq(weights[:, None] * A * weights, -weights * r, rcond=1e-14)[0]
+        z = weights * np.linalg.lstsq(weights[:, None] * A * weights, -weights * r, rcond=FACTORS)[0]
         reach = float(np.abs(z[:n] / scales).max(initial=0.0))
-        z[:n] *= min(1.0, (_LARGEST_DAMPED_STEP if damped else _LARGEST_STEP) / max(reach, 1e-300))
+        z[:n] *= min(1.0, (_LARGEST_DAMPED_STEP if damped else _LARGEST_STEP) / max(reach, NOTHING))
         delta = np.zeros(dae.n_v)
         delta[free] = z[:n]
         q, lam = np.asarray(dae.retract(q, delta)).ravel(), lam + z[n:]
@@ -113,13 +114,13 @@ def is_stable(K: Array, G: Array) -> bool:
     """
     along = np.linalg.svd(G)[2][len(G) :].T
     values = np.linalg.eigvals(along.T @ K @ along).real
-    return bool(values.max(initial=0.0) <= ROUNDING * np.abs(K).max(initial=0.0))
+    return bool(values.max(initial=0.0) <= SOLVED * np.abs(K).max(initial=0.0))
 
 
 def _unopposed(K: Array, G: Array) -> int | None:
     """Number of a displacement without restoring forces and constraints; None if there is none."""
     A = np.vstack([K / (np.abs(K).max(initial=0.0) or 1.0), G])
     _, sigma, V = np.linalg.svd(A)
-    if not len(V) or (len(sigma) == len(V) and sigma[-1] > 1e-14 * sigma[0]):
+    if not len(V) or (len(sigma) == len(V) and sigma[-1] > FACTORS * sigma[0]):
         return None
     return int(np.abs(V[-1]).argmax())

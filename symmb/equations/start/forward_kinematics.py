@@ -21,7 +21,7 @@ from symmb.declare.symbolic import product, t
 from symmb.equations.model import DAE, Scene
 from symmb.equations.start.joint_tree import GROUND
 from symmb.equations.start.joint_values import of_positions
-from symmb.equations.start.tolerances import ROUNDING
+from symmb.equations.start.tolerances import SOLVED
 
 J = TypeVar("J", bound=Joint)
 _ROTATION, _POSITION = ("theta", "e0"), ("x", "y", "z")
@@ -132,7 +132,7 @@ class _Kinematics:
         _, A, B, *_ = self._measured(joint, q)
         if isinstance(joint, Universal):  # its axes are normal to each other
             end = B[:, 2] - (A[:, 2] @ B[:, 2]) * A[:, 2]
-            return self._turned(q, body, sign * _least_rotation(B[:, 2], end)) if np.linalg.norm(end) > ROUNDING else q
+            return self._turned(q, body, sign * _least_rotation(B[:, 2], end)) if np.linalg.norm(end) > SOLVED else q
         q = self._turned(q, body, sign * _least_rotation(B[:, 2], A[:, 2]))
         angle, A, B, *_ = self._measured(joint, q)
         wanted = self._values.get(joint, {}).get("angle", angle)
@@ -206,7 +206,7 @@ def _least_rotation(start: Array, end: Array) -> Array:
     """The least rotation vector (3,) that turns one direction onto another."""
     axis, cosine = np.cross(start, end), float(start @ end)
     sine = float(np.linalg.norm(axis))
-    if sine < ROUNDING and cosine < 0:  # opposite: about any axis at right angles
+    if sine < SOLVED and cosine < 0:  # opposite: about any axis at right angles
         axis = np.cross(start, np.eye(3)[np.abs(start).argmin()])
     length = float(np.linalg.norm(axis))
     return np.asarray(axis * (np.arctan2(sine, cosine) / (length or 1.0)), dtype=np.float64)

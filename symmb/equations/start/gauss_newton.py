@@ -1,5 +1,6 @@
 """Gauss-Newton method with damping: coordinates on the constraints, moved least from where they are."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
@@ -7,6 +8,7 @@ from typing import cast
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import LAST_DIGITS, NOTHING
 from symmb._types import Array, Indices
 from symmb.equations.model import DAE
 from symmb.equations.start.labels import constraint_of_row
@@ -16,7 +18,6 @@ from symmb.equations.start.sparse_rows import least_step
 _ITERATIONS, _HALVINGS, _DECREASE = 50, 12, 1e-2
 """Steps, halvings of a step that does not reduce the violation, and the share of the step by which it must be reduced:
 the condition of Armijo (1966), Pacific J. Math. 16(1)."""
-_TURN = 2 * np.pi
 
 
 class FailedAssembly(Exception):
@@ -55,7 +56,7 @@ class PositionRows:
         if self.dae.s_start is None or not self.angles.size:
             return s
         angle, counted = self.dae.s_start(q, self.dae.p_nominal).full().ravel()[self.angles], s.copy()
-        counted[self.angles] = angle + _TURN * np.floor((s[self.angles] - angle) / _TURN + 0.5)
+        counted[self.angles] = angle + math.tau * np.floor((s[self.angles] - angle) / math.tau + 0.5)
         return counted
 
     def turned(self, q: Array) -> Array:
@@ -68,18 +69,18 @@ class PositionRows:
         s = s.copy()
         for k in self.angles:
             more = s.copy()
-            more[k] += _TURN
+            more[k] += math.tau
             r = self.violation(q, s)[rows]
             change = self.violation(q, more)[rows] - r
             if change.any():
-                s[k] -= _TURN * np.round(change @ r / (change @ change))
+                s[k] -= math.tau * np.round(change @ r / (change @ change))
         return s
 
     def size(self, q: Array) -> float:
         """The size of the scene at coordinates q, by which violations are judged."""
         coordinates = float(np.abs(q / self.dae.coordinate_scales).max(initial=0.0))
         r = self.violation(q, rest_states(self.dae))
-        return max(coordinates, float(np.abs(r).max(initial=0.0)), 1e-300)
+        return max(coordinates, float(np.abs(r).max(initial=0.0)), NOTHING)
 
     def reach(self, q: Array, s: Array, free: Indices, is_damped: bool = True) -> tuple[Array, Array, Array]:
         """Coordinates, states and violations after the free displacements are moved least until the rows hold.
@@ -87,7 +88,7 @@ class PositionRows:
         Angles count turns next to states s. Damped steps reduce the violation. Full steps may leave a place where none
         does. FailedAssembly if rows are not finite.
         """
-        units, rounding = self.dae.displacement_scales[free], 1e-15 * self.size(q)
+        units, rounding = self.dae.displacement_scales[free], LAST_DIGITS * self.size(q)
         s = self._counted(q, s)
         r = self.violation(q, s)
         for _ in range(_ITERATIONS if free.size else 0):

@@ -10,6 +10,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SAME, SMALL
 from symmb._types import Array, Indices, Mask
 from symmb.declare.symbolic import batch, jet_function, nonzeros
 
@@ -153,8 +154,8 @@ class ImplicitMap:
             step = self._blocks.solve(J, r)
             u[active] -= step
             # Quadratic convergence: a step below 1e-9 leaves an error at rounding level.
-            done = np.abs(step).max(axis=1, initial=0.0) <= 1e-9 * np.maximum(
-                np.abs(u[active]).max(axis=1, initial=0.0), 1e-3
+            done = np.abs(step).max(axis=1, initial=0.0) <= SAME * np.maximum(
+                np.abs(u[active]).max(axis=1, initial=0.0), SMALL
             )
             # Close to singular positions rounding of the residual makes steps that never become small.
             done = done | (np.abs(r) <= LAST_DIGITS * self._blocks.row_sizes(J)).all(axis=1)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import Spatial
 from symmb.declare.symbolic import common, conjugate, product, shared
@@ -22,7 +23,7 @@ from symmb.equations.start.scales import (
     with_coarse_scales,
 )
 from symmb.equations.start.start import Start, start_functions
-from symmb.equations.start.tolerances import ROUNDING
+from symmb.equations.start.tolerances import SOLVED
 
 
 def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
@@ -63,7 +64,7 @@ def _with_listed_turns(scene: Scene, joints: System, q: Array, p: Array) -> Arra
         if value.name in names and not is_linear(value.name):
             k = names.index(value.name)
             listed = float(ca.Function("listed", [scene.system.p], [value.value])(p))
-            q[k] += 2 * math.pi * round((listed - q[k]) / (2 * math.pi))
+            q[k] += math.tau * round((listed - q[k]) / math.tau)
     return q
 
 
@@ -74,16 +75,12 @@ def _with_driven_turns(dae: DAE, rows: Indices, q: Array, t0: float) -> Array:
     q = q.copy()
     for k in (k for k, name in enumerate(dae.q_names) if name.endswith(".angle")):
         more = q.copy()
-        more[k] += 2 * math.pi
+        more[k] += math.tau
         r, moved = (evaluate_at_rest(dae.Phi, dae, at, t0).ravel()[rows] for at in (q, more))
         change = moved - r
-        if np.abs(change).max(initial=0.0) > _SEEN:
-            q[k] -= 2 * math.pi * np.round(change @ r / (change @ change))
+        if np.abs(change).max(initial=0.0) > SLIGHT:
+            q[k] -= math.tau * np.round(change @ r / (change @ change))
     return q
-
-
-_SEEN = 1e-6
-"""Change of a row by a turn that is not rounding."""
 
 
 def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None:
@@ -104,7 +101,7 @@ def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None
     scales = dae.displacement_scales
     G = evaluate_at_rest(dae.G, dae, q, t0) * scales
     sizes = row_sizes(G, general * scales)
-    if np.linalg.matrix_rank(G / sizes[:, None], tol=ROUNDING * max(G.shape)) < rank:
+    if np.linalg.matrix_rank(G / sizes[:, None], tol=SOLVED * max(G.shape)) < rank:
         return None
     rows, _ = independent_rows_and_columns(G, sizes, rank)
     sufficient, nullities = lasting_rows(dae, q, t0, rows, general)

@@ -11,8 +11,6 @@ from symmb.declare.symbolic import Symbol, symbols_in, t
 from symmb.equations.model import DAE, JointValue, Prescribed, Scene, System
 from symmb.equations.start.tolerances import NEGLIGIBLE
 
-_TURN = 2 * np.pi
-
 
 def of_positions(listed: Prescribed) -> tuple[JointValue, ...]:
     """The listed angles and displacements."""

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
+from symmb._magnitudes import NOTHING
 from symmb._types import Array, Indices, Mask
 from symmb.declare.mechanics import Constraint, FlexibleBody
 from symmb.declare.symbolic import batch, shared
@@ -151,7 +152,7 @@ def _unstretched(scene: Scene) -> Iterator[str]:
         held = sorted({n for carrier in carriers if (n := body.number_of(carrier)) is not None})
         shapes, places = body.modes.shapes, body.modes.positions
         for a, b in combinations(held, 2):
-            line = (places[b] - places[a]) / max(float(np.linalg.norm(places[b] - places[a])), 1e-300)
+            line = (places[b] - places[a]) / max(float(np.linalg.norm(places[b] - places[a])), NOTHING)
             if np.abs(line @ (shapes[b] - shapes[a])).max() <= NEGLIGIBLE * np.abs(shapes).max():
                 yield (
                     f"FlexibleBody {body.name!r}: joints hold its nodes {a} and {b}, and none of its modes changes "

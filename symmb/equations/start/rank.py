@@ -11,7 +11,7 @@ from symmb._types import Array, Indices
 from symmb.equations.model import DAE
 from symmb.equations.start.scales import above_zero, evaluate_at_rest, own_scales, resting, row_sizes
 from symmb.equations.start.sparse_rows import LARGE, determining_columns, least_step
-from symmb.equations.start.tolerances import NEGLIGIBLE, ROUNDING
+from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
 
 _NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
 """Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
@@ -37,7 +37,7 @@ def independent_rows_and_columns(
     if min(A.shape) > LARGE and (columns := determining_columns(scaled)) is not None:
         return np.arange(len(A), dtype=np.intp), columns
     if rank is None:
-        rank = int(np.linalg.matrix_rank(scaled, tol=ROUNDING * max(A.shape)))
+        rank = int(np.linalg.matrix_rank(scaled, tol=SOLVED * max(A.shape)))
     rows = np.arange(len(A), dtype=np.intp) if rank == len(A) else _pivots(scaled.T, rank)
     return rows, _pivots(scaled[rows], rank)
 
@@ -47,7 +47,7 @@ def strong_rows(A: Array, weakest: float) -> Indices:
     if not A.size:
         return np.arange(0, dtype=np.intp)
     sigma = np.linalg.svd(A, compute_uv=False)
-    return _pivots(A.T, int((sigma > max(weakest, ROUNDING * max(A.shape))).sum()))
+    return _pivots(A.T, int((sigma > max(weakest, SOLVED * max(A.shape))).sum()))
 
 
 def _pivots(B: Array, rank: int) -> Indices:

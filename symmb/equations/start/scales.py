@@ -7,14 +7,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import ROUNDING, SMALL
 from symmb._types import Array, Indices, Mask
 from symmb.declare.symbolic import evaluated
 from symmb.equations.model import DAE, Scales, is_linear
-from symmb.equations.start.tolerances import ROUNDING
+from symmb.equations.start.tolerances import SOLVED
 
 Arguments = tuple[Any, ...]
 """(q, v[, s], p, t)"""
-PART_ROUNDING = 1e-12
+PART_ROUNDING = ROUNDING
 """Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance; and
 coordinates, over how far speeds and accelerations lead, below which they are rounding of an assembly."""
 _LATER = (0.13, 0.37, 0.71, 0.05, 0.29, 0.53, 0.83, 0.97)
@@ -25,7 +26,7 @@ _STEP_BITS = 10
 _USUAL_RATE = 2.0**_STEP_BITS
 """Rates [1/s] of mechanisms with stiff springs and fast rotors, and its reciprocal those of slow machines: absolute
 tolerances of velocities stay in between."""
-_SMALL = 1e-3
+_SMALL = SMALL
 """Norm of a row over its size in general from which on it is measured by its own norm. What is below keeps its share:
 a row that has vanished but for rounding (1e-16) is none. test_redundancy.py"""
 _AROUND, _DISTANCE = 3, 0.3
@@ -65,7 +66,7 @@ def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:
     G, linear = G[:, own], linear[own]
     along, around = np.abs(G[:, linear]).max(axis=1, initial=0.0), np.abs(G[:, ~linear]).max(axis=1, initial=0.0)
     arm = float((around[along > 0] / along[along > 0]).max(initial=0.0))
-    return length if length > ROUNDING * arm else arm
+    return length if length > SOLVED * arm else arm
 
 
 def distances(dae: DAE, at: Arguments, span: float) -> Array:
@@ -81,7 +82,7 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
 
     first = accelerations(0.0, 0.0)
     later = [accelerations(share, moved) for share in _LATER for moved in (0.0, share)]
-    first[first < ROUNDING * np.fmax.reduce(later)] = 0.0
+    first[first < SOLVED * np.fmax.reduce(later)] = 0.0
     return np.abs(at[1]) * span + first * span**2 / 2
 
 

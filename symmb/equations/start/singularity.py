@@ -6,6 +6,7 @@ from typing import cast
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array, Indices, Mask
 from symmb.declare.symbolic import evaluated, nonzeros, pattern, rotation_matrix
 from symmb.equations.model import DAE
@@ -14,8 +15,6 @@ NEARLY_SINGULAR = 1e-2
 """Least over largest singular value of unit rows below which a position counts as nearly singular."""
 _BLAMED = 0.1
 """Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
-_ROUNDING = 1e-12
-"""Rounding of the squared distance of two matrices over the number of their rows, which have norm 1."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
             closest, smallest = int(asked[k]), float(least[k] / largest[k])
         rest = np.delete(rest, slice(None, None, step))
         products = entries[:, rest].T @ entries[:, asked]
-        apart = np.maximum(squares[rest, None] + squares[asked] - 2 * products, 0.0) + _ROUNDING * len(matrices[0])
+        apart = np.maximum(squares[rest, None] + squares[asked] - 2 * products, 0.0) + ROUNDING * len(matrices[0])
         distance = np.sqrt(apart)
         rest, count = rest[(least - distance < smallest * (largest + distance)).all(axis=1)], 2 * count
     return closest

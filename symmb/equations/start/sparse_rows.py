@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.equations.start.tolerances import ROUNDING
+from symmb.equations.start.tolerances import SOLVED
 
 LARGE = 150
 """Rows and columns from which on sparse factors take less time than dense ones. tests/benchmarks/scaling.py"""
@@ -81,4 +81,4 @@ def least_step(A: Array, r: Array) -> Array:
     """The step (n,) of least norm with A step = r; of least residual where rows of A (m, n) depend on each other."""
     if (solve := normal_solver(A)) is not None:
         return np.asarray(A.T @ solve(r), dtype=np.float64)
-    return np.asarray(np.linalg.lstsq(A, r, rcond=ROUNDING)[0], dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(A, r, rcond=SOLVED)[0], dtype=np.float64)

@@ -14,6 +14,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import NOTHING
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import AbstractBody, Flywheel, Joint, Planar
 from symmb.declare.symbolic import common, is_singular, is_zero, pattern, saddle_solver
@@ -21,7 +22,7 @@ from symmb.equations.model import DAE, Scene
 from symmb.equations.start.joint_tree import GROUND, Group, JointTree
 from symmb.equations.start.rank import strong_rows
 from symmb.equations.start.scales import evaluate_at_rest, resting
-from symmb.equations.start.tolerances import ROUNDING, VIOLATION
+from symmb.equations.start.tolerances import SOLVED, VIOLATION
 
 _WEAK = 1e-2
 """Singular value of unit rows, in the metric of kinetic energy, below which listed velocities and drives would turn a
@@ -139,7 +140,7 @@ class _Rates:
                 continue
             motions = [0, 1, 5] if any(isinstance(bodies[k].pose, Planar) for k in numbers) else slice(None)
             own, along = row[touched], R[touched][:, motions]
-            is_relative = bool((np.abs(own @ along) <= ROUNDING * np.abs(own).sum() * size[motions]).all())
+            is_relative = bool((np.abs(own @ along) <= SOLVED * np.abs(own).sum() * size[motions]).all())
             connected.append(numbers if is_relative else numbers | {GROUND})
         return connected
 
@@ -249,7 +250,7 @@ class _Rates:
             return np.diag(self.dae.displacement_scales[columns])
         values, vectors = np.linalg.eigh(self.M_nominal[np.ix_(columns, columns)])
         return vectors / np.sqrt(
-            np.maximum(np.abs(values), 1e-300)
+            np.maximum(np.abs(values), NOTHING)
         )  # a later check tells of values that are not positive
 
     def _metric(self, rows: list[int], free: list[int], sizes: list[int]) -> ca.SX:
@@ -260,7 +261,7 @@ class _Rates:
         left = np.linalg.svd(self.G_nominal[np.ix_(rows, free)] * scales)[2][len(rows) :]
         inertia = self.M_nominal[np.ix_(free, free)] * np.outer(scales, scales)
         energies = np.linalg.eigvalsh(left @ inertia @ left.T)
-        if len(left) and energies.min() > ROUNDING * inertia.max():
+        if len(left) and energies.min() > SOLVED * inertia.max():
             return M
         return ca.SX(ca.DM(np.diag(1 / scales**2)))
 
@@ -268,6 +269,6 @@ class _Rates:
         """Whether velocities satisfy rows."""
         rate, drive = self.G[rows, :] @ v, self.drive[rows]
         size = ca.fabs(self.G[rows, :]) @ ca.fabs(v) + ca.fabs(drive)
-        limit = VIOLATION * size + ROUNDING * ca.mmax(size)  # where all terms of a row are rounding of the other rows
+        limit = VIOLATION * size + SOLVED * ca.mmax(size)  # where all terms of a row are rounding of the other rows
         excess = ca.Function("excess", [self.q, self.p], [ca.densify(ca.fabs(rate + drive) - limit)])
         return all(excess(q, p).full().max(initial=0.0) <= 0 for q, p in zip(*self.at, strict=True))

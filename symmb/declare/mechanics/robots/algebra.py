@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import casadi as ca
 
+from symmb._magnitudes import LAST_DIGITS
 from symmb.declare.mechanics.rotation import Rotation
 
 Scalar: TypeAlias = "float | ca.SX"
@@ -15,8 +16,6 @@ Vector: TypeAlias = "tuple[Scalar, ...]"
 Matrix: TypeAlias = "tuple[Vector, ...]"
 """Rows of a 3x3 matrix."""
 NO_TURN: Vector = (1.0, 0.0, 0.0, 0.0)
-_ROUNDING = 1e-15
-"""Errors of cosines by rounding: several units in the last place of 1."""
 
 
 def plain(value: ca.SX) -> Scalar:
@@ -134,7 +133,7 @@ def matrix(e: Vector) -> Matrix:
 def _exact(cosine: Scalar) -> Scalar:
     if isinstance(cosine, ca.SX):
         return plain(cosine)
-    return float(round(cosine)) if abs(cosine - round(cosine)) < _ROUNDING else cosine
+    return float(round(cosine)) if abs(cosine - round(cosine)) < LAST_DIGITS else cosine
 
 
 def rotation(e: Vector) -> Rotation:

@@ -9,15 +9,13 @@ from pathlib import Path
 from xml.parsers import expat
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import LARGEST
 from symmb._names import name_fault
 
 _CLOSE = 0.75
 """Similarity from which an unknown name is a misspelt one. Less similar names are those of extensions."""
 
 _NOT_IN_NAMES = ".[] "
-
-LARGEST = 1e30
-"""Largest length, mass or moment of inertia [SI]: products of these, as of a body of fixed links, are numbers too."""
 
 
 @dataclass(eq=False)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, warn_of
+from symmb._magnitudes import ROUNDING
 from symmb._options import optional_package, require_truth, shown
 from symmb._types import Expr
 from symmb.declare.mechanics.contact_law import ContactLaw
@@ -166,7 +167,7 @@ def _impossible(spec: Any) -> Iterator[tuple[int, tuple[float, ...]]]:
         is_full = math.isfinite(body.fullinertia[0])
         xx, yy, zz, xy, xz, yz = map(float, body.fullinertia if is_full else (*body.inertia, 0, 0, 0))
         moments = xx, xy, xz, yy, yz, zz
-        if body.explicitinertial and not np.allclose(moments, nearest_possible(moments), rtol=1e-12, atol=0):
+        if body.explicitinertial and not np.allclose(moments, nearest_possible(moments), rtol=ROUNDING, atol=0):
             body.fullinertia, body.inertia = (math.nan, 0, 0, 0, 0, 0), (1, 1, 1)
             yield k, moments
 

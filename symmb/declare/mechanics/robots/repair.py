@@ -7,13 +7,14 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array
 from symmb.declare.mechanics.robots.algebra import matrix
 from symmb.declare.mechanics.robots.description import ENTRIES, SLIDING, TURNING, XYZ, full_matrix, inertia_fault, named
 from symmb.declare.mechanics.robots.inertia import united
 from symmb.declare.mechanics.robots.robot import ORIGIN, Building
 
-_MOST, _RIDGE = 0.5, 1e-12
+_MOST, _RIDGE = 0.5, ROUNDING
 """Change of the energy of a motion, over this energy, up to which an inertia is repaired: the nearest possible one is
 closer to the true one than that of the file, but beyond this it makes the motion. What stands for the energy of a link
 without mass, over its squared rate."""
