@@ -6,6 +6,7 @@ All are frozen values; equations are derived in `model`.
 from symmb.declare.mechanics.actuator import Actuator, Stop
 from symmb.declare.mechanics.axis_joint import AxisJoint, Joint
 from symmb.declare.mechanics.body import (
+    TRIANGLE,
     AbstractBody,
     Body,
     Flywheel,

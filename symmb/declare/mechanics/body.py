@@ -16,6 +16,10 @@ from symmb.declare.mechanics.geometry import Geometry, shapes_of
 from symmb.declare.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, Spatial
 from symmb.declare.symbolic import ddt, is_zero, vector
 
+TRIANGLE = 5e-4
+"""Share of the sum of the moments of inertia by which one may exceed the others: data of thin plates, rounded to three
+digits."""
+
 
 class Located:
     """Components of a place in the world, and of its velocity: of a body they are those of the centre of mass."""

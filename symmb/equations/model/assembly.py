@@ -1,5 +1,6 @@
 """Collects the declared elements into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -106,12 +107,11 @@ class Collected:
         """A copy with some rows only, given by their numbers in rising order."""
         n_c = self.Phi.numel()
         owners = [next(name for name, where in self.rows.items() if where.start <= i < where.stop) for i in numbers]
-        first = {name: owners.index(name) for name in dict.fromkeys(owners)}
         return replace(
             self,
             Phi=self.Phi[[i for i in numbers if i < n_c], :],
             Psi=self.Psi[[i - n_c for i in numbers if i >= n_c], :],
-            rows={name: slice(at, at + owners.count(name)) for name, at in first.items()},
+            rows=_row_slices(owners),
             row_names=tuple(self.row_names[i] for i in numbers),
             units=self.units[list(numbers)],
         )
@@ -317,6 +317,8 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
     Q_work, Q_potential, potential = _forces(bodies, shares, equations.every_action)
     Phi, Psi = (stacked([*chain(*kind.values())]) for kind in (equations.positions, equations.velocities))
     gaps = [gap for gap, _ in equations.laws.values()]
+    owners = [name for kind in (equations.positions, equations.velocities) for name, own in kind.items() for _ in own]
+    rows = _row_slices(owners)
     M = ca.diagcat(ca.SX(0, 0), *[share.M for share in shares])
     closed = closed_at_start(event for event, _ in equations.joint_events)
     own = [Coordinates(b.frame.q, b.frame.v, b.frame.rate, *_names(b)) for b in bodies]
@@ -334,8 +336,8 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         potential=potential,
         Phi=Phi,
         Psi=Psi,
-        rows=_row_slices(equations.positions, equations.velocities),
-        row_names=_row_names(equations.positions) + _row_names(equations.velocities),
+        rows=rows,
+        row_names=tuple(f"{name}.lam[{k - rows[name].start}]" for k, name in enumerate(owners)),
         units=_units(equations.constraints, own, Phi, Psi),
         impacts=tuple((name, *law) for name, law in equations.laws.items()),
         joint_events=tuple(equations.joint_events),
@@ -400,18 +402,10 @@ def _forces(
     return stacked([work[id(b)] for b in bodies]), stacked([conservative[id(b)] for b in bodies]), potential
 
 
-def _row_slices(*kinds: dict[str, list[ca.SX]]) -> dict[str, slice]:
-    slices, at = {}, 0
-    for rows in kinds:
-        for name, own in rows.items():
-            if own:
-                slices[name] = slice(at, at + len(own))
-            at += len(own)
-    return slices
-
-
-def _row_names(rows: dict[str, list[ca.SX]]) -> tuple[str, ...]:
-    return tuple(f"{name}.lam[{i}]" for name, own in rows.items() for i in range(len(own)))
+def _row_slices(owners: Sequence[str]) -> dict[str, slice]:
+    """The rows of each constraint, which follow each other, from the names of those that own them."""
+    counts = Counter(owners)
+    return {name: slice(at := owners.index(name), at + count) for name, count in counts.items()}
 
 
 def is_linear(name: str) -> bool:

@@ -9,6 +9,7 @@ States c of 0 and 1 tell which contacts are closed. By (c D c + 1 - c) f = -c (W
 are 0, so that one set of equations holds for all combinations.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -150,22 +151,26 @@ class ContactEquations:
             values.append(ca.vertcat(own, ca.SX.zeros(lam.numel() - own.numel())))
         return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
 
-    def _rounding(self, event: JointEvent, accelerations: ca.SX) -> ca.SX:
-        """What of the rate of an event's margin is rounding: a clutch does not stick where it just does not slip.
+    def _without_rounding(self, event: JointEvent, rate: ca.SX, accelerations: ca.SX) -> ca.SX:
+        """The rate of an event's margin, in which rounding does not count.
 
-        Nor does a Latch close where its joint has just opened without a jump of the accelerations.
+        A clutch does not stick where it just does not slip. Nor does a Latch close where its joint has just opened
+        without a jump of the accelerations. Only an impulse moves the margin of a clutch that is struck.
         """
         system = self._system
+        if isinstance(event, Struck):
+            return ca.SX(0)
         if isinstance(event, Latch):
             sizes = zip((system.q, system.v), (system.qdot, accelerations), strict=True)
             margin = dict(self._c.joint_events)[event]
-            return _SMALL * ca.sum1(ca.vertcat(*[ca.fabs(ca.jacobian(margin, x)) @ ca.fabs(rate) for x, rate in sizes]))
+            terms = [ca.fabs(ca.jacobian(margin, x)) @ ca.fabs(change) for x, change in sizes]
+            return ca.if_else(ca.fabs(rate) <= _SMALL * ca.sum1(ca.vertcat(*terms)), 0, rate)
         if not isinstance(event, Sticks):
-            return ca.SX(0)
+            return rate
         W = ca.jacobian(event.joint.slip, system.v)
         friction = ca.densify(ca.jacobian(system.Q, event.joint.direction))
         effect, _ = system.solve(friction, ca.SX(system.lam.numel(), 1))
-        return _SMALL * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
+        return rate + _SMALL * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
 
     def _opposing(self, r: ca.SX) -> ca.SX:
         """Forces or impulses along closed gaps that compensate r, (n,)."""
@@ -188,87 +193,82 @@ class ContactEquations:
         """Power of the forces in closed contacts [W]: they do work on bodies that move by a law of time."""
         return -ca.dot(self.force, self.at_rest)
 
+    def _function(self, name: str, **outputs: ca.SX) -> ca.Function:
+        """A Function of the states."""
+        system, dense = self._system, [ca.densify(e) for e in outputs.values()]
+        states = [system.q, system.v, system.s, system.p, t]
+        return common(name, states, dense, ["q", "v", "s", "p", "t"], list(outputs))
+
+    def _slipping(self, *outputs: ca.SX) -> list[ca.SX]:
+        """What an impulse does: no clutch passes it on."""
+        sticks = ca.vertcat(ca.SX(0, 1), *[e.flag.sx for e, _ in self._c.joint_events if isinstance(e, Sticks)])
+        return ca.substitute([*outputs], [sticks], [ca.SX.zeros(sticks.shape)])
+
     def compiled(self, retract: ca.Function) -> Impacts:
         """The Functions."""
         system, c = self._system, self._c
-        z, names = [system.q, system.v, system.s, system.p, t], ["q", "v", "s", "p", "t"]
-
-        def function(name: str, **outputs: ca.SX) -> ca.Function:
-            dense = [ca.densify(e) for e in outputs.values()]
-            return common(name, [*z], dense, names, list(outputs))
-
-        of_clutches = [e.flag.sx for e, _ in c.joint_events if isinstance(e, Sticks)]
-
-        def slipping(*outputs: ca.SX) -> list[ca.SX]:
-            """What an impulse does: no clutch passes it on."""
-            flags = ca.vertcat(ca.SX(0, 1), *of_clutches)
-            return ca.substitute([*outputs], [flags], [ca.SX.zeros(flags.shape)])
-
-        def joints() -> JointEvents:
-            events, s_names = [e for e, _ in c.joint_events], [state.name for state in c.states]
-            accelerations, multipliers = self.solve(system.Q, system.gamma)
-            margins = self._with_multipliers(ca.vertcat(*[e for _, e in c.joint_events]), multipliers)
-            roundings = ca.vertcat(*[self._rounding(e, accelerations) for e in events])
-            own = [(k, state, value) for k, e in enumerate(events) for state, value in e.place]
-            places = self._with_multipliers(ca.vertcat(ca.SX(0, 1), *[value for *_, value in own]), multipliers)
-            clutches = [e.joint for e in events if isinstance(e, Sticks)]
-            slip = ca.vertcat(ca.SX(0, 1), *[clutch.slip for clutch in clutches])
-            size = ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v)
-            flags = [s_names.index(e.flag.name) for e in events]
-            at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
-            lost, L = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
-            v_new, impulse, work = slipping(system.v - lost, -L, ca.dot(L, system.Phi_dot / 2 - at_rest))
-            rates = self._along(margins) + ca.jtimes(margins, system.v, accelerations)
-            rates = [
-                0
-                if isinstance(e, Struck)
-                else ca.if_else(ca.fabs(rate) <= size, 0, rate)
-                if isinstance(e, Latch)
-                else rate + size
-                for e, rate, size in zip(events, ca.vertsplit(rates), ca.vertsplit(roundings), strict=True)
-            ]
-            return JointEvents(
-                names=tuple(e.joint.name for e in events),
-                titles=tuple(e.title for e in events),
-                opens=tuple(e.opens for e in events),
-                holding=tuple(s_names.index(e.holding.name) for e in events),
-                flags=tuple(flags),
-                others=tuple(
-                    tuple(
-                        flags[i]
-                        for i, other in enumerate(events)
-                        if other.joint is e.joint and other.flag is not e.flag
-                    )
-                    for e in events
-                ),
-                rows=tuple(c.rows.get(e.joint.name, slice(0, 0)) for e in events),
-                by_force=tuple(ca.depends_on(margin, e.lam) for e, margin in c.joint_events),
-                place=tuple(s_names.index(state.name) for _, state, _ in own),
-                owners=tuple(k for k, *_ in own),
-                clutches=tuple((s_names.index(e.flag.name), s_names.index(e.side.name)) for e in clutches),
-                margins=function("margins", margin=margins, rate=ca.vertcat(*rates)),
-                places=function("places", place=places),
-                slips=function("slips", slip=slip, rounding=_REST * size),
-                jump=function("jump", v_new=v_new, impulse=impulse, work=work),
-            )
-
         free, _ = system.solve(system.Q, system.gamma)
         force = self.force
-        acceleration = self.W @ free + self._zeta + self._D @ force
-        size = ca.fabs(self.W) @ ca.fabs(free) + ca.fabs(self._zeta)
-        reach = ca.fabs(ca.jacobian(self.gap, system.q)) @ ca.fabs(system.q)
         return Impacts(
             names=tuple(name for name, *_ in c.impacts),
             closed=np.array(self.closed, dtype=np.intp),
-            joints=joints() if c.joint_events else None,
-            gaps=function("gaps", gap=self.gap, rate=self.rate, reach=reach),
-            forces=function("forces", force=force, acceleration=acceleration, size=size, inertia=1 / ca.diag(self._D)),
-            impulses=function(
-                "impulses", W=self.W, B=slipping(self.B)[0], at_rest=self.at_rest, restitution=self.restitution
+            joints=self._joints() if c.joint_events else None,
+            gaps=self._function(
+                "gaps", gap=self.gap, rate=self.rate, reach=ca.fabs(ca.jacobian(self.gap, system.q)) @ ca.fabs(system.q)
             ),
-            project=function(
+            forces=self._function(
+                "forces",
+                force=force,
+                acceleration=self.W @ free + self._zeta + self._D @ force,
+                size=ca.fabs(self.W) @ ca.fabs(free) + ca.fabs(self._zeta),
+                inertia=1 / ca.diag(self._D),
+            ),
+            impulses=self._function(
+                "impulses", W=self.W, B=self._slipping(self.B)[0], at_rest=self.at_rest, restitution=self.restitution
+            ),
+            project=self._function(
                 "held",
                 q_held=retract(system.q, self.B @ self._opposing(self.gap)),
                 v_held=system.v + self.B @ self._opposing(self.rate),
             ),
         )
+
+    def _joints(self) -> JointEvents:
+        """The Functions of events of joints."""
+        system, c = self._system, self._c
+        events, numbers = [e for e, _ in c.joint_events], {state.name: k for k, state in enumerate(c.states)}
+        accelerations, multipliers = self.solve(system.Q, system.gamma)
+        margins = self._with_multipliers(ca.vertcat(*[margin for _, margin in c.joint_events]), multipliers)
+        rates = ca.vertsplit(self._along(margins) + ca.jtimes(margins, system.v, accelerations))
+        rates = [self._without_rounding(e, rate, accelerations) for e, rate in zip(events, rates, strict=True)]
+        places = [(k, state.name, value) for k, e in enumerate(events) for state, value in e.place]
+        place = self._with_multipliers(ca.vertcat(ca.SX(0, 1), *[value for *_, value in places]), multipliers)
+        clutches = [e.joint for e in events if isinstance(e, Sticks)]
+        slip = ca.vertcat(ca.SX(0, 1), *[clutch.slip for clutch in clutches])
+        rounding = _REST * (ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v))
+        # The least change of velocities that stops all rows. Rows that move by a law of time do work.
+        at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
+        lost, L = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
+        v_new, impulse, work = self._slipping(system.v - lost, -L, ca.dot(L, system.Phi_dot / 2 - at_rest))
+        return JointEvents(
+            names=tuple(e.joint.name for e in events),
+            titles=tuple(e.title for e in events),
+            opens=tuple(e.opens for e in events),
+            holding=tuple(numbers[e.holding.name] for e in events),
+            flags=tuple(numbers[e.flag.name] for e in events),
+            others=tuple(tuple(numbers[flag] for flag in _other_flags(e, events)) for e in events),
+            rows=tuple(c.rows.get(e.joint.name, slice(0, 0)) for e in events),
+            by_force=tuple(ca.depends_on(margin, e.lam) for e, margin in c.joint_events),
+            place=tuple(numbers[name] for _, name, _ in places),
+            owners=tuple(k for k, *_ in places),
+            clutches=tuple((numbers[clutch.flag.name], numbers[clutch.side.name]) for clutch in clutches),
+            margins=self._function("margins", margin=margins, rate=ca.vertcat(*rates)),
+            places=self._function("places", place=place),
+            slips=self._function("slips", slip=slip, rounding=rounding),
+            jump=self._function("jump", v_new=v_new, impulse=impulse, work=work),
+        )
+
+
+def _other_flags(event: JointEvent, events: Sequence[JointEvent]) -> list[str]:
+    """Names of the states for what other events of the same joint keep closed."""
+    return [other.flag.name for other in events if other.joint is event.joint and other.flag is not event.flag]

@@ -55,7 +55,7 @@ _BELOW = {
 }
 """How far the zones of shafts begin above the size: k of the grades 4 to 7."""
 _LEAST_GENERAL_SIZE = 0.5
-_GENERAL_SIZES = 3, 6, 30, 120, 400, 1000, 2000, 4000
+_GENERAL_SIZES = _row("3 6 30 120 400 1000 2000 4000")
 _GENERAL: dict[str, tuple[float | None, ...]] = {
     "f": (50, 50, 100, 150, 200, 300, 500, None),
     "m": (100, 100, 200, 300, 500, 800, 1200, 2000),
@@ -92,9 +92,9 @@ def _general_deviation(text: str, size: float, letter: str) -> float:
     inside = [i for i, width in enumerate(widths) if width is not None]
     width = widths[k] if size >= _LEAST_GENERAL_SIZE and k in inside else None
     if width is None:
-        begin = f"above {_GENERAL_SIZES[inside[0] - 1]}" if inside[0] else f"from {_LEAST_GENERAL_SIZE}"
+        begin = f"above {_GENERAL_SIZES[inside[0] - 1]:g}" if inside[0] else f"from {_LEAST_GENERAL_SIZE}"
         end = _GENERAL_SIZES[inside[-1]]
-        raise DeclarationError(f"{text!r}: class {letter} of ISO 2768 is for sizes {begin} to {end} mm.")
+        raise DeclarationError(f"{text!r}: class {letter} of ISO 2768 is for sizes {begin} to {end:g} mm.")
     return width
 
 

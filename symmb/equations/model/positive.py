@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import casadi as ca
 
-from symmb.declare.mechanics import Body, Constraint, Spatial
+from symmb.declare.mechanics import TRIANGLE, Body, Constraint, Spatial
 from symmb.declare.symbolic import is_zero
 from symmb.equations.model.binding import Binding
 
@@ -38,9 +38,5 @@ def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:
     """
     if not isinstance(body.pose, Spatial) or is_zero(J):
         return []
-    moments = ca.densify((0.5 + _TRIANGLE) * ca.trace(J) * ca.SX.eye(3) - J)
+    moments = ca.densify((0.5 + TRIANGLE) * ca.trace(J) * ca.SX.eye(3) - J)
     return [ca.det(moments[:k, :k]) for k in (1, 2, 3)]
-
-
-_TRIANGLE = 5e-4
-"""Share of the sum of the moments by which one may exceed the others: data of thin plates, rounded to three digits."""

@@ -14,35 +14,23 @@ Unit = tuple[Fraction, ...]
 """Powers of m, kg, s and rad."""
 
 
-def _unit(m: int = 0, kg: int = 0, s: int = 0, rad: int = 0) -> Unit:
-    return Fraction(m), Fraction(kg), Fraction(s), Fraction(rad)
+def _unit(text: str) -> Unit:
+    return tuple(map(Fraction, unit_of("units", text).powers[:4]))
 
 
-_NONE, _TIME, _ANGLE = _unit(), _unit(s=1), _unit(rad=1)
-_POSITION = {"x": _unit(m=1), "y": _unit(m=1), "z": _unit(m=1), "theta": _ANGLE, "angle": _ANGLE}
-_VELOCITY = {name: _unit(m=1, s=-1) for name in ("vx", "vy", "vz")}
-_VELOCITY |= {name: _unit(s=-1, rad=1) for name in ("omega", "omega_x", "omega_y", "omega_z")}
-_HANDLES = {"angle_rate": _unit(s=-1, rad=1), "displacement": _unit(m=1), "displacement_rate": _unit(m=1, s=-1)}
+_TEXTS = {
+    _unit(text): text
+    for text in "m,m/s,m/s^2,rad,rad/s,rad/s^2,s,m^2,m^3,m^2/s^2,N,N/m,N m,W".split(",")  # those that outputs show
+}
+_NONE, _TIME, _ANGLE, _LENGTH = _unit(""), _unit("s"), _unit("rad"), _unit("m")
+_SPEED, _SPIN = _unit("m/s"), _unit("rad/s")
+_POSITION = {"x": _LENGTH, "y": _LENGTH, "z": _LENGTH, "theta": _ANGLE, "angle": _ANGLE}
+_VELOCITY = dict.fromkeys(("vx", "vy", "vz"), _SPEED) | dict.fromkeys(("omega", "omega_x", "omega_y", "omega_z"), _SPIN)
+_HANDLES = {"angle_rate": _SPIN, "displacement": _LENGTH, "displacement_rate": _SPEED}
 """Handles of joints, expressions whose units do not follow from numbers in axes."""
 _RATE = ".rate"
 """End of the names of accelerations, which are symbols in outputs only."""
-_FORCE, _ENERGY, _POWER = _unit(m=1, kg=1, s=-2), _unit(m=2, kg=1, s=-2), _unit(m=2, kg=1, s=-3)
-_TEXTS = {
-    _unit(m=1): "m",
-    _unit(m=1, s=-1): "m/s",
-    _unit(m=1, s=-2): "m/s^2",
-    _ANGLE: "rad",
-    _unit(s=-1, rad=1): "rad/s",
-    _unit(s=-2, rad=1): "rad/s^2",
-    _TIME: "s",
-    _unit(m=2): "m^2",
-    _unit(m=3): "m^3",
-    _unit(m=2, s=-2): "m^2/s^2",
-    _FORCE: "N",
-    _unit(kg=1, s=-2): "N/m",
-    _ENERGY: "N m",
-    _POWER: "W",
-}
+_FORCE, _ENERGY, _POWER = _unit("N"), _unit("N m"), _unit("W")
 _SAME = frozenset((ca.OP_NEG, ca.OP_FABS, ca.OP_ASSIGN, ca.OP_COPYSIGN, ca.OP_FMOD))
 _SUM = frozenset((ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX, ca.OP_HYPOT))
 _ANGLES = frozenset((ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN, ca.OP_ATAN2))
@@ -85,8 +73,8 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
 def _of_parameters(system: System) -> list[tuple[ca.SX, Unit]]:
     """The parameters with mechanical units, as they stand in expressions."""
     p, units = system.parameters, units_of_parameters(system.parameters)
-    powers = ((name, unit_of(name, text).powers) for name, text in units.items())
-    known = ((name, _product(tuple(map(Fraction, of[:4])), _NONE)) for name, of in powers if not any(of[4:]))
+    mechanical = (name for name, text in units.items() if not any(unit_of(name, text).powers[4:]))
+    known = ((name, _product(_unit(units[name]), _NONE)) for name in mechanical)
     return [(getattr(p, name), unit) for name, unit in known if unit]
 
 

@@ -11,7 +11,7 @@ from symmb.equations.start.labels import coordinate_of
 
 _TRIES = 300
 """Scenes that are tried for each advice, times the number of velocities: large ones take longer to assemble."""
-_GUESSES = (0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 2.5, -2.5, 3.0, -3.0)
+_GUESSES = [0.0, *(sign * half / 2 for half in range(1, 7) for sign in (1, -1))]
 """Guesses that are tried [rad, share of the size]."""
 
 

@@ -1,6 +1,7 @@
 """Gauss-Newton method with damping: coordinates on the constraints, moved least from where they are."""
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
@@ -18,6 +19,24 @@ from symmb.equations.start.sparse_rows import least_step
 _ITERATIONS, _HALVINGS, _DECREASE = 50, 12, 1e-2
 """Steps, halvings of a step that does not reduce the violation, and the share of the step by which it must be reduced:
 the condition of Armijo (1966), Pacific J. Math. 16(1)."""
+
+
+def with_fewest_turns(
+    x: Array, angles: Iterable[int], violation: Callable[[Array], Array], least: float = 0.0
+) -> Array:
+    """Numbers x (n,) whose angles, given by their numbers, have as many turns as reduce a violation most.
+
+    A turn that changes the violation by no more than `least` is rounding.
+    """
+    x = x.copy()
+    for k in angles:
+        more = x.copy()
+        more[k] += math.tau
+        r = violation(x)
+        change = violation(more) - r
+        if np.abs(change).max(initial=0.0) > least:
+            x[k] -= math.tau * np.round(change @ r / (change @ change))
+    return x
 
 
 class FailedAssembly(Exception):
@@ -66,15 +85,7 @@ class PositionRows:
 
     def with_turns_of(self, rows: Indices, q: Array, s: Array) -> Array:
         """States s with as many turns of each angle as reduce the violation of some rows most."""
-        s = s.copy()
-        for k in self.angles:
-            more = s.copy()
-            more[k] += math.tau
-            r = self.violation(q, s)[rows]
-            change = self.violation(q, more)[rows] - r
-            if change.any():
-                s[k] -= math.tau * np.round(change @ r / (change @ change))
-        return s
+        return with_fewest_turns(s, self.angles, lambda s: self.violation(q, s)[rows])
 
     def size(self, q: Array) -> float:
         """The size of the scene at coordinates q, by which violations are judged."""

@@ -12,6 +12,7 @@ from symmb.declare.mechanics import Spatial
 from symmb.declare.symbolic import common, conjugate, product, shared
 from symmb.equations.model import DAE, Scene, System, compile_dae, is_linear
 from symmb.equations.start.assembly import drive_rows
+from symmb.equations.start.gauss_newton import with_fewest_turns
 from symmb.equations.start.implicit_function import ImplicitMap
 from symmb.equations.start.rank import independent_rows_and_columns, lasting_rows
 from symmb.equations.start.scales import (
@@ -72,15 +73,8 @@ def _with_driven_turns(dae: DAE, rows: Indices, q: Array, t0: float) -> Array:
     """Coordinates q (n_q,) with as many turns of each angle as reduce the violation of the rows of drives most."""
     if dae.Phi is None or not rows.size:
         return q
-    q = q.copy()
-    for k in (k for k, name in enumerate(dae.q_names) if name.endswith(".angle")):
-        more = q.copy()
-        more[k] += math.tau
-        r, moved = (evaluate_at_rest(dae.Phi, dae, at, t0).ravel()[rows] for at in (q, more))
-        change = moved - r
-        if np.abs(change).max(initial=0.0) > SLIGHT:
-            q[k] -= math.tau * np.round(change @ r / (change @ change))
-    return q
+    Phi, angles = dae.Phi, [k for k, name in enumerate(dae.q_names) if name.endswith(".angle")]
+    return with_fewest_turns(q, angles, lambda q: evaluate_at_rest(Phi, dae, q, t0).ravel()[rows], SLIGHT)
 
 
 def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None:

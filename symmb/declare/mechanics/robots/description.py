@@ -9,13 +9,11 @@ from typing import Literal
 import numpy as np
 
 from symmb._types import Array
+from symmb.declare.mechanics.body import TRIANGLE
 
 TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
 """Types of joints that have an angle, and those that have a displacement."""
 XYZ, RPY, ENTRIES = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("xx", "xy", "xz", "yy", "yz", "zz")
-_TRIANGLE = 5e-4
-"""Share of the sum of the moments of inertia by which one may exceed the others, as for `Body`: data of thin plates,
-rounded to three digits."""
 
 Form = Literal["box", "cylinder", "sphere", "mesh"]
 
@@ -94,9 +92,9 @@ def inertia_fault(moments: tuple[float, ...]) -> str:
     low, middle, high = np.linalg.eigvalsh(full_matrix(moments)).tolist()
     total = low + middle + high
     diagonal = min(moments[0], moments[3], moments[5])
-    if low < -_TRIANGLE * abs(total) or diagonal < 0:  # `Body` takes no diagonal below 0, however small
+    if low < -TRIANGLE * abs(total) or diagonal < 0:  # `Body` takes no diagonal below 0, however small
         return f"a principal moment of inertia is {min(low, diagonal):.3g}, below 0; check the entries and their signs."
-    if high - middle - low > _TRIANGLE * total:
+    if high - middle - low > TRIANGLE * total:
         return (
             f"the largest principal moment of inertia {high:.4g} exceeds the sum of the others, {low + middle:.4g}, "
             "which is impossible: check the entries and their signs."

@@ -33,10 +33,8 @@ from symmb.declare.mechanics.robots.mjcf_model import MjcfModel, values_of
 from symmb.declare.mechanics.robots.repair import nearest_possible, repaired
 from symmb.declare.mechanics.robots.robot import Building, Robot, replaced, require_stop
 
-_JOINTS = "floating", "ball", "prismatic", "revolute"
-"""Kinds of joints, in the order of MuJoCo's mjtJoint."""
-_SPHERE, _CAPSULE, _CYLINDER, _BOX, _MESH = 2, 3, 5, 6, 7
-"""Shapes that can be drawn, of MuJoCo's mjtGeom."""
+_JOINTS = {"FREE": "floating", "BALL": "ball", "SLIDE": "prismatic", "HINGE": "revolute"}
+"""Kinds of joints by the names of MuJoCo's mjtJoint."""
 _DRAWN = 3
 """Groups of shapes that MuJoCo's viewer shows; those from this one on are for contacts alone, by custom."""
 _UNNAMED = "MuJoCo Model"
@@ -214,7 +212,7 @@ def _joints(source: MjcfModel, body: int, numbers: dict[str, float]) -> Iterator
     place = _placed(m.body_pos[body], m.body_quat[body])
     first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
     for joint in range(first, first + count):
-        name, kind = source.joints[joint], _JOINTS[m.jnt_type[joint]]
+        name, kind = source.joints[joint], _JOINTS[source.kind("mjtJoint", m.jnt_type[joint])]
         link = child if joint == first + count - 1 else f"{name}:link"
         numbers |= named(f"{name}.origin", (*XYZ, *RPY), place) | _joint_numbers(source, joint, name, kind)
         yield JointData(name, kind, parent, link, None)
@@ -249,19 +247,23 @@ def _joint_numbers(source: MjcfModel, joint: int, name: str, kind: str) -> dict[
 def _shapes(source: MjcfModel, body: int) -> Iterator[ShapeData]:
     m, first = source.model, int(source.model.body_geomadr[body])
     for geom in range(first, first + int(m.body_geomnum[body])):
-        kind, at, e = int(m.geom_type[geom]), values_of(m.geom_pos[geom]), values_of(m.geom_quat[geom])
+        kind, at, e = (
+            source.kind("mjtGeom", m.geom_type[geom]),
+            values_of(m.geom_pos[geom]),
+            values_of(m.geom_quat[geom]),
+        )
         a, b, c = values_of(m.geom_size[geom])
         if m.geom_group[geom] >= _DRAWN:
             continue
-        if kind == _BOX:
+        if kind == "BOX":
             yield ShapeData("box", at, angles(e), (2 * a, 2 * b, 2 * c))
-        elif kind in (_CYLINDER, _CAPSULE):
+        elif kind in ("CYLINDER", "CAPSULE"):
             yield ShapeData("cylinder", at, angles(e), (a, 2 * b))
-            for end in (-b, b) if kind == _CAPSULE else ():
+            for end in (-b, b) if kind == "CAPSULE" else ():
                 yield ShapeData("sphere", _moved(at, e, (0.0, 0.0, end)), (0.0,) * 3, (a,))
-        elif kind == _SPHERE:
+        elif kind == "SPHERE":
             yield ShapeData("sphere", at, (0.0,) * 3, (a,))
-        elif kind == _MESH and (file := source.mesh_file(int(m.geom_dataid[geom]))):
+        elif kind == "MESH" and (file := source.mesh_file(int(m.geom_dataid[geom]))):
             yield _mesh(source, int(m.geom_dataid[geom]), file, at, e)
 
 
