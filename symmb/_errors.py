@@ -1,7 +1,8 @@
 """The errors a user meets, one for each stage that can fail, and the warning."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Protocol
 
 LONGEST_TEXT = 1500
@@ -36,6 +37,32 @@ class DeclarationError(SymmbError, ValueError):
         ...
     symmb._errors.DeclarationError: Box: 'k' has lower 2.0 above upper 1.0. Exchange them.
     """
+
+
+class Faults(list[str]):
+    """Faults of a declaration in sentences, which one DeclarationError tells together."""
+
+    @contextmanager
+    def noted(self) -> Iterator[None]:
+        """Notes the faults of what is done inside, so that those of other parts are found as well."""
+        try:
+            yield
+        except DeclarationError as error:
+            self.extend(str(error).split("\n"))
+
+    def raise_any(self) -> None:
+        """Raise a DeclarationError that names every fault once, in a line of its own."""
+        if self:
+            raise DeclarationError("\n".join(dict.fromkeys(self)))
+
+
+@contextmanager
+def faults_of(owner: str, end: str = "") -> Iterator[None]:
+    """Names the owner of what is done inside in front of its DeclarationError."""
+    try:
+        yield
+    except DeclarationError as error:
+        raise DeclarationError(f"{owner}: {error}{end}") from None
 
 
 class NoParameterError(DeclarationError, KeyError):

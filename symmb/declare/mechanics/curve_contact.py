@@ -9,7 +9,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import faults_of
 from symmb._types import Expr
 from symmb.declare.mechanics.axis_joint import Joint
 from symmb.declare.mechanics.body import Body, Point
@@ -108,10 +108,8 @@ class CurveContact(ShapeContact):
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radius = self.number(bind, "radius")
-        try:
+        with faults_of(self.title, end="."):
             places = self._places(bind, float(ca.evalf(bind.nominal(radius))))
-        except DeclarationError as error:
-            raise DeclarationError(f"{self.title}: {error}.") from None
         fixed = [ca.substitute(curve.place, curve.s, 0) for curve in self._curves]  # what else they depend on
         count, number = sum(map(len, places)), 0
         motion = Motion.of(self.offset[:2], (self.point_a.body.frame.R.T @ self.point_b.body.frame.R)[:2, :2])
@@ -222,10 +220,8 @@ class PointOnCurve(Joint):
 
     def position_rows(self, bind: Bind) -> ca.SX:
         curve, P = self.curve, (self.point_a.body.frame.R.T @ self.d)[:2]
-        try:
+        with faults_of(self.title, end="."):
             side = _side(curve.measured(bind), self.inside)
-        except DeclarationError as error:
-            raise DeclarationError(f"{self.title}: {error}.") from None
         radius = self.number(bind, "radius")
 
         def foot_at(s: ca.SX) -> Foot:

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb import _html as html
-from symmb._errors import DeclarationError, NoParameterError
+from symmb._errors import DeclarationError, Faults, NoParameterError
 from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean, name_fault, normal, normal_keys
 from symmb._options import is_finite_number, shown
@@ -52,7 +52,7 @@ class Parameters(Mapping[str, float]):
     def __init__(self, **nominal: "float | tuple[float, str] | str") -> None:
         nominal = normal_keys("Parameters", nominal)
         taken = [n for n in nominal if n == "t" or hasattr(type(self), n)]
-        faults = [f"parameter {n!r}: the name is taken; choose another." for n in taken]
+        faults = Faults(f"parameter {n!r}: the name is taken; choose another." for n in taken)
         faults += [
             f"parameter {n!r}: a name has letters, digits and underscores, a letter first."
             for n in nominal
@@ -60,13 +60,10 @@ class Parameters(Mapping[str, float]):
         ]
         given = dict[str, tuple[float, str]]()
         for name, value in nominal.items():
-            try:
+            with faults.noted():
                 given[name] = quantity(f"parameter {name!r}: nominal value", value)
                 unit_of(f"parameter {name!r}", given[name][1])
-            except DeclarationError as error:
-                faults.append(str(error))
-        if faults:
-            raise DeclarationError("\n".join(faults))
+        faults.raise_any()
         self._nominal = {name: value for name, (value, _) in given.items()}
         self._units = {name: unit for name, (_, unit) in given.items() if unit}
         self._symbols = ca.vertcat(*[ca.SX.sym(name) for name in nominal]) if nominal else ca.SX(0, 1)

@@ -8,7 +8,10 @@ from typing import Any
 
 import casadi as ca
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, Faults
+
+SAME_NAMES = "exp log sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh erf erfinv".split()
+"""Functions that have the same name and meaning in CasADi and in SymPy."""
 
 
 def is_sympy(value: object) -> bool:
@@ -77,13 +80,12 @@ def from_sympy(expression: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
 
 
 def _check_names(expression: Any, symbols: Mapping[str, ca.SX]) -> None:
-    faults = []
+    faults = Faults()
     for name in sorted({symbol.name for symbol in expression.free_symbols} - set(symbols)):
         near = difflib.get_close_matches(name, symbols, n=1)
         hint = f"Did you mean '{near[0]}'?" if near else f"Known names: {', '.join(symbols) or 'none'}."
         faults.append(f"Unknown symbol '{name}' in a SymPy expression. {hint}")
-    if faults:
-        raise DeclarationError("\n".join(faults))
+    faults.raise_any()
 
 
 def _no_counterpart(node: Any) -> str:
@@ -120,27 +122,11 @@ def _counterparts() -> dict[Any, Callable[..., ca.SX]]:
         sp.Add: fold(lambda a, b: a + b),
         sp.Mul: fold(lambda a, b: a * b),
         sp.Pow: lambda a, b: a**b,
-        sp.exp: ca.exp,
-        sp.log: ca.log,
-        sp.sin: ca.sin,
-        sp.cos: ca.cos,
-        sp.tan: ca.tan,
+        **{getattr(sp, name): getattr(ca, name) for name in SAME_NAMES},
         sp.sec: lambda a: 1 / ca.cos(a),
         sp.csc: lambda a: 1 / ca.sin(a),
         sp.cot: lambda a: ca.cos(a) / ca.sin(a),
-        sp.asin: ca.asin,
-        sp.acos: ca.acos,
-        sp.atan: ca.atan,
-        sp.atan2: ca.atan2,
-        sp.sinh: ca.sinh,
-        sp.cosh: ca.cosh,
-        sp.tanh: ca.tanh,
-        sp.asinh: ca.asinh,
-        sp.acosh: ca.acosh,
-        sp.atanh: ca.atanh,
-        sp.erf: ca.erf,
         sp.erfc: lambda a: 1 - ca.erf(a),
-        sp.erfinv: ca.erfinv,
         sp.Abs: ca.fabs,
         sp.sign: ca.sign,
         sp.floor: ca.floor,

@@ -18,6 +18,7 @@ from symmb._errors import DeclarationError
 from symmb.declare.symbolic.common import common
 from symmb.declare.symbolic.instructions import interpret, operation_name
 from symmb.declare.symbolic.pieces import Entry
+from symmb.declare.symbolic.sympy_in import SAME_NAMES
 
 _DENOMINATOR = 1000
 """A float is shown as a fraction if one with at most this denominator is the very same float."""
@@ -238,25 +239,9 @@ def _algebra() -> dict[int, Callable[..., Any]]:
         ca.OP_CONSTPOW: sp.Pow,
         ca.OP_SQRT: sp.sqrt,
         ca.OP_HYPOT: lambda a, b: sp.sqrt(a**2 + b**2),
-        ca.OP_EXP: sp.exp,
+        **{getattr(ca, f"OP_{name.upper()}"): getattr(sp, name) for name in SAME_NAMES},
         ca.OP_EXPM1: lambda a: sp.exp(a) - 1,
-        ca.OP_LOG: sp.log,
         ca.OP_LOG1P: lambda a: sp.log(1 + a),
-        ca.OP_SIN: sp.sin,
-        ca.OP_COS: sp.cos,
-        ca.OP_TAN: sp.tan,
-        ca.OP_ASIN: sp.asin,
-        ca.OP_ACOS: sp.acos,
-        ca.OP_ATAN: sp.atan,
-        ca.OP_ATAN2: sp.atan2,
-        ca.OP_SINH: sp.sinh,
-        ca.OP_COSH: sp.cosh,
-        ca.OP_TANH: sp.tanh,
-        ca.OP_ASINH: sp.asinh,
-        ca.OP_ACOSH: sp.acosh,
-        ca.OP_ATANH: sp.atanh,
-        ca.OP_ERF: sp.erf,
-        ca.OP_ERFINV: sp.erfinv,
         ca.OP_LT: raw(sp.Lt),
         ca.OP_LE: raw(sp.Le),
         ca.OP_EQ: raw(sp.Eq),

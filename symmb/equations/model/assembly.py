@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import Faults
 from symmb.declare.mechanics import (
     Action,
     Body,
@@ -188,7 +188,7 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
             sound += [] if own or not isinstance(element.name, str) else [element]
         else:
             own = getattr(element, "faults", ())
-        faults.lines += own
+        faults += own
     bind = Binding(parameters, bodies, _of_kind(OwnState, sound), _of_kind(Input, sound))
     some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
     inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind, parameters)) for b in bodies]
@@ -198,33 +198,22 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
     faults.raise_any()
     collected = _assemble(inertial, bind, equations)
     for name in bind.inputs_in([ca.vec(collected.M), collected.Q, collected.Phi, collected.Psi]):
-        faults.lines.append(
-            f"Input {name!r}: a point, a mass or a shape depends on it. Only laws may depend on inputs."
-        )
+        faults.append(f"Input {name!r}: a point, a mass or a shape depends on it. Only laws may depend on inputs.")
     faults.raise_any()
     return collected
 
 
-class _Faults:
-    """The faults of a declaration as lines of text."""
-
-    def __init__(self, lines: list[str]) -> None:
-        self.lines = lines
+class _Faults(Faults):
+    """The faults of the elements of a system."""
 
     def attempt(self, otherwise: T, f: Callable[..., T], *arguments: Any, what: str = "A law") -> T:
         """The result of f, or a substitute where f raises a fault of the declaration."""
-        try:
-            return f(*arguments)
-        except TruthValueError as error:
-            self.lines.append(f"{what}: {error}")
-        except DeclarationError as error:
-            self.lines += str(error).split("\n")
+        with self.noted():
+            try:
+                return f(*arguments)
+            except TruthValueError as error:
+                self.append(f"{what}: {error}")
         return otherwise
-
-    def raise_any(self) -> None:
-        """Raise a DeclarationError that names every fault once."""
-        if self.lines:
-            raise DeclarationError("\n".join(dict.fromkeys(self.lines)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,10 +273,10 @@ def _write_equations(
         n_declared_rows=sum(rows.numel() for rows in declared.values()),
     )
     for element, _ in sampled:
-        faults.lines += held_faults(element, equations.positions, equations.velocities)
+        faults += held_faults(element, equations.positions, equations.velocities)
     for force, own in actions.items():
-        faults.lines += chain.from_iterable(plane_faults(force.title, action) for action in own)
-    if events and not faults.lines:
+        faults += chain.from_iterable(plane_faults(force.title, action) for action in own)
+    if events and not faults:
         _gate_rows(equations, bind)
         for k, (e, _) in enumerate(events):
             rows = [*equations.positions[e.joint.name], *equations.velocities[e.joint.name]]

@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, Faults, faults_of
 from symmb._names import did_you_mean, shown
 from symmb._types import Array, Expr
 from symmb.declare.mechanics import Body, Input, OwnState, Parameters, declared_with
@@ -64,10 +64,8 @@ class Binding:
                                owner in the message
         """
         if is_sympy(law):
-            try:
+            with faults_of(what):
                 law = from_sympy(law, self.by_name)
-            except DeclarationError as error:
-                raise DeclarationError(f"{what}: {error}") from None
         expression = given(law)
         if expression is None:
             more = ""
@@ -101,9 +99,8 @@ class Binding:
                 f"{what}: contains NaN or infinity. Python's math gives NaN for expressions: use casadi.sin(mb.t) in "
                 "place of math.sin(mb.t). CasADi and SymPy mixed in one expression give it as well."
             )
-        faults = [f"{what}: {fault}" for symbol in symbols_in(expression) if (fault := self._fault(symbol, also))]
-        if faults:
-            raise DeclarationError("\n".join(faults))
+        unknown = (self._fault(symbol, also) for symbol in symbols_in(expression))
+        Faults(f"{what}: {fault}" for fault in unknown if fault).raise_any()
 
     def _fault(self, symbol: ca.SX, also: Collection[int]) -> str:
         """Why a symbol is not known; empty if it is."""

@@ -110,8 +110,7 @@ class Box:
         >>> Box.around({"l1": 1.0, "m": -2.0}, 0.05)
         Box(l1=(0.95, 1.05), m=(-2.1, -1.9))
         """
-        if not isinstance(parameters, Mapping):
-            raise DeclarationError(f"Box.around: parameters must be nominal values by name, got {shown(parameters)}.")
+        units, nominal = units_of_parameters(parameters), _nominal("Box.around", parameters)
         if isinstance(spread, str):
             spread = share_of(spread)
         if not is_finite_number(spread) or not 0 < spread < 1:
@@ -119,11 +118,7 @@ class Box:
                 f"Box.around: spread must be a share above 0 and below 1, such as 0.05 or '5%', got {shown(spread)}. "
                 "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
             )
-        if not all(map(is_finite_number, parameters.values())):
-            raise DeclarationError(f"Box.around: the nominal values must be numbers, got {shown(parameters)}.")
-        nominal = {name: float(value) for name, value in parameters.items()}
         intervals = {}
-        nominal = normal_keys("Box.around", nominal)
         names = nominal if names is None else names
         if not isinstance(names, list | tuple | set | frozenset | Mapping) or not names:
             raise DeclarationError(f"Box.around: names must be a list of parameters, got {shown(names)}.")
@@ -137,7 +132,7 @@ class Box:
                 )
             ends = nominal[name] * (1.0 - spread), nominal[name] * (1.0 + spread)
             intervals[name] = min(ends), max(ends)
-        return cls(**intervals).with_units(units_of_parameters(parameters))
+        return cls(**intervals).with_units(units)
 
     @classmethod
     def plus_minus(cls, parameters: Mapping[str, SupportsFloat], /, **tolerances: object) -> "Box":
@@ -163,20 +158,13 @@ class Box:
         >>> Box.plus_minus({"crank": 0.05, "pin": 0.01, "bore": 0.04}, crank="1%", pin=(-1e-5, 3e-5), bore="40 H7")
         Box(crank=(0.0495, 0.0505), pin=(0.00999, 0.01003), bore=(0.04, 0.040025))
         """
-        owner = "Box.plus_minus"
-        if not isinstance(parameters, Mapping) or not all(map(is_finite_number, parameters.values())):
-            raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
-        units = units_of_parameters(parameters)
-        parameters, tolerances = normal_keys(owner, parameters), normal_keys(owner, tolerances)
-        for name in tolerances:
-            if name not in parameters:
-                raise DeclarationError(f"{owner}: unknown parameter '{name}'.{did_you_mean(name, parameters)}")
-        return cls(
-            **{
-                name: interval_of(owner, name, float(parameters[name]), tolerance, units.get(name, ""))
-                for name, tolerance in tolerances.items()
-            }
-        ).with_units(units)
+        owner, units = "Box.plus_minus", units_of_parameters(parameters)
+        nominal, intervals = _nominal(owner, parameters), {}
+        for name, tolerance in normal_keys(owner, tolerances).items():
+            if name not in nominal:
+                raise DeclarationError(f"{owner}: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
+            intervals[name] = interval_of(owner, name, nominal[name], tolerance, units.get(name, ""))
+        return cls(**intervals).with_units(units)
 
     @classmethod
     def read(cls, path: str | PathLike[str], parameters: Mapping[str, SupportsFloat] | None = None) -> "Box":
@@ -201,12 +189,9 @@ class Box:
         """
         if not isinstance(path, str | PathLike):
             raise DeclarationError(f"Box.read: path must be that of a file, got {shown(path)}.")
-        if parameters is not None and not (
-            isinstance(parameters, Mapping) and all(map(is_finite_number, parameters.values()))
-        ):
-            raise DeclarationError(f"Box.read: parameters must be nominal values by name, got {shown(parameters)}.")
         units = units_of_parameters(parameters)
-        return cls(**intervals_in_file(Path(path), normal_keys("Box.read", parameters), units)).with_units(units)
+        nominal = None if parameters is None else _nominal("Box.read", parameters)
+        return cls(**intervals_in_file(Path(path), nominal, units)).with_units(units)
 
     def __or__(self, other: "Box") -> "Box":
         """The intervals of both boxes. A parameter of both must have the same interval in them."""
@@ -299,6 +284,13 @@ class Box:
             [name, *(f"{x:.12g}" for x in pair), f"{middle:.12g} ± {half:.6g}"] for name, pair, middle, half in ends
         ]
         return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]))
+
+
+def _nominal(owner: str, parameters: object) -> dict[str, float]:
+    """Nominal values by the normal forms of their names; DeclarationError if they are none."""
+    if not isinstance(parameters, Mapping) or not all(map(is_finite_number, parameters.values())):
+        raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
+    return {name: float(value) for name, value in normal_keys(owner, parameters).items()}
 
 
 def _interval(name: str, pair: tuple[float, float]) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """The equations of a system as they are read: text, and LaTeX of the same content."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
@@ -33,44 +34,34 @@ class Equations:
     @property
     def text(self) -> str:
         """The equations as lines of text."""
-        names = set_names(self.symbols, plain)
-        pretty, line = printer(names, "pretty"), printer(names, "str").doprint
-        vectors = [f"{_plain(vector)} = ({', '.join(names[n] for n in of)})" for vector, of in self.vectors.items()]
-        parts = [_plain(self.motion), _lines(vectors)]
-        for name, matrix in self.matrices.items():
-            label = name.replace(letter := name.split("_")[0], _LETTERS.get(letter, letter))
-            if name in self.wide:
-                entries = self._entries(name)
-                parts.append(_lines([f"{label}[{', '.join(names[n] for n in at)}] = {line(e)}" for at, e in entries]))
-            else:
-                form = pretty._print(matrix)
-                parts.append(type(form)(*form.left(f"{label} = ")).render(wrap_line=False))
-        if self.shared:
-            parts.append(_lines(["with", *(f"{line(symbol)} = {line(e)}" for symbol, e in self.shared.items())]))
-        return "\n\n".join(part for part in parts if part)
+        pretty, parts = printer(set_names(self.symbols, plain), "pretty"), [_plain(self.motion)]
+        for name, lines in self._parts("str"):
+            if lines is None:
+                form = pretty._print(self.matrices[name])
+                parts.append(type(form)(*form.left(f"{_plain(_label(name))} = ")).render(wrap_line=False))
+            elif lines:
+                parts.append(_lines(["with", *lines] if name == "with" else lines))
+        return "\n\n".join(filter(None, parts))
 
     @property
     def displays(self) -> dict[str, str]:
         """The same in LaTeX, a display for each paragraph."""
-        names = set_names(self.symbols, typeset)
-        tex = printer(names, "latex").doprint
-        displays = {"motion": self.motion} if self.motion else {}
-        if self.vectors:
-            displays["vectors"] = _aligned(
-                [f"{v} &= ({', '.join(names[n] for n in of)})" for v, of in self.vectors.items()]
-            )
-        for name, matrix in self.matrices.items():
-            label = rf"\{name}" if name.split("_")[0] in _LETTERS else name
-            if name in self.wide:
-                entries = self._entries(name)
-                displays[name] = _aligned(
-                    [f"{label}[{', '.join(names[n] for n in at)}] &= {tex(e)}" for at, e in entries]
-                )
-            else:
-                displays[name] = f"{label} = {tex(matrix)}"
-        if self.shared:
-            displays["with"] = _aligned([f"{tex(symbol)} &= {tex(e)}" for symbol, e in self.shared.items()])
-        return displays
+        tex, displays = printer(set_names(self.symbols, typeset), "latex").doprint, {"motion": self.motion}
+        for name, lines in self._parts("latex"):
+            displays[name] = f"{_label(name)} = {tex(self.matrices[name])}" if lines is None else _aligned(lines)
+        return {name: display for name, display in displays.items() if display}
+
+    def _parts(self, kind: str) -> Iterator[tuple[str, list[str] | None]]:
+        """The lines of each paragraph by its name, as text or in LaTeX; None of a part that is printed as a matrix."""
+        is_text = kind == "str"
+        names, sign = set_names(self.symbols, plain if is_text else typeset), "=" if is_text else "&="
+        line, said = printer(names, kind).doprint, _plain if is_text else str
+        yield "vectors", [f"{said(v)} {sign} ({', '.join(names[n] for n in of)})" for v, of in self.vectors.items()]
+        for name in self.matrices:
+            label, entries = said(_label(name)), self._entries(name) if name in self.wide else ()
+            lines = [f"{label}[{', '.join(names[n] for n in at)}] {sign} {line(e)}" for at, e in entries]
+            yield name, lines if name in self.wide else None
+        yield "with", [f"{line(symbol)} {sign} {line(e)}" for symbol, e in self.shared.items()]
 
     def _entries(self, name: str) -> list[tuple[list[str], Any]]:
         """Names of row and column, and the entry, where it is not zero. M is symmetric: its upper half."""
@@ -117,6 +108,11 @@ def _motion(is_rate: bool, has_rows: bool, has_psi: bool) -> str:
     return r",\quad ".join([*motion, *([] if is_rate else [r"\dot{q} = N v"])])
 
 
+def _label(name: str) -> str:
+    """The name of a part in LaTeX."""
+    return rf"\{name}" if name.split("_")[0] in _LETTERS else name
+
+
 def _plain(tex: str) -> str:
     """The equation of motion, or the name of a vector, as text."""
     signs = {r" \\ ": "; ", " & ": "  ", r"\begin{bmatrix} ": "[", r" \end{bmatrix}": "]", r"\quad": "  ", "^T": "ᵀ"}
@@ -133,4 +129,4 @@ def _lines(lines: list[str]) -> str:
 
 
 def _aligned(lines: list[str]) -> str:
-    return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+    return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}" if lines else ""

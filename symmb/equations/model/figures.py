@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, faults_of
 from symmb._types import Array, Expr
 from symmb.declare.mechanics import Figure
 from symmb.declare.symbolic import margin_of
@@ -48,10 +48,8 @@ def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], 
             raise DeclarationError(f"{what}: has {expression.numel()} components; give each its own name.")
     if figure.condition is not None:
         bound = bind(figure.condition, what)
-        try:
+        with faults_of(what):
             condition = margin_of(bound)
-        except DeclarationError as error:
-            raise DeclarationError(f"{what}: {error}") from None
         margin, is_strict = condition.value, condition.is_strict
     begin, end = float(times[0]), float(times[-1])
     if begin == end:

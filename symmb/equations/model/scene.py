@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb import _html as html
-from symmb._errors import DeclarationError, SymmbError
+from symmb._errors import DeclarationError, Faults, SymmbError
 from symmb._interrupts import kept_interrupts
 from symmb._magnitudes import SLIGHT
 from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
@@ -111,9 +111,7 @@ class Scene:
         if isinstance(self.times, list | tuple):
             times = numbers_in("times", "a time", self.times, "s")
             object.__setattr__(self, "times", self.times if times is None else times)
-        faults = self._faults()
-        if faults:
-            raise DeclarationError("\n".join(dict.fromkeys(faults)))
+        self._faults().raise_any()
         if asked := {name: (y, _Fitting(unit)) for name, (y, unit) in self.asked.items() if unit}:
             self._require_fitting_units()
             object.__setattr__(self, "outputs", {**(self.outputs or {}), **asked})
@@ -126,9 +124,9 @@ class Scene:
         if extra:
             object.__setattr__(self, "system", self.system.with_states(extra))
 
-    def _faults(self) -> list[str]:
+    def _faults(self) -> Faults:
         untimely = _time_faults(self.times)
-        faults = [*untimely]
+        faults = Faults(untimely)
         coordinates = self.coordinates
         if coordinates is not None and not (isinstance(coordinates, str) and coordinates in ("joint", "body")):
             faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
@@ -139,10 +137,8 @@ class Scene:
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
         # Coordinates that move uniformly need the start time.
         for attribute in ("_own_box", "prescribed", "guesses", *(() if untimely else ("_bound_outputs", "figures"))):
-            try:
+            with faults.noted():
                 getattr(self, attribute)
-            except DeclarationError as error:
-                faults.extend(str(error).split("\n"))
         return faults
 
     def __reduce__(self) -> tuple:
@@ -171,8 +167,7 @@ class Scene:
         known = self.system.parameters
         unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
         box = self.box if unknown else self.box.with_units(units_of_parameters(known))
-        if faults := unknown or self.system.sign_faults(box):
-            raise DeclarationError("\n".join(faults))
+        Faults(unknown or self.system.sign_faults(box)).raise_any()
         return box
 
     @cached_property
@@ -211,21 +206,18 @@ class Scene:
         if not isinstance(outputs, Mapping):
             raise DeclarationError('outputs: expected a mapping from names to expressions, such as {"x": rod.x}.')
         bound: dict[str, ca.SX] = {}
-        faults = [f"output {fault}" for fault in name_faults([*outputs])]
+        faults = Faults(f"output {fault}" for fault in name_faults([*outputs]))
         if not outputs:
             raise DeclarationError("outputs: give at least one, or leave them out for all coordinates and velocities.")
         for name, (expression, unit) in self.asked.items():
             if isinstance(expression, Figure):
                 continue
-            try:
+            with faults.noted():
                 own = self.expression(expression, f"output {name!r}")
                 bound[name] = scaled(own, unit_of(f"output {name!r}", unit), inverse=True)
                 if own.numel() != 1:
                     faults.append(f"output {name!r}: has {own.numel()} components; give each its own name.")
-            except DeclarationError as error:
-                faults.append(str(error))
-        if faults:
-            raise DeclarationError("\n".join(faults))
+        faults.raise_any()
         return bound
 
     @property
@@ -260,19 +252,16 @@ class Scene:
     @cached_property
     def figures(self) -> dict[str, BoundFigure]:
         """The scalar outputs by name."""
-        bound, faults = {}, list[str]()
+        bound, faults = {}, Faults()
         for name, (output, unit) in self.asked.items():
             if isinstance(output, Figure):
-                try:
+                with faults.noted():
                     own = bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
                     ratio, y = unit_of(f"output {name!r}", unit), own.expression
                     per_second = scaled(1.0, ratio, inverse=True) if y is None and unit else 1.0
                     y = y if y is None else scaled(y, ratio, inverse=True)
                     bound[name] = replace(own, expression=y, per_second=per_second)
-                except DeclarationError as error:
-                    faults.append(str(error))
-        if faults:
-            raise DeclarationError("\n".join(faults))
+        faults.raise_any()
         return bound
 
     @cached_property

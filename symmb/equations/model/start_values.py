@@ -6,12 +6,12 @@ from typing import Any
 
 import casadi as ca
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, Faults, faults_of
 from symmb._names import did_you_mean
 from symmb._options import shown
 from symmb._types import Expr
 from symmb.declare.mechanics import Joint, Motor, OwnState, Rotation, Spatial
-from symmb.declare.symbolic import Kind, Symbol, lookup, symbols_in
+from symmb.declare.symbolic import Kind, Symbol, components, lookup, symbols_in
 from symmb.equations.model.system import System
 
 _RATE_OF = {"x": "vx", "y": "vy", "z": "vz", "theta": "omega"}
@@ -67,19 +67,14 @@ def listed_values(system: System, listed: Mapping[str, Expr], what: str) -> Pres
     """Listed values by the index or the name of what they are of; see `Scene` for the names."""
     if not isinstance(listed, Mapping):
         raise DeclarationError(f'{what}: expected values by name, such as {{"rod.theta": 0.3}}, got {shown(listed)}.')
-    values, faults = _Values(system, what), []
+    values, faults = _Values(system, what), Faults()
     for name, value in listed.items():
         if not isinstance(name, str):
             faults.append(f"{what}: the name of a coordinate is a text, got {shown(name)}.")
             continue
-        try:
+        with faults.noted():
             values.add(name, value)
-        except DeclarationError as error:
-            faults.append(str(error))
-        except (TypeError, ValueError):
-            faults.append(f"{what} {name!r}: expected three numbers or expressions, got {shown(value)}.")
-    if faults:
-        raise DeclarationError("\n".join(faults))
+    faults.raise_any()
     return Prescribed(
         values.q, values.v, frozenset(values.displacements), values.drift, tuple(values.joint_values), values.states
     )
@@ -125,10 +120,8 @@ class _Values:
             self.states[name] = self._bind(value, name)
         elif body in self._joints and part.removesuffix("_rate") in ("angle", "displacement"):
             bound = self._bind(value, name)
-            try:
+            with faults_of(self._what):
                 getattr(self._joints[body], part)
-            except DeclarationError as error:
-                raise DeclarationError(f"{self._what}: {error}") from None
             self.joint_values.append(JointValue(self._joints[body], part, bound))
         else:
             known = did_you_mean(name, self._known())
@@ -138,7 +131,10 @@ class _Values:
         """The rotation of a body in space, or its angular velocity."""
         omega = [self._v_at[f"{body}.omega_{c}"] for c in "xyz"]
         if part == "omega":
-            self.v.update({at: self._bind(w, name) for at, w in zip(omega, value, strict=True)})
+            if (parts := components(value)) is None or len(parts) != 3:
+                what = f"{self._what} {name!r}"
+                raise DeclarationError(f"{what}: expected three numbers or expressions, got {shown(value)}.")
+            self.v.update({at: self._bind(w, name) for at, w in zip(omega, parts, strict=True)})
             return
         if not isinstance(value, Rotation):
             raise DeclarationError(

@@ -1,33 +1,24 @@
 """A system in words: what it has, and what was left out."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from symmb.declare.mechanics import Body, Constraint, Element, ForceElement
+from symmb.declare.mechanics import Constraint, ForceElement
 from symmb.declare.symbolic import Kind, is_time, is_zero, lookup
 from symmb.equations.model.assembly import Collected
 from symmb.equations.model.joint_space import JointSpace
 
 
-def system_text(
-    c: Collected,
-    elements: Sequence[Body | Element],
-    parameters: Mapping[str, float],
-    *,
-    M: ca.SX,
-    block_sizes: Sequence[int],
-    Phi_t: ca.SX,
-    power: ca.SX,
-    joints: JointSpace,
-    in_joints: bool,
-) -> str:
-    """A few lines: bodies, sizes, the structure of M (n_v, n_v), and parts that were left out.
+def system_text(system: Any, joints: JointSpace | None) -> str:
+    """A System, whose module imports this one, in a few lines: bodies, sizes, the structure of M, what was left out.
 
-    `in_joints` says whether the coordinates are those of the joints.
+    `joints` are those whose coordinates it has, None if it has those of its bodies.
     """
+    c, elements = system.collected, system.elements
     constraints = [e.kind for e in elements if isinstance(e, Constraint)]
     forces = [e.kind for e in elements if isinstance(e, ForceElement)]
     dropped = c.n_declared_rows - c.Phi.numel()
@@ -38,13 +29,13 @@ def system_text(
         ("impacts", ", ".join(name for name, *_ in c.impacts)),
         ("events", ", ".join(f"{e.joint.name} {'opens' if e.opens else 'closes'}" for e, _ in c.joint_events)),
         ("sampled", ", ".join(f"{e.name} every {e.period:g} s" for e, _ in c.sampled)),
-        ("parameters", ", ".join(parameters) or "none"),
-        ("coordinates", _coordinates(c, joints, in_joints)),
+        ("parameters", ", ".join(system.parameters) or "none"),
+        ("coordinates", _coordinates(c, joints or JointSpace(c, elements), joints is not None)),
         ("sizes", _sizes(c)),
-        ("M", _mass_structure(M, block_sizes)),
+        ("M", _mass_structure(system.M, system.block_sizes)),
         ("left out", f"{dropped} of {c.n_declared_rows} rows of Phi vanish by structure" if dropped else ""),
         *(("left out", f"{x} moves uniformly, no element acts on it") for x, *_ in c.decoupled),
-        ("left out", "; ".join(_left_out(c, Phi_t, power)) or "nothing"),
+        ("left out", "; ".join(_left_out(c, system.Phi_t, system.power)) or "nothing"),
     ]
     return "System\n" + "\n".join(f"  {label:<12} {text}" for label, text in parts if text)
 

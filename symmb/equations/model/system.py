@@ -466,10 +466,7 @@ class System(FilledByBlock):
         return html.page(text, *map(html.formula, formulas.values()), html.text(note if large else ""))
 
     def __repr__(self) -> str:
-        of, sizes, is_own = (self.collected, self.elements, self.parameters), self.block_sizes, self._joints is not None
-        joints = self._joints or JointSpace(self.collected, self.elements)
-        parts = {"M": self.M, "Phi_t": self.Phi_t, "power": self.power}
-        return system_text(*of, **parts, block_sizes=sizes, joints=joints, in_joints=is_own)
+        return system_text(self, self._joints)
 
 
 def _restored(

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, SupportsFloat
 
-from symmb._errors import DeclarationError, FileError, text_of
+from symmb._errors import DeclarationError, FileError, faults_of, text_of
 from symmb._magnitudes import SAME
 from symmb._names import did_you_mean, normal
 from symmb._options import is_finite_number, numbers_of, shown
@@ -161,10 +161,8 @@ def _of_grade(owner: str, name: str, text: str, unit: str) -> _Told:
         )
     if _DEGREE in text:
         raise DeclarationError(f"{owner}: {text!r} of {name!r}: grades are known for lengths alone. Write '30° ±0.5°'.")
-    try:
+    with faults_of(f"{owner}: {name!r}"):
         size, lower, upper = sizes_of_grade(plain)
-    except DeclarationError as error:
-        raise DeclarationError(f"{owner}: {name!r}: {error}") from None
     return _Told(size, (lower, upper), unit)
 
 

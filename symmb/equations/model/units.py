@@ -25,7 +25,9 @@ _TEXTS = {
 _NONE, _TIME, _ANGLE, _LENGTH = _unit(""), _unit("s"), _unit("rad"), _unit("m")
 _SPEED, _SPIN = _unit("m/s"), _unit("rad/s")
 _POSITION = {"x": _LENGTH, "y": _LENGTH, "z": _LENGTH, "theta": _ANGLE, "angle": _ANGLE}
-_VELOCITY = dict.fromkeys(("vx", "vy", "vz"), _SPEED) | dict.fromkeys(("omega", "omega_x", "omega_y", "omega_z"), _SPIN)
+_VELOCITY: dict[str, Unit] = dict.fromkeys(("vx", "vy", "vz"), _SPEED) | dict.fromkeys(
+    ("omega", "omega_x", "omega_y", "omega_z"), _SPIN
+)
 _HANDLES = {"angle_rate": _SPIN, "displacement": _LENGTH, "displacement_rate": _SPEED}
 """Handles of joints, expressions whose units do not follow from numbers in axes."""
 _RATE = ".rate"

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, Faults, faults_of
 from symmb._magnitudes import SAME
 from symmb._names import name_fault
 from symmb._options import number_text, shown
@@ -83,7 +83,10 @@ def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple
     mass = bind(body.mass, f"Body {body.name!r}: mass")
     bind.check(body.laws, f"Body {body.name!r}: stiffness or damping")
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
-    faults = _inertia_faults(body, "mass", mass, parameters) + _inertia_faults(body, "inertia", ca.diag(J), parameters)
+    moments = ca.diag(J)
+    faults = Faults(
+        [*_inertia_faults(body, "mass", mass, parameters), *_inertia_faults(body, "inertia", moments, parameters)]
+    )
     skew, size = _nominal(ca.vec(J - J.T), parameters), _nominal(ca.vec(J), parameters)
     if skew is not None and size is not None and skew.any():
         if np.abs(skew).max() > _ASYMMETRY * np.abs(size).max():
@@ -92,8 +95,7 @@ def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple
     v_like = [s for s in ca.symvar(ca.vertcat(mass, ca.vec(J))) if bind.is_velocity(s)]
     if v_like:
         faults.append(f"Body {body.name!r}: mass and inertia must not depend on velocities ({v_like[0].name()}).")
-    if faults:
-        raise DeclarationError("\n".join(faults))
+    faults.raise_any()
     return mass, J
 
 
@@ -125,7 +127,7 @@ def _nominal(value: ca.SX, parameters: Parameters) -> Array | None:
 def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca.SX]:
     """The rows that are not zero. Each must depend on a coordinate."""
     nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
-    faults = []
+    faults = Faults()
     for row in nonzero:
         bind.check(row, constraint.title)
         if not any(bind.is_coordinate(s) for s in ca.symvar(row)):
@@ -135,8 +137,7 @@ def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca
         faults += [f"{constraint.title}: {fault}" for fault in _state_faults(row, bind)]
     if rows.numel() and not nonzero:
         faults.append(f"{constraint.title}: all its rows vanish, nothing is left to constrain. Leave it out.")
-    if faults:
-        raise DeclarationError("\n".join(faults))
+    faults.raise_any()
     return nonzero
 
 
@@ -179,7 +180,7 @@ def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[c
     """Gap and coefficient of restitution of an impact as SX scalars."""
     gap = bind(impact.gap, f"{impact.title}: gap")
     e = bind(impact.restitution, f"{impact.title}: restitution")
-    faults = []
+    faults = Faults()
     for what, value in (("gap", gap), ("restitution", e)):
         if value.numel() != 1:
             faults.append(f"{impact.title}: {what} has {value.numel()} components. Give each its own Impact.")
@@ -193,8 +194,7 @@ def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[c
     if nominal is not None and not 0 <= nominal[0] <= 1:
         fault = RESTITUTION.format(number_text(nominal[0]))
         faults.append(f"{impact.title}: {fault} at the nominal parameters. Give one that is.")
-    if faults:
-        raise DeclarationError("\n".join(faults))
+    faults.raise_any()
     return gap, e
 
 
@@ -204,10 +204,8 @@ def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.
     if callable(condition):
         condition = law_value(condition, event.title, joint_reaction(event.joint, ca.vertcat(*rows), lam))
     condition = bind(condition, what, {s.element_hash() for s in ca.vertsplit(lam)})
-    try:
+    with faults_of(event.title):
         value = margin_of(condition).value
-    except DeclarationError as error:
-        raise DeclarationError(f"{event.title}: {error}") from None
     if all(bind.is_parameter(s) for s in ca.symvar(value)):
         raise DeclarationError(
             f"{event.title}: the condition never changes. Write a comparison of coordinates, velocities or mb.t, such "

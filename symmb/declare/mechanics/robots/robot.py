@@ -9,7 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 import casadi as ca
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, Faults
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, is_real, shown
 from symmb._types import Expr
@@ -159,7 +159,7 @@ def replaced(
         raise DeclarationError(
             f'replace: expected {{"forearm.mass": p.m}}, expressions by names, got {shown(replace)}.'
         )
-    faults: list[str] = []
+    faults = Faults()
     values: dict[str, Scalar] = dict(description.numbers)
     for name, value in replace.items():
         fault = _idle_fault(description, name, stop, fixed) or _value_fault(name, value)
@@ -173,8 +173,7 @@ def replaced(
         fault = inertia_fault(numbers) if len(numbers) == len(entries) else ""
         if fault:
             faults.append(f"replace: inertia of {link!r}: {fault}")
-    if faults:
-        raise DeclarationError("\n".join(faults))
+    faults.raise_any()
     return values
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from symmb._errors import DeclarationError, warn_of
+from symmb._errors import DeclarationError, Faults, warn_of
 from symmb._names import did_you_mean
 from symmb._options import require_truth, shown
 from symmb._types import Expr
@@ -131,29 +131,24 @@ def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Descri
     if top.name != "robot":
         raise top.fault("the outermost element of a URDF file must be <robot>.")
     top.check(_IN_ROBOT, ("name", "version"))
-    faults: list[str] = []
+    faults = Faults()
     numbers: dict[str, float] = {}
     links: dict[str, _Link] = {}
     joints: dict[str, _Joint] = {}
     for tag in top.inside:
-        try:
+        with faults.noted():
             if tag.name == "link":
                 _add(links, _link(tag, numbers))
             elif tag.name == "joint":
                 _add(joints, _joint(tag, numbers))
             elif tag.name in {*_IN_LINK, *_IN_JOINT} - {*_IN_ROBOT}:
                 raise tag.fault("this element stands right in <robot>; move it into its link or joint.")
-        except DeclarationError as error:
-            faults.append(str(error))
     if not faults:
         faults += _reference_faults(links, joints)
     for joint in [*joints.values()] * (not faults):
-        try:
+        with faults.noted():
             _free_mimic(joint, joints)
-        except DeclarationError as error:
-            faults.append(str(error))
-    if faults:
-        raise DeclarationError("\n".join(dict.fromkeys(faults)))
+    faults.raise_any()
     if not links:
         raise top.fault("it has no <link>; add one.")
     root, order = _tree(top, links, joints)
