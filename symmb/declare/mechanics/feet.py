@@ -209,7 +209,7 @@ class Motion(NamedTuple):
 
     @classmethod
     def of(cls, P: ca.SX, R: ca.SX) -> "Motion":
-        """That of a place and a rotation that depend on coordinates."""
+        """The motion of a place and a rotation that depend on coordinates."""
         turning = ddt(R)
         return cls(P, R, (ddt(P), turning), cross(R[:, 0], turning[:, 0]))
 

@@ -210,7 +210,7 @@ class FlexibleBody(Body):
 
     @cached_property
     def _first_moment(self) -> ca.SX:
-        """In the frame's axes, from its origin [kg m], (3,)."""
+        """The first moment of mass about the frame's origin, in its axes [kg m], (3,)."""
         return _sum(self.modes, lambda part: _polynomial(part.moment, part.S, part.S2, self.eta))
 
     @property

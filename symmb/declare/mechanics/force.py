@@ -245,7 +245,7 @@ class PairTorque(ForceElement):
     @property
     @abstractmethod
     def axis(self) -> tuple[Expr, ...]:
-        """In both bodies' axes, (3,)."""
+        """The direction about which the bodies turn, in the axes of both, (3,)."""
 
     @cached_property
     def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:

@@ -40,7 +40,7 @@ class Turn:
 
 
 def about_z(angle: ca.SX, rate: ca.SX) -> Turn:
-    """About the common axis of the frames."""
+    """The turn by an angle about the common axis z of two frames."""
     half = angle / 2
     return Turn(rotation_z(angle), ca.vertcat(ca.cos(half), 0, 0, ca.sin(half)), rate * AXIS, angle)
 
@@ -50,7 +50,7 @@ def _none() -> Turn:
 
 
 def about_two(q: ca.SX, u: ca.SX) -> Turn:
-    """About the axis of body a, and then about that of body b, which is normal to it."""
+    """The turn about the axis of body a, and then about that of body b, which is normal to it."""
     first, second = about_z(q[0], u[0]), about_z(q[1], u[1])
     between = product(quaternion_of(_QUARTER), second.quaternion)
     E = _QUARTER @ second.matrix
@@ -58,7 +58,7 @@ def about_two(q: ca.SX, u: ca.SX) -> Turn:
 
 
 def about_point(e: ca.SX, omega: ca.SX) -> Turn:
-    """By a quaternion, with an angular velocity in axes of the frame on body b."""
+    """The turn by a quaternion, with an angular velocity in axes of the frame on body b."""
     return Turn(rotation_matrix(e), e / ca.norm_2(e), omega, ca.SX(0))
 
 
@@ -84,7 +84,7 @@ def angle_of(pose: RelativePose) -> ca.SX:
 
 
 def angles_of(pose: RelativePose) -> ca.SX:
-    """Those of `about_two` [rad], (2,)."""
+    """The two angles of `about_two` [rad], (2,)."""
     E = pose.turn
     return ca.vertcat(ca.atan2(E[0, 2], -E[1, 2]), ca.atan2(E[2, 0], E[2, 1]))
 

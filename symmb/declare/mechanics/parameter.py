@@ -73,16 +73,16 @@ class Parameters(Mapping[str, float]):
         self._quantities = _quantities(self._symbols, self._nominal, self._units)
 
     def with_more(self, **nominal: float) -> "Parameters":
-        """These parameters, with the same symbols, and more behind them."""
+        """Parameters with the same symbols as these, and more behind them."""
         more = Parameters(**nominal)
         return self._with(self._nominal | more._nominal, more._records)
 
     def with_inputs(self, inputs: Sequence[Symbol]) -> "Parameters":
-        """These parameters, and the symbols of inputs behind them, whose nominal values are 0."""
+        """Parameters with the symbols of these, and behind them those of inputs, whose nominal values are 0."""
         return self._with(self._nominal | dict.fromkeys((symbol.name for symbol in inputs), 0.0), inputs)
 
     def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
-        """These parameters, with the same symbols, and with other nominal values."""
+        """Parameters with the symbols of these, and with other nominal values."""
         nominal = normal_keys("with_nominal", nominal)
         if not isinstance(nominal, Mapping) or not all(is_finite_number(nominal.get(name)) for name in self._nominal):
             names = ", ".join(self._nominal)
@@ -90,7 +90,7 @@ class Parameters(Mapping[str, float]):
         return self._with({name: float(nominal[name]) for name in self._nominal})
 
     def _with(self, nominal: dict[str, float], more: Sequence[Symbol] = ()) -> "Parameters":
-        """These parameters with other nominal values, and more symbols behind them."""
+        """Parameters with the symbols of these, other nominal values, and more symbols behind them."""
         other = object.__new__(Parameters)
         other._nominal, other._units, other._records = nominal, self._units, (*self._records, *more)
         symbols = [symbol.sx for symbol in more]

@@ -196,7 +196,7 @@ class Straight:
 
     @classmethod
     def between(cls, a: ca.SX, b: ca.SX, r: ca.SX, s: ca.SX) -> "Straight":
-        """That between circles of radii r and s about a and b (3,), whose centres are apart by d.
+        """The straight part between circles of radii r and s about a and b (3,), whose centres are apart by d.
 
         It is turned from the line of the centres by an angle of sine (r - s) / |d|.
         """

@@ -62,7 +62,7 @@ class Flexibility:
         return bool(self.K[rows][:, columns].nnz)
 
     def responses(self, nodes: Sequence[int]) -> Responses:
-        """Those to loads at m nodes: the body accelerates as a rigid one, and deforms by them and by its inertia."""
+        """Responses to loads at m nodes: the body accelerates as a rigid one, and deforms by them and its inertia."""
         dofs = (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
         moves = np.isin(dofs, self.free)
         unit = np.zeros((self.K.shape[0], len(dofs)))

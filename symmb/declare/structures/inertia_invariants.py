@@ -60,7 +60,7 @@ class Shapes:
     length: float
 
     def invariants(self, M: Sparse, samples: MassSamples) -> Invariants:
-        """Those of the body or of a part of it, from its mass matrix and samples."""
+        """The invariants of the body, or of a part of it, from its mass matrix and samples."""
         momentum, modal = M @ self.rigid, self.X.T @ (M @ self.X)
         part, first = rigid_inertia(self.rigid.T @ momentum), momentum.T @ self.X
         J1, J2, G1, S2 = deformed_inertia(samples, self.X, self.origin, self.D)

@@ -208,7 +208,7 @@ class Modes:
         return _STRUCTURES.get(self)
 
     def of_structure(self, structure: Flexibility) -> "Modes":
-        """These modes, which know their structure from now on. Their file does not."""
+        """Let these modes know their structure from now on. Their file does not."""
         _STRUCTURES[self] = structure
         return self
 

@@ -76,7 +76,7 @@ class Matrix:
 
 
 def is_nastran(source: object) -> bool:
-    """Whether it is the path of a file of Nastran, by its ending."""
+    """Whether a source is the path of a file of Nastran, by its ending."""
     return isinstance(source, str | PathLike) and Path(source).suffix.lower() in SUFFIXES
 
 

@@ -94,7 +94,7 @@ def _without(X: Array, rigid: Array, M: Sparse) -> Array:
 
 
 def _independent(B: Array, K: Sparse) -> Array:
-    """The same span with Bᵀ K B = 1."""
+    """Other columns that span what those of B do, with Bᵀ K B = 1."""
     for _ in range(2):
         energies, V = np.linalg.eigh(B.T @ (K @ B))
         B = B @ (V / np.sqrt(energies))

@@ -36,7 +36,7 @@ class Ranges:
 
     @classmethod
     def given(cls, at: Mapping[str, Any] | None, owner: str) -> "Ranges":
-        """From a `Box`, from `Parameters`, or from a mapping with numbers and pairs."""
+        """Intervals from a `Box`, from `Parameters`, or from a mapping with numbers and pairs."""
         if at is not None and not hasattr(at, "keys"):
             raise DeclarationError(f"{owner}: at must be a Box, Parameters, or values by name, got {shown(at)}.")
         intervals = {}
@@ -180,28 +180,31 @@ def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh,
             f"{owner}: parameters change the proportions of a beam along it, or those of bending to shear, on which "
             "the shapes of its elements rest. Use one section for the whole beam, and section.without_shear()."
         )
+    stiff, massive = (_distinct(beams, nominal, factors, which) for which in (range(6), range(6, 9)))
+    stiffness = tuple((law, part.stiffness) for law, part in stiff)
+    mass = tuple((law, part.samples.mass_matrix(), part.samples) for law, part in massive)
+    return mesh(nominal), Terms(ranges, stiffness, mass)
 
-    def terms(which: Iterable[int]) -> Iterator[tuple[Expr, Mesh]]:
-        """Distinct laws of all beams, each with the mesh of what is proportional to it."""
-        left = [(b, k) for b in range(len(beams)) for k in which]
-        while left:
-            b, k = left[0]
-            own = [x for x in left if _is_one_law(np.stack([factors[i][:, 0, j] for i, j in (x, (b, k))], axis=1))]
-            shares = np.zeros((len(beams), 9))
-            shares[tuple(np.transpose(own))] = 1.0
-            yield beams[b].laws()[0][k] / nominal[b].laws()[0][k], mesh(nominal, shares)
-            left = [x for x in left if x not in own]
 
-    massive = [(law, part.samples) for law, part in terms(range(6, 9))]
-    return mesh(nominal), Terms(
-        ranges,
-        tuple((law, part.stiffness) for law, part in terms(range(6))),
-        tuple((law, samples.mass_matrix(), samples) for law, samples in massive),
-    )
+def _distinct(
+    beams: Sequence[Beam], nominal: Sequence[Beam], factors: Sequence[Array], which: Iterable[int]
+) -> Iterator[tuple[Expr, Mesh]]:
+    """Distinct laws among some of all beams, each with the mesh of what is proportional to it.
+
+    `factors` of each beam are its laws at points over those of the first point.
+    """
+    left = [(b, k) for b in range(len(beams)) for k in which]
+    while left:
+        b, k = left[0]
+        own = [x for x in left if _is_one_law(np.stack([factors[i][:, 0, j] for i, j in (x, (b, k))], axis=1))]
+        shares = np.zeros((len(beams), 9))
+        shares[tuple(np.transpose(own))] = 1.0
+        yield beams[b].laws()[0][k] / nominal[b].laws()[0][k], mesh(nominal, shares)
+        left = [x for x in left if x not in own]
 
 
 def numeric_terms(K: Sparse, M: Sparse, samples: MassSamples, ranges: Ranges) -> Terms:
-    """Of a structure without parameters."""
+    """The terms of a structure without parameters."""
     return Terms(ranges, ((1.0, K),), ((1.0, M, samples),))
 
 

@@ -50,7 +50,7 @@ def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, .
 
 
 def batch_padded(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
-    """The same with arguments (N, n) padded to a power of 2: CasADi keeps one map for each number of samples."""
+    """`batch` with arguments (N, n) padded to a power of 2: CasADi keeps one map for each number of samples."""
     N = len(arguments[0])
     if N < 2:
         return batch(f, *arguments)

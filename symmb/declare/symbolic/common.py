@@ -40,7 +40,7 @@ def common(name: str, *parts: Any) -> ca.Function:
 
 
 def shared(expressions: Sequence[ca.SX]) -> list[ca.SX]:
-    """The same expressions, in all of which together those that are equal are one."""
+    """Expressions of the same values, in all of which together those that are equal are one."""
     symbols = [ca.vertcat(ca.SX(0, 1), *symbols_in(ca.veccat(*expressions)))]  # CasADi warns of many inputs
     f = ca.Function("all", symbols, expressions)
     return common("all", symbols, expressions).call(symbols) if called(f) else ca.cse(expressions)

@@ -72,7 +72,7 @@ class Pieces:
 
     @cached_property
     def function(self) -> ca.Function:
-        """The same as a Function (group, at) -> columns.
+        """The Function (group, at) -> columns, which expressions call.
 
         CasADi needs derivatives that are not zero by structure at the border of SX and MX: they are zero in numbers.
         """
@@ -172,7 +172,7 @@ def _list(name: str, values: Array) -> ca.Function:
 
 
 def called(f: ca.Function) -> dict[int, list[Entry | None]]:
-    """Of the instructions of an SX Function that call pieces, by their numbers: what each result is, None where 0.
+    """What each result of the instructions of an SX Function that call pieces is, by their numbers; None where 0.
 
     Calls of other Functions are not in it.
     """

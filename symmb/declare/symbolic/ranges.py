@@ -36,7 +36,7 @@ class _SplitRange(NamedTuple):
 
 
 class SymbolicRange(NamedTuple):
-    """From low to high, SX scalars. A range of one point holds the same expression twice.
+    """A range from low to high, SX scalars. One of a single point holds the same expression twice.
 
     `jumps` is 1 where the value may jump within the range of its arguments. `chosen` are the ranges of a condition and
     of what the value is where it holds, if it is 0 elsewhere. `parts` are the ranges on both sides of a place where
@@ -177,7 +177,7 @@ def _negative(a: SymbolicRange) -> SymbolicRange:
 
 
 def _rising(code: int, low: float, high: float, a: SymbolicRange) -> SymbolicRange:
-    """Of an operation that never falls, with the ends of its domain."""
+    """The range of an operation that never falls, with the ends of its domain."""
     is_bounded = math.isfinite(low) or math.isfinite(high)
     ends = [ca.fmin(ca.fmax(end, low), high) if is_bounded else end for end in a[:2]]
     return SymbolicRange(*(ca.SX.unary(code, end) for end in ends))
@@ -242,7 +242,7 @@ def _power(a: SymbolicRange, exponent: SymbolicRange) -> SymbolicRange:
 
 
 def _turned(f: Callable[[ca.SX], ca.SX], a: SymbolicRange, top: float) -> SymbolicRange:
-    """Of a sine or cosine, which is 1 where the argument is `top` and all turns from there."""
+    """The range of a sine or cosine, which is 1 where the argument is `top` and all turns from there."""
 
     def has(angle: float) -> ca.SX:
         return ca.floor((a.high - angle) / (2 * math.pi)) >= ca.ceil((a.low - angle) / (2 * math.pi))
@@ -267,7 +267,7 @@ def _angle(y: SymbolicRange, x: SymbolicRange) -> SymbolicRange:
 def _within_period(
     rounded: Callable[[ca.SX], ca.SX], a: SymbolicRange, b: SymbolicRange, share: float
 ) -> SymbolicRange:
-    """Of a - b rounded(a / b), whose size is a share of b at most. It jumps where the rounded number does."""
+    """The range of a - b rounded(a / b), which is a share of b at most. It jumps where the rounded number does."""
     if not b.is_point:
         size = share * _size(b).high
         return SymbolicRange(-size, size, ca.SX(1))

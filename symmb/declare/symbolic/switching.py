@@ -215,7 +215,7 @@ def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power
 
 
 def with_common_expressions(f: ca.Function) -> ca.Function:
-    """The same SX Function, in which expressions that are equal are one."""
+    """An SX Function of the same values, in which expressions that are equal are one."""
     inputs = f.sx_in()
     return common(f.name(), inputs, f.call(inputs), f.name_in(), f.name_out())
 

@@ -64,7 +64,7 @@ class Coordinates(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence["Coordinates"]) -> dict[str, Any]:
-        """Those of several parts, by the names of the attributes."""
+        """The coordinates of several parts together, by the names of the attributes."""
         columns: dict[str, list[Any]] = {name: [getattr(part, name) for part in parts] for name in cls._fields}
         names = {name: tuple(chain.from_iterable(columns.pop(name))) for name in ("q_names", "v_names")}
         return {name: stacked(column) for name, column in columns.items()} | names

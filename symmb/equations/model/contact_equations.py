@@ -9,8 +9,9 @@ States c of 0 and 1 tell which contacts are closed. By (c D c + 1 - c) f = -c (W
 are 0, so that one set of equations holds for all combinations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -251,14 +252,7 @@ class ContactEquations:
         lost, L = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
         v_new, impulse, work = self._slipping(system.v - lost, -L, ca.dot(L, system.Phi_dot / 2 - at_rest))
         return JointEvents(
-            names=tuple(e.joint.name for e in events),
-            titles=tuple(e.title for e in events),
-            opens=tuple(e.opens for e in events),
-            holding=tuple(numbers[e.holding.name] for e in events),
-            flags=tuple(numbers[e.flag.name] for e in events),
-            others=tuple(tuple(numbers[flag] for flag in _other_flags(e, events)) for e in events),
-            rows=tuple(c.rows.get(e.joint.name, slice(0, 0)) for e in events),
-            by_force=tuple(ca.depends_on(margin, e.lam) for e, margin in c.joint_events),
+            **_columns([self._entries(e, numbers) for e in events]),
             place=tuple(numbers[name] for _, name, _ in places),
             owners=tuple(k for k, *_ in places),
             clutches=tuple((numbers[clutch.flag.name], numbers[clutch.side.name]) for clutch in clutches),
@@ -268,7 +262,21 @@ class ContactEquations:
             jump=self._function("jump", v_new=v_new, impulse=impulse, work=work),
         )
 
+    def _entries(self, event: JointEvent, numbers: Mapping[str, int]) -> dict[str, Any]:
+        """What `JointEvents` tells of one event, by the numbers of the states."""
+        others = [e for e, _ in self._c.joint_events if e.joint is event.joint and e.flag is not event.flag]
+        return {
+            "names": event.joint.name,
+            "titles": event.title,
+            "opens": event.opens,
+            "holding": numbers[event.holding.name],
+            "flags": numbers[event.flag.name],
+            "others": tuple(numbers[other.flag.name] for other in others),
+            "rows": self._c.rows.get(event.joint.name, slice(0, 0)),
+            "by_force": ca.depends_on(dict(self._c.joint_events)[event], event.lam),
+        }
 
-def _other_flags(event: JointEvent, events: Sequence[JointEvent]) -> list[str]:
-    """Names of the states for what other events of the same joint keep closed."""
-    return [other.flag.name for other in events if other.joint is event.joint and other.flag is not event.flag]
+
+def _columns(rows: Sequence[dict[str, Any]]) -> dict[str, tuple[Any, ...]]:
+    """The entries of the same name of all rows."""
+    return {name: tuple(row[name] for row in rows) for name in rows[0]}

@@ -116,7 +116,7 @@ class DAE:
         return {name: f() for name, f in self.equations.items()} | {k: f for k, f in rows.items() if f is not None}
 
     def with_functions(self, functions: Mapping[str, ca.Function]) -> "DAE":
-        """The same DAE with other Functions of states, parameters and time."""
+        """A copy with other Functions of states, parameters and time."""
         rows = {name: functions.get(name) for name in ("Phi", "Phi_dot", "G")}
         return replace(self, equations={name: known(f) for name, f in functions.items() if name not in rows}, **rows)
 
@@ -138,7 +138,7 @@ class DAE:
         return {**self.__dict__, "memory": memory}
 
     def around(self, p: Array) -> "DAE":
-        """The same equations for runs with parameters p (n_p,)."""
+        """A copy for runs with parameters p (n_p,), which shares what was derived."""
         copy = replace(self, p_nominal=p)
         vars(copy)["memory"] = self.memory
         return copy
@@ -149,7 +149,7 @@ class DAE:
         return self.measured()
 
     def scaled(self, measure: Callable[[], Scales]) -> "DAE":
-        """The same equations with other scales, which are measured at their first use."""
+        """A copy with other scales, which are measured at their first use."""
         return replace(self, measured=Lazy(measure))
 
     @cached_property

@@ -1,17 +1,22 @@
 """The equations of a system as they are read: text, and LaTeX of the same content."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from textwrap import fill
 from typing import Any
 
+from symmb import _html as html
+from symmb._options import require_names
 from symmb.declare.mechanics import with_si_symbols
-from symmb.declare.symbolic import is_zero, plain, printer, set_names, simplified, typeset, with_names
+from symmb.declare.symbolic import is_zero, plain, printer, set_names, simplified, to_sympy, typeset, with_names
 
 _WIDTH = 94
 """Columns of text up to which a matrix is printed as such. Of wider ones the entries that are not zero are printed."""
 _LONGEST = 60
 """Operations of the longest entry up to which what the entries share has no names."""
+_LARGEST = 6000
+"""Characters of the LaTeX of a part up to which notebooks typeset it."""
 _LETTERS = {"Phi": "Φ", "Psi": "Ψ", "gamma": "γ", "lambda": "λ"}
 
 
@@ -45,7 +50,7 @@ class Equations:
 
     @property
     def displays(self) -> dict[str, str]:
-        """The same in LaTeX, a display for each paragraph."""
+        """The equations in LaTeX, a display for each paragraph."""
         tex, displays = printer(set_names(self.symbols, typeset), "latex").doprint, {"motion": self.motion}
         for name, lines in self._parts("latex"):
             displays[name] = f"{_label(name)} = {tex(self.matrices[name])}" if lines is None else _aligned(lines)
@@ -63,11 +68,85 @@ class Equations:
             yield name, lines if name in self.wide else None
         yield "with", [f"{line(symbol)} {sign} {line(e)}" for symbol, e in self.shared.items()]
 
+    @property
+    def formulas(self) -> list[str]:
+        """The displays as notebooks show them, but for those that are too long to be read, which are named."""
+        large = ", ".join(name for name, tex in self.displays.items() if len(tex) > _LARGEST)
+        note = f"{large}: too large to be read here. system.equations() and system.latex() give all parts."
+        short = [tex for tex in self.displays.values() if len(tex) <= _LARGEST]
+        return [*map(html.formula, short), html.text(note if large else "")]
+
     def _entries(self, name: str) -> list[tuple[list[str], Any]]:
         """Names of row and column, and the entry, where it is not zero. M is symmetric: its upper half."""
         entries = self.matrices[name].todok().items()
         kept = sorted((at, e) for at, e in entries if name != "M" or at[0] <= at[1])
         return [([axis[k] for axis, k in zip(self.axes[name], at, strict=False)], e) for at, e in kept]
+
+
+class ReadEquations:
+    """What is read of a system: its equations as text, in LaTeX, as matrices of SymPy, and in notebooks."""
+
+    @cached_property
+    def parts(self: Any) -> tuple[str, ...]:
+        """Which of M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma the scene has."""
+        has = {
+            "M": self.v.numel() > 0,
+            "N": self.q.numel() > self.v.numel(),
+            "Q": self.v.numel() > 0,
+            "Phi": self.Phi.numel() > 0,
+            "Phi_q": self.Phi.numel() > 0,
+            "Phi_t": not is_zero(self.Phi_t),
+            "Psi": self.Psi.numel() > 0,
+            "gamma": self.G.shape[0] > 0,
+        }
+        return tuple(name for name, there in has.items() if there)
+
+    def to_sympy(self: Any, *names: str) -> dict:
+        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for.
+
+        Entries are simplified where this takes few operations, as `equations()` prints them.
+        """
+        require_names("to_sympy", "part", names, self.parts)
+        return matrices_of(self, names or self.parts)
+
+    @cached_property
+    def _as_read(self) -> Equations:
+        return equations_of(self)
+
+    def equations(self) -> str:
+        """The equations to read: the equation of motion, its unknowns, and M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma.
+
+        Parts are matrices, simplified where this takes few operations. If a matrix is wide, its nonzero entries are
+        listed one per line, and common subexpressions get names. `latex()` has the same content.
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> p = mb.Parameters(m=1.0, l=1.0)
+        >>> rod = mb.Body("rod", mass=p.m, inertia=p.m * p.l**2 / 12)
+        >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, p.l / 2))
+        >>> system = mb.System(rod, pin, mb.Gravity(0, -9.81), parameters=p)
+        >>> print(system.joint_space().equations())
+        M q̈ = Q
+        <BLANKLINE>
+        q = (q_pin)
+        q̇ = (q̇_pin)
+        <BLANKLINE>
+            ⎡ 2  ⎤
+            ⎢l ⋅m⎥
+        M = ⎢────⎥
+            ⎣ 3  ⎦
+        <BLANKLINE>
+        Q = [-4.905⋅l⋅m⋅sin(q_pin)]
+        """
+        return self._as_read.text
+
+    def latex(self) -> str:
+        """The content of `equations()` in LaTeX, a display for each part."""
+        return "\n\n".join(rf"\[ {tex} \]" for tex in self._as_read.displays.values())
+
+    def _repr_html_(self) -> str:
+        return html.page(html.text(repr(self)), *self._as_read.formulas)
 
 
 def equations_of(system: Any) -> Equations:
@@ -76,8 +155,7 @@ def equations_of(system: Any) -> Equations:
     of = [*symbols.values()], [*symbols]
     q, v, rows, n_c = [*c.q_names], [*c.v_names], [*c.row_names], system.Phi.numel()
     is_rate = len(q) == len(v) and is_zero(system.qdot - system.v)
-    parts = {name: with_si_symbols(system.parameters, getattr(system, name)) for name in system.parts}
-    matrices = {name: simplified(parts[name], *of) for name in system.parts}
+    parts, matrices = _parts_of(system, system.parts)
     long = [name for name, m in matrices.items() if m is None or max(e.count_ops() for e in m) > _LONGEST]
     shared, named = with_names([parts[name] for name in long], *of) if long else ({}, [])
     matrices |= dict(zip(long, named, strict=True))
@@ -95,6 +173,20 @@ def equations_of(system: Any) -> Equations:
         shared=shared,
         symbols=[*symbols, *(symbol.name for symbol in shared)],
     )
+
+
+def matrices_of(system: Any, names: Sequence[str]) -> dict[str, Any]:
+    """Parts of a System as matrices of SymPy by name, in short forms where few operations find them."""
+    symbols, (parts, matrices) = system.names, _parts_of(system, names)
+    of = [*symbols.values()], [*symbols]
+    return {name: to_sympy(parts[name], *of) if m is None else m for name, m in matrices.items()}
+
+
+def _parts_of(system: Any, names: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Parts of a System by name as expressions of quantities in SI units, and their short forms, None of long ones."""
+    symbols = system.names
+    parts = {name: with_si_symbols(system.parameters, getattr(system, name)) for name in names}
+    return parts, {name: simplified(part, [*symbols.values()], [*symbols]) for name, part in parts.items()}
 
 
 def _motion(is_rate: bool, has_rows: bool, has_psi: bool) -> str:

@@ -123,7 +123,7 @@ def _deviations(text: str, size: float, letters: str, grade: int) -> tuple[float
 
 
 def _upper_end_of_hole(text: str, size: float, letter: str, grade: int, begin: float) -> float:
-    """Of holes from K on [um], from where the zone of the shaft begins."""
+    """The upper deviation of holes from K on [um], from where the zone of the shaft begins."""
     k = bisect_left(_SIZES, size)
     if size > _SIZES[0] and grade > 8 and letter in "kn":
         if letter == "n":
@@ -137,5 +137,5 @@ def _upper_end_of_hole(text: str, size: float, letter: str, grade: int, begin: f
 
 
 def _entry(values: tuple[float, ...], size: float) -> float:
-    """That of a table for the ranges of sizes, or for parts of these."""
+    """The value of a table for the range of a size, or for a part of it."""
     return values[bisect_left(_SIZES if len(values) == len(_SIZES) else _FINE_SIZES, size)]

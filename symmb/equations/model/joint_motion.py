@@ -59,11 +59,11 @@ class JointMotion:
     records: tuple[Symbol, ...]
 
     def turned(self, turns: int) -> "JointMotion":
-        """The same motion of planar bodies, of which the follower has made whole turns."""
+        """The motion of planar bodies after the follower has made whole turns."""
         return replace(self, angle=self.angle + 2 * ca.pi * turns)
 
     def reversed(self) -> "JointMotion":
-        """The same motion with carrier and follower exchanged."""
+        """The motion with carrier and follower exchanged."""
 
         def measured(seen: RelativePose) -> ca.SX:
             back, angle = seen.turn.T, None if seen.angle is None else -seen.angle

@@ -76,7 +76,7 @@ class JointSpace:
         return [ca.SX(e.sparsity(), part) for e, part in zip(of_bodies, parts, strict=True)]
 
     def with_signs(self, found: Array, wanted: Array) -> "JointSpace":
-        """The same joints, with quaternions of the signs of `wanted` (n_q,) where these give `found` (n_q,)."""
+        """A copy whose quaternions have the signs of `wanted` (n_q,) where these give `found` (n_q,)."""
         own = {link.body: self._bodies.slices[link.body][0] for link in self.links if link.carrying is not None}
         spatial = {k: at for k, at in own.items() if isinstance(self._bodies.bodies[k].pose, Spatial)}
         turned = [k for k, at in spatial.items() if found[at][3:7] @ wanted[at][3:7] < 0]
@@ -329,7 +329,7 @@ def _measured(bodies: Sequence[Body], link: Link, by: Carrying, counts_turns: bo
 
 
 def _quaternion(frame: Frame) -> ca.SX:
-    """Of a spatial body, a planar one, or the ground, (4,)."""
+    """The quaternion of a spatial body, of a planar one, or of the ground, (4,)."""
     if frame.q.numel() > 3:
         return frame.q[3:7]
     return ca.vertcat(ca.cos(frame.angle / 2), 0, 0, ca.sin(frame.angle / 2))

@@ -44,7 +44,7 @@ class Sampling:
         return s
 
     def before(self, more: ca.SX) -> "Sampling":
-        """The same for parameters behind which more symbols stand, such as sides of switches."""
+        """A copy for parameters behind which more symbols stand, such as sides of switches."""
         laws = []
         for law in self.laws:
             q, v, s, p, time = law.sx_in()

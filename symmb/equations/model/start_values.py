@@ -32,7 +32,7 @@ class JointValue:
 
     @property
     def is_rate(self) -> bool:
-        """Whether it is a velocity."""
+        """Whether the value is a velocity."""
         return self.handle.endswith("_rate")
 
     @property

@@ -12,31 +12,31 @@ body axes. M is block-diagonal, a block for each body. Parts that a scene does n
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
-from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
 from symmb._names import normal
-from symmb._options import require_instance, require_name, require_names
+from symmb._options import require_instance, require_name
 from symmb._types import Expr
-from symmb.declare.mechanics import Body, Element, FilledByBlock, Ground, Input, Joint, Parameters, with_si_symbols
-from symmb.declare.symbolic import Symbol, is_zero, rate, reduction, saddle_solver, simplified, t, to_sympy
+from symmb.declare.mechanics import Body, Element, FilledByBlock, Ground, Input, Joint, Parameters
+from symmb.declare.symbolic import Symbol, rate, reduction, saddle_solver, t
 from symmb.equations.model.assembly import Collected, collect
 from symmb.equations.model.binding import Binding
 from symmb.equations.model.box import Box
-from symmb.equations.model.equations_text import Equations, equations_of
+from symmb.equations.model.equations_text import ReadEquations
 from symmb.equations.model.joint_space import JointSpace
 from symmb.equations.model.multipliers import Multipliers, Reaction, reaction
 from symmb.equations.model.summary import system_text
 from symmb.equations.model.validation import sign_faults
 
-_LONGEST = 6000
-"""Characters of the LaTeX of a part up to which notebooks typeset it: longer ones cannot be read."""
+_DECLARED = "elements", "parameters", "collected", "nullity", "_added", "_joints", "_is_driven"
+"""Attributes that a copy of a system has: all others are derived of these."""
 
 
-class System(FilledByBlock):
+class System(FilledByBlock, ReadEquations):
     """Bodies, constraints and forces with their equations of motion.
 
     `with System() as system:` takes the elements that are made inside. The system is complete where the block ends.
@@ -87,9 +87,7 @@ class System(FilledByBlock):
         """The system whose inputs are 0, as runs have it."""
         if not self._is_driven:
             return self
-        copy = self._with(self.collected, self.nullity, self._joints)
-        copy.lam, copy.vdot, copy._is_driven = self.lam, self.vdot, False
-        return copy
+        return self._with(lam=self.lam, vdot=self.vdot, _is_driven=False)
 
     @cached_property
     def with_inputs(self) -> "System":
@@ -109,9 +107,8 @@ class System(FilledByBlock):
 
     def with_states(self, states: Sequence[Symbol]) -> "System":
         """A copy with additional first-order states, which outputs need."""
-        copy = self._with(self.collected.with_states(states), self.nullity, self._joints)
-        copy._added, copy.lam, copy.vdot = (*self._added, *states), self.lam, self.vdot  # outputs may contain the last
-        return copy
+        added, collected = (*self._added, *states), self.collected.with_states(states)
+        return self._with(collected=collected, _added=added, lam=self.lam, vdot=self.vdot)  # outputs have the last two
 
     def with_elements(self, more: Sequence[Element], parameters: Parameters) -> "System":
         """A copy with more elements, and with parameters of which the first ones are this system's."""
@@ -119,13 +116,13 @@ class System(FilledByBlock):
 
     def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
         """A copy with the rows of these numbers, of which `nullity` combinations vanish, and new multipliers."""
-        return self._with(self.collected.keeping(rows), nullity, self._joints)
+        return self._with(collected=self.collected.keeping(rows), nullity=nullity)
 
-    def _with(self, collected: Collected, nullity: int, joints: JointSpace | None) -> "System":
-        copy = object.__new__(System)
-        copy.parameters, copy.elements, copy._added = self.parameters, self.elements, self._added
-        copy.collected, copy.nullity, copy._joints, copy._is_driven = collected, nullity, joints, self._is_driven
-        return copy
+    def _with(self, **changes: Any) -> "System":
+        """A copy with some other attributes, without what was derived of the old ones."""
+        other = object.__new__(System)
+        vars(other).update({name: vars(self)[name] for name in _DECLARED} | changes)
+        return other
 
     @kept_interrupts()
     def joint_space(self, turns: Mapping[str, int] | None = None) -> "System":
@@ -147,7 +144,7 @@ class System(FilledByBlock):
             names = ", ".join(map(repr, gated))
             raise DeclarationError(f"Coordinates of joints are not possible: {names} may open or close in a run.")
         joints = JointSpace(self.collected, self.elements, turns or {})
-        return self._with(joints.collected, 0, joints)
+        return self._with(collected=joints.collected, nullity=0, _joints=joints)
 
     @property
     def joints(self) -> "JointSpace":
@@ -236,9 +233,8 @@ class System(FilledByBlock):
         SX(((2.*rod.omega)*rod.omega.rate))
         """
         c = self.collected
-        accelerations = dict(
-            zip((v.element_hash() for v in ca.vertsplit(self.v)), ca.vertsplit(self.vdot), strict=True)
-        )
+        pairs = zip(ca.vertsplit(self.v), ca.vertsplit(self.vdot), strict=True)
+        accelerations = {v.element_hash(): a for v, a in pairs}
         accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.decoupled}  # untouched: it moves uniformly
         return rate(self.bind(expression, "ddt", any_size=True), accelerations)
 
@@ -378,8 +374,8 @@ class System(FilledByBlock):
     @cached_property
     def positive(self) -> tuple[tuple[str, ...], ca.Function]:
         """Masses and lengths, which must be above 0: names (n,) and a Function p -> values (n,)."""
-        names, values = zip(*self.collected.positive, strict=True) if self.collected.positive else ((), ())
-        return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(*values) if values else ca.SX(0, 1)])
+        names, values = [name for name, _ in self.collected.positive], [value for _, value in self.collected.positive]
+        return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(ca.SX(0, 1), *values)])
 
     def sign_faults(self, box: Box) -> list[str]:
         """Masses and lengths that are not positive at a corner of the box."""
@@ -393,77 +389,6 @@ class System(FilledByBlock):
         inputs = {name: symbol.sx for name, symbol in self.inputs.items()}
         symbols = ca.vertsplit(ca.vertcat(self.p, self.q, self.v, self.s, self.lam, t))
         return dict(zip(names, symbols, strict=True)) | inputs
-
-    @cached_property
-    def parts(self) -> tuple[str, ...]:
-        """Which of M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma the scene has."""
-        has = {
-            "M": self.v.numel() > 0,
-            "N": self.q.numel() > self.v.numel(),
-            "Q": self.v.numel() > 0,
-            "Phi": self.Phi.numel() > 0,
-            "Phi_q": self.Phi.numel() > 0,
-            "Phi_t": not is_zero(self.Phi_t),
-            "Psi": self.Psi.numel() > 0,
-            "gamma": self.G.shape[0] > 0,
-        }
-        return tuple(name for name, there in has.items() if there)
-
-    def to_sympy(self, *names: str) -> dict:
-        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for.
-
-        Entries are simplified where this takes few operations, as `equations()` prints them.
-        """
-        symbols = self.names
-        require_names("to_sympy", "part", names, self.parts)
-        of = [*symbols.values()], [*symbols]
-        parts = {name: with_si_symbols(self.parameters, getattr(self, name)) for name in names or self.parts}
-        short = {name: simplified(part, *of) for name, part in parts.items()}
-        return {name: to_sympy(parts[name], *of) if part is None else part for name, part in short.items()}
-
-    @cached_property
-    def _as_read(self) -> Equations:
-        return equations_of(self)
-
-    def equations(self) -> str:
-        """The equations to read: the equation of motion, its unknowns, and M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma.
-
-        Parts are matrices, simplified where this takes few operations. If a matrix is wide, its nonzero entries are
-        listed one per line, and common subexpressions get names. `latex()` has the same content.
-
-        Examples
-        --------
-        >>> import symmb as mb
-        >>> p = mb.Parameters(m=1.0, l=1.0)
-        >>> rod = mb.Body("rod", mass=p.m, inertia=p.m * p.l**2 / 12)
-        >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, p.l / 2))
-        >>> system = mb.System(rod, pin, mb.Gravity(0, -9.81), parameters=p)
-        >>> print(system.joint_space().equations())
-        M q̈ = Q
-        <BLANKLINE>
-        q = (q_pin)
-        q̇ = (q̇_pin)
-        <BLANKLINE>
-            ⎡ 2  ⎤
-            ⎢l ⋅m⎥
-        M = ⎢────⎥
-            ⎣ 3  ⎦
-        <BLANKLINE>
-        Q = [-4.905⋅l⋅m⋅sin(q_pin)]
-        """
-        return self._as_read.text
-
-    def latex(self) -> str:
-        """The content of `equations()` in LaTeX, a display for each part."""
-        return "\n\n".join(rf"\[ {tex} \]" for tex in self._as_read.displays.values())
-
-    def _repr_html_(self) -> str:
-        displays = self._as_read.displays
-        formulas = {name: tex for name, tex in displays.items() if len(tex) <= _LONGEST}
-        large = ", ".join(name for name in displays if name not in formulas)
-        note = f"{large}: too large to be read here. system.equations() and system.latex() give all parts."
-        text = html.text(repr(self))
-        return html.page(text, *map(html.formula, formulas.values()), html.text(note if large else ""))
 
     def __repr__(self) -> str:
         return system_text(self, self._joints)

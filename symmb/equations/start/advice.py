@@ -20,7 +20,7 @@ Assembles = Callable[[Scene], bool]
 
 
 def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assembles: Assembles) -> str:
-    """Which listed coordinates to leave free, or which coordinate to guess, those of a joint's bodies first.
+    """Advice on listed coordinates to leave free, or one to guess, of which those of a joint's bodies come first.
 
     `free` are the numbers of displacements that are not listed, `size` [m] is that of the scene.
     """

@@ -87,7 +87,7 @@ class _Kinematics:
                         yield joint, body
 
     def _beside(self, joints: list[J], handle: str) -> dict[int, list[tuple[bool, bool, int, int]]]:
-        """For each body its joints: whether they move it least, have a value, minus their rows, and their numbers."""
+        """The joints of each body: whether they move it least, have a value, minus their rows, and their numbers."""
         beside: dict[int, list[tuple[bool, bool, int, int]]] = defaultdict(list)
         for number, joint in enumerate(joints):
             has_value = handle in self._values.get(joint, {})

@@ -132,7 +132,7 @@ class ImplicitMap:
 
     @classmethod
     def of(cls, residual: ca.SX, u: ca.SX, w: ca.SX) -> "ImplicitMap":
-        """From SX, residual (m,) in the unknowns u (m,) and the arguments w (n_w,)."""
+        """The map of a residual (m,), SX in the unknowns u (m,) and the arguments w (n_w,)."""
         options = {"cse": len(ca.symvar(residual)) <= _FEW}
         return cls(
             ca.Function("residual", [u, w], [ca.densify(residual)], options),

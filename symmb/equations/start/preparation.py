@@ -121,7 +121,7 @@ class _Rows:
     t0: float
 
     def extended(self, dae: DAE) -> "_Rows":
-        """Those of a DAE that may have more rows."""
+        """The rows of a DAE that may have more of them."""
         return self if dae is self.dae else _Rows(with_coarse_scales(dae, self.q, self.t0), self.q, self.t0)
 
     @cached_property
@@ -231,7 +231,7 @@ def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
 
 
 def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
-    """Which displacements every sample solves for: as many as independent rows, or all free ones in equilibrium."""
+    """Decide which displacements samples solve for: as many as independent rows, or all free ones in equilibrium."""
     p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
     rows, columns = independent_rows_and_columns(at.G[: dae.n_c, free], at.sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0

@@ -21,7 +21,7 @@ _REGULAR = 1e-11
 
 
 def determining_columns(A: Array) -> Indices | None:
-    """As many columns of A (m, n), with rows of norm 1, as determine its rows, in rising order.
+    """Numbers of as many columns of A (m, n), with rows of norm 1, as determine its rows, in rising order.
 
     Gaussian elimination takes the row with fewest entries next. None unless all rows are independent beyond doubt.
     """

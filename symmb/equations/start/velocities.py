@@ -146,7 +146,7 @@ class _Rates:
 
     @cached_property
     def flywheels(self) -> frozenset[int]:
-        """Their numbers."""
+        """The numbers of the flywheels."""
         return frozenset(k for k, body in enumerate(self.scene.system.bodies) if isinstance(body, Flywheel))
 
     @cached_property

@@ -24,7 +24,7 @@ def plain(value: ca.SX) -> Scalar:
 
 
 def is_nought(value: Scalar) -> bool:
-    """Whether it is 0 as it stands."""
+    """Whether a number or an expression is 0 as it stands."""
     return bool(value.is_zero()) if isinstance(value, ca.SX) else value == 0.0
 
 
@@ -96,7 +96,7 @@ def angles(e: Vector) -> tuple[float, ...]:
 
 
 def _cos_and_sin(angle: Scalar) -> tuple[Scalar, Scalar]:
-    """Of half the angle."""
+    """The cosine and the sine of half an angle."""
     if isinstance(angle, float):
         return math.cos(angle / 2), math.sin(angle / 2)
     return ca.cos(angle / 2), ca.sin(angle / 2)

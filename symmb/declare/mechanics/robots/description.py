@@ -52,7 +52,7 @@ class JointData:
 
     @property
     def moves(self) -> bool:
-        """Whether it has an angle or a displacement."""
+        """Whether the joint has an angle or a displacement."""
         return self.kind in (*TURNING, *SLIDING)
 
 

@@ -17,7 +17,7 @@ class Mass:
 
 
 def united(parts: Sequence[Mass]) -> Mass:
-    """Of parts that are held together."""
+    """The mass, the centre and the inertia of parts that are held together."""
     heavy = [part for part in parts if not is_nought(part.mass)]
     inertias = [part.inertia for part in parts]
     if not heavy:

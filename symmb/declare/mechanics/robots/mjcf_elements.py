@@ -86,7 +86,7 @@ def _bodies(source: MjcfModel, equality: int) -> list[int]:
 
 
 def _at_sites(source: MjcfModel, equality: int) -> bool:
-    """Whether it connects sites, else it connects bodies."""
+    """Whether an equality constraint connects sites, else it connects bodies."""
     return source.kind("mjtObj", source.model.eq_objtype[equality]) == "SITE"
 
 
@@ -164,7 +164,7 @@ class MjcfElements:
         self.values, self.led = building.values, set[str]()
 
     def all(self) -> Iterator[Element]:
-        """All of them, once."""
+        """All elements of the file, once."""
         source = self.source
         if source.acts("GRAVITY"):
             yield from self._weights()

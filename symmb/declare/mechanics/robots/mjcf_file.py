@@ -12,7 +12,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, warn_of
 from symmb._magnitudes import ROUNDING
-from symmb._options import optional_package, require_truth, shown
+from symmb._options import optional_package
 from symmb._types import Expr
 from symmb.declare.mechanics.contact_law import ContactLaw
 from symmb.declare.mechanics.declaration import Block, declared
@@ -31,7 +31,7 @@ from symmb.declare.mechanics.robots.mjcf_elements import MjcfElements, element_n
 from symmb.declare.mechanics.robots.mjcf_left_out import left_out
 from symmb.declare.mechanics.robots.mjcf_model import MjcfModel, values_of
 from symmb.declare.mechanics.robots.repair import nearest_possible, repaired
-from symmb.declare.mechanics.robots.robot import Building, Robot, replaced, require_stop
+from symmb.declare.mechanics.robots.robot import Building, Robot, checked_path, replaced
 
 _JOINTS = {"FREE": "floating", "BALL": "ball", "SLIDE": "prismatic", "HINGE": "revolute"}
 """Kinds of joints by the names of MuJoCo's mjtJoint."""
@@ -96,13 +96,10 @@ def load_mjcf(
     >>> float(mb.simulate(scene)["angle"][-1].round(4))  # doctest: +SKIP
     0.0865
     """
-    if not isinstance(path, str | Path):
-        raise DeclarationError(f"load_mjcf: expected the path of a file, got {shown(path)}.")
-    require_stop("load_mjcf", stop)
-    require_truth("load_mjcf", "strict", strict)
+    path = checked_path("load_mjcf", path, stop, strict=strict)
     try:
         with Block():
-            robot, doubts = _machine(Path(path), replace, stop, strict)
+            robot, doubts = _machine(path, replace, stop, strict)
     except UnicodeDecodeError:
         raise DeclarationError(f"{path}: its names are not in UTF-8. Save the file in this encoding.") from None
     declared(*robot.elements)

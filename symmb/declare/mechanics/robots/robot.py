@@ -11,7 +11,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError, Faults
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number, is_real, shown
+from symmb._options import is_finite_number, is_real, require_truth, shown
 from symmb._types import Expr
 from symmb.declare.mechanics.actuator import Actuator, Stop
 from symmb.declare.mechanics.axis_joint import AxisJoint, Joint
@@ -144,10 +144,15 @@ class Robot:
         return f"Robot({self.name!r}: {text}{idle})"
 
 
-def require_stop(owner: str, stop: object) -> None:
-    """DeclarationError unless it is None, a contact law or one number."""
+def checked_path(owner: str, path: object, stop: object, **truths: object) -> Path:
+    """The path of a file; DeclarationError unless stop is None, a contact law or one number, and truths are."""
+    if not isinstance(path, str | Path):
+        raise DeclarationError(f"{owner}: expected the path of a file, got {shown(path)}.")
+    for name, value in truths.items():
+        require_truth(owner, name, value)
     if stop is not None and not isinstance(stop, ContactLaw) and not is_sympy(stop):
         scalar(stop, f"{owner}: stop, a contact law or a coefficient of restitution")
+    return Path(path)
 
 
 def replaced(
@@ -244,7 +249,7 @@ class Building:
         return {link: LinkFrame(link, bodies[top], *self.places[link]) for link, top in tops.items()}
 
     def mass(self, link: str, place: Place) -> Mass:
-        """That of a link at a place."""
+        """The mass of a link at a place."""
         origin, e = place
         xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ENTRIES)
         R = matrix(one_after(e, self.quaternion(f"{link}.com")))
@@ -299,7 +304,7 @@ class Building:
         return _JOINTS[joint.kind](name, base.point(*at), point_b, axis, zero=rotation(e))
 
     def _damping(self, data: JointData, joints: Mapping[str, Any]) -> Iterator[Element]:
-        """Of a body that turns freely about a point, or moves freely."""
+        """The damping of a body that turns freely about a point, or moves freely."""
         damping = self.values.get(f"{data.name}.damping", 0.0)
         if not is_nought(damping):
             if data.kind == "ball":
@@ -341,7 +346,7 @@ class Building:
         yield Stop(f"{name}:stop", joint, *ends, law=law, restitution=None if law else self.stop)
 
     def _shapes(self, top: str) -> Iterator[Geometry]:
-        """Those of the links of one body."""
+        """The shapes of the links of one body."""
         for link, data in self.description.links.items():
             origin, e = self.places[link]
             for shape in data.shapes if self.description.tops[link] == top else ():

@@ -4,9 +4,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from symmb._errors import DeclarationError, Faults, warn_of
+from symmb._errors import Faults, warn_of
 from symmb._names import did_you_mean
-from symmb._options import require_truth, shown
 from symmb._types import Expr
 from symmb.declare.mechanics.contact_law import ContactLaw
 from symmb.declare.mechanics.declaration import Block, declared
@@ -24,7 +23,7 @@ from symmb.declare.mechanics.robots.description import (
 )
 from symmb.declare.mechanics.robots.document import Tag, read_document, told
 from symmb.declare.mechanics.robots.repair import repaired
-from symmb.declare.mechanics.robots.robot import Building, Robot, replaced, require_stop
+from symmb.declare.mechanics.robots.robot import Building, Robot, checked_path, replaced
 
 _TYPES = (*TURNING, *SLIDING, "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
@@ -109,13 +108,9 @@ def load_urdf(
     >>> float(mb.simulate(scene)["angle"][-1].round(4))
     0.0865
     """
-    if not isinstance(path, str | Path):
-        raise DeclarationError(f"load_urdf: expected the path of a file, got {shown(path)}.")
-    require_stop("load_urdf", stop)
-    require_truth("load_urdf", "fixed_base", fixed_base)
-    require_truth("load_urdf", "strict", strict)
+    path = checked_path("load_urdf", path, stop, fixed_base=fixed_base, strict=strict)
     passed = None if strict else {}
-    description = _read_description(Path(path), passed)
+    description = _read_description(path, passed)
     values = replaced(description, replace, stop, "Give fixed_base=False." if fixed_base else None)
     with Block():
         building, repairs = repaired(Building(description, values, fixed_base, stop))
