@@ -192,22 +192,13 @@ class Link(Body):
 
 @dataclass(frozen=True, eq=False)
 class Inertial:
-    """The contribution of a body to the equations of motion.
+    """The contribution of a body to the equations of motion."""
 
-    Attributes
-    ----------
-    M : (n_v, n_v)         its block of the mass matrix
-    Q : (n_v,)             gyroscopic and elastic forces, which conserve energy
-    Q_work : (n_v,)        forces of its own damping
-    potential : scalar     strain energy [J]
-    flows : bool           whether M changes along the motion because mass joins or leaves
-    """
-
-    M: ca.SX
-    Q: ca.SX
-    Q_work: ca.SX | None = None
-    potential: ca.SX | None = None
-    flows: bool = True
+    M: ca.SX  # (n_v, n_v), its block of the mass matrix
+    Q: ca.SX  # (n_v,), gyroscopic and elastic forces, which conserve energy
+    Q_work: ca.SX | None = None  # (n_v,), forces of its own damping
+    potential: ca.SX | None = None  # strain energy [J]
+    flows: bool = True  # whether M changes along the motion because mass joins or leaves
 
 
 class Ground(AbstractBody):

@@ -49,20 +49,13 @@ class Bounds(NamedTuple):
 
 
 class Foot(NamedTuple):
-    """The foot of P (2,) at the parameter s of a curve, which goes on straight beyond the ends of a part.
+    """The foot of P (2,) at the parameter s of a curve, which goes on straight beyond the ends of a part."""
 
-    Attributes
-    ----------
-    offset, along : (2,)     from the place on the part to P [m], and derivative of the curve by s
-    miss, slope              minus half the rate of the squared distance by s, and its slope [m^2]
-    beyond                   whether s is beyond the ends
-    """
-
-    offset: ca.SX
-    along: ca.SX
-    miss: ca.SX
-    slope: ca.SX
-    beyond: ca.SX
+    offset: ca.SX  # (2,), from the place on the part to P [m]
+    along: ca.SX  # (2,), derivative of the curve by s
+    miss: ca.SX  # minus half the rate of the squared distance by s [m^2]
+    slope: ca.SX  # minus the derivative of `miss` by s [m^2]
+    beyond: ca.SX  # whether s is beyond the ends
 
     @classmethod
     def at(cls, curve: Curve, s: ca.SX, P: ca.SX, bounds: Bounds | None = None) -> "Foot":
@@ -125,39 +118,24 @@ class Side(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """A place on a curve.
+    """A place on a curve."""
 
-    Attributes
-    ----------
-    place, tangent : (2,)    [m], and the unit tangent whose left normal leads away from the curve
-    speed, turn              rate of the way along the tangent by s [m], and of the tangent's angle [rad]
-    excess                   angle by which the tangent has turned farther than the corner does [rad]
-    """
-
-    place: ca.SX
-    tangent: ca.SX
-    speed: ca.SX
-    turn: ca.SX
-    excess: ca.SX
+    place: ca.SX  # (2,) [m]
+    tangent: ca.SX  # (2,), the unit tangent whose left normal leads away from the curve
+    speed: ca.SX  # rate of the way along the tangent by s [m]
+    turn: ca.SX  # rate of the tangent's angle by s [rad]
+    excess: ca.SX  # angle by which the tangent has turned farther than the corner does [rad]
 
 
 class Feet(NamedTuple):
-    """Places on two curves a and b at s (2,) that are next to each other, in the axes of a.
+    """Places on two curves a and b at s (2,) that are next to each other, in the axes of a."""
 
-    Attributes
-    ----------
-    offset, normal : (2,)    from the place on a to that on b [m], and normal of a
-    on_b : (2,)              the place in the axes of b [m]
-    step, rate : (2,)        Newton's step of s, and the rate of s by which the places stay next to each other
-    cost                     squared distance; more where the tangents leave their corners [m^2]
-    """
-
-    offset: ca.SX
-    normal: ca.SX
-    on_b: ca.SX
-    step: ca.SX
-    rate: ca.SX
-    cost: ca.SX
+    offset: ca.SX  # (2,), from the place on a to that on b [m]
+    normal: ca.SX  # (2,), normal of a
+    on_b: ca.SX  # (2,), the place in the axes of b [m]
+    step: ca.SX  # (2,), Newton's step of s
+    rate: ca.SX  # (2,), the rate of s by which the places stay next to each other
+    cost: ca.SX  # squared distance; more where the tangents leave their corners [m^2]
 
     @classmethod
     def at(cls, a: Side, b: Side, s: ca.SX, bounds: Sequence[Bounds | None], motion: "Motion") -> "Feet":

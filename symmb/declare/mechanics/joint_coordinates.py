@@ -18,15 +18,12 @@ _QUARTER = ca.SX(ca.sparsify(ca.DM([[1, 0, 0], [0, 0, -1], [0, 1, 0]])))
 
 @dataclass(frozen=True, eq=False)
 class RelativePose:
-    """Measured position of one frame on another.
+    """Measured position of one frame on another."""
 
-    shift (3,), turn (3, 3), its quaternion (4,), and the angle of planar bodies [rad], which the others do not have.
-    """
-
-    shift: ca.SX
-    turn: ca.SX
-    quaternion: ca.SX
-    angle: ca.SX | None = None
+    shift: ca.SX  # (3,) [m]
+    turn: ca.SX  # (3, 3)
+    quaternion: ca.SX  # (4,), of `turn`
+    angle: ca.SX | None = None  # of planar bodies [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +42,7 @@ def about_z(angle: ca.SX, rate: ca.SX) -> Turn:
     return Turn(rotation_z(angle), ca.vertcat(ca.cos(half), 0, 0, ca.sin(half)), rate * AXIS, angle)
 
 
-def _none() -> Turn:
-    return Turn(ca.SX.eye(3), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), ca.SX(3, 1), ca.SX(0))
+_NONE = Turn(ca.SX.eye(3), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), ca.SX(3, 1), ca.SX(0))
 
 
 def about_two(q: ca.SX, u: ca.SX) -> Turn:
@@ -93,25 +89,18 @@ def angles_of(pose: RelativePose) -> ca.SX:
 class JointCoordinates:
     """Coordinates q (k,) and velocities u (n,) of the motion of body b relative to body a.
 
-    Attributes
-    ----------
-    q_names, u_names : tuples of str
-    turn : (q, u) -> Turn                   of the frame on body b relative to the one on body a
-    shift : (joint, q, bind) -> (3,)        its position, in axes of the frame on body a [m]
-    measured : RelativePose -> (k,)         the coordinates of a pose
-    q_rate : (q, u) -> (k,)
-    crossed : bool                          whether the axes are not parallel: each body has a frame about its own one
-    in_plane : JointCoordinates             those in the place of these if one of the bodies is planar
+    `turn` (q, u) is that of the frame on body b relative to the one on body a, and `shift` (joint, q, bind) its
+    position (3,), in axes of the frame on body a [m]. `measured` gives the coordinates (k,) of a pose.
     """
 
     q_names: tuple[str, ...] = ()
     u_names: tuple[str, ...] = ()
-    turn: Callable[[ca.SX, ca.SX], Turn] = lambda q, u: _none()
+    turn: Callable[[ca.SX, ca.SX], Turn] = lambda q, u: _NONE
     shift: Callable[[Any, ca.SX, Bind], ca.SX] = lambda joint, q, bind: ca.SX(3, 1)
     measured: Callable[[RelativePose], ca.SX] = lambda pose: ca.SX(0, 1)
     q_rate: Callable[[ca.SX, ca.SX], ca.SX] = lambda q, u: u
-    crossed: bool = False
-    in_plane: "JointCoordinates | None" = None
+    crossed: bool = False  # whether the axes are not parallel: each body has a frame about its own one
+    in_plane: "JointCoordinates | None" = None  # those in the place of these if one of the bodies is planar
 
 
 HINGE = JointCoordinates(("angle",), ("angle_rate",), about_z, measured=angle_of)

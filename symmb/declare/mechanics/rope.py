@@ -176,23 +176,14 @@ def _room(d: ca.SX, r: ca.SX, s: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class Straight:
-    """A straight part that a rope may have between two of its points, which need not be neighbours.
+    """A straight part that a rope may have between two of its points, which need not be neighbours."""
 
-    Attributes
-    ----------
-    ends : pair of (3,)      where it touches the two circles [m]
-    room : scalar            square of its length, below 0 where one circle is within the other [m^2]
-    length, direction : scalar, (3,)
-    lean : scalar            angle from the line of the centres to it [rad]
-    turning : scalar         angular velocity of the line of the centres [rad/s]
-    """
-
-    ends: tuple[ca.SX, ca.SX]
-    room: ca.SX
-    length: ca.SX
-    direction: ca.SX
-    lean: ca.SX
-    turning: ca.SX
+    ends: tuple[ca.SX, ca.SX]  # (3,) each, where it touches the two circles [m]
+    room: ca.SX  # square of its length, below 0 where one circle is within the other [m^2]
+    length: ca.SX  # [m]
+    direction: ca.SX  # (3,)
+    lean: ca.SX  # angle from the line of the centres to it [rad]
+    turning: ca.SX  # angular velocity of the line of the centres [rad/s]
 
     @classmethod
     def between(cls, a: ca.SX, b: ca.SX, r: ca.SX, s: ca.SX) -> "Straight":
@@ -211,21 +202,13 @@ class Straight:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The way of a rope that is tight, or would be.
+    """The way of a rope that is tight, or would be."""
 
-    Attributes
-    ----------
-    length : scalar          [m]
-    radii : list             signed ones, 0 of points [m]
-    straights : dict         the straight parts that it may have, by the numbers of two points
-    shares : dict            1 of those that it has, 0 of the others
-    """
-
-    length: ca.SX
-    radii: Sequence[ca.SX]
-    places: Sequence[ca.SX]
-    straights: dict[tuple[int, int], Straight]
-    shares: dict[tuple[int, int], ca.SX]
+    length: ca.SX  # [m]
+    radii: Sequence[ca.SX]  # signed ones, 0 of points [m]
+    places: Sequence[ca.SX]  # (3,) each, of points and centres of pulleys [m]
+    straights: dict[tuple[int, int], Straight]  # the straight parts that it may have, by the numbers of two points
+    shares: dict[tuple[int, int], ca.SX]  # 1 of those that it has, 0 of the others
 
     @classmethod
     def taut(

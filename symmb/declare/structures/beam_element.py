@@ -33,18 +33,12 @@ class Line:
     Matrices map them to fields at the g Gauss points. `weights` contain the lengths.
     """
 
-    weights: Array
-    """(e, g) [m]"""
-    translation: Array
-    """(e, g, 3, 12)"""
-    rotation: Array
-    """(e, g, 3, 12)"""
-    stiffness: Array
-    """(6, e, 12, 12) by the extension, both shears, the torsion and both bendings, which it is the sum of"""
-    slopes: Array
-    """(e, g, 2, 12) slopes in the two planes of bending"""
-    axial: Array
-    """(e, 12) axial force, which nodal displacements make uniform"""
+    weights: Array  # (e, g) [m]
+    translation: Array  # (e, g, 3, 12)
+    rotation: Array  # (e, g, 3, 12)
+    stiffness: Array  # (6, e, 12, 12), of the extension, both shears, the torsion and both bendings, to be summed
+    slopes: Array  # (e, g, 2, 12), slopes in the two planes of bending
+    axial: Array  # (e, 12), axial force, which nodal displacements make uniform
 
 
 def properties(ends: Array, xi: Array) -> Array:

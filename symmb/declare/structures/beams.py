@@ -175,16 +175,11 @@ def properties_of(section: Section) -> list[Expr]:
 class AxialForces:
     """Axial forces in beams and their effect, for e elements with g Gauss points, the first e g samples."""
 
-    dofs: Indices
-    """(e, 12)"""
-    axis: Array
-    """(e, 3) unit vectors along the elements"""
-    force: Array
-    """(e, 12) axial force by nodal displacements [N/m, N/rad]"""
-    weights: Array
-    """(e, g) [m]"""
-    slopes: Array
-    """(e, g, 2, 12) slopes in both planes by nodal displacements"""
+    dofs: Indices  # (e, 12)
+    axis: Array  # (e, 3), unit vectors along the elements
+    force: Array  # (e, 12), axial force by nodal displacements [N/m, N/rad]
+    weights: Array  # (e, g) [m]
+    slopes: Array  # (e, g, 2, 12), slopes in both planes by nodal displacements
 
     def forces(self, displacements: Array, loads: Array) -> Array:
         """(e, g) axial forces [N] under loads (e g, 3) [N] on the samples, which are assumed linear along an element.

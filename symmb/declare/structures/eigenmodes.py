@@ -73,13 +73,9 @@ def lowest(
 ) -> tuple[Array, Array]:
     """The lowest elastic modes of K x = λ M x: λ (n,) ascending and X (d, n) with Xᵀ M X = 1.
 
-    Parameters
-    ----------
-    K, M : (d, d)    sparse or dense; K positive semidefinite, singular for rigid motions only
-    axes : (d, d)    symmetric, distinguishes the axes: modes of equal frequency are combined into its eigenvectors,
-                     which are modes along single axes where such exist
-    rigid : (d, r)   the rigid motions, left out of the modes
-    count : int      number of modes; all below `below` if left out
+    K and M (d, d) are sparse or dense; K is singular for the rigid motions (d, r) only. Modes of equal frequency are
+    combined into eigenvectors of `axes` (d, d), which tells the axes apart: modes along single axes where such exist.
+    Without a count all modes below `below` are found.
     """
     d = K.shape[0]
     few = isinstance(K, np.ndarray) or d <= DENSE or (count is not None and count + SPARE > d // 4)

@@ -12,44 +12,26 @@ from symmb.declare.structures.mass_samples import Sparse
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """What slow forces and moments at m nodes do to a structure and to its modes.
+    """What slow forces and moments at m nodes do to a structure and to its modes."""
 
-    Attributes
-    ----------
-    modal : (n, 6 m)       modal coordinates
-    left : (6 m, 6 m)      displacements and rotations of the nodes in the body's frame that the modes leave out
-    energy : (6 m, 6 m)    twice the strain energy that they leave out, as a quadratic form
-    """
-
-    modal: Array
-    left: Array
-    energy: Array
+    modal: Array  # (n, 6 m), modal coordinates
+    left: Array  # (6 m, 6 m), displacements and rotations of the nodes in the body's frame that the modes leave out
+    energy: Array  # (6 m, 6 m), twice the strain energy that they leave out, as a quadratic form
 
 
 @dataclass(frozen=True, eq=False)
 class Flexibility:
-    """A structure with its modes, of which loads at nodes deform the one more than the others.
+    """A structure with its modes, of which loads at nodes deform the one more than the others."""
 
-    Parameters
-    ----------
-    K, M : (d, d)        stiffness and mass matrix, sparse
-    free : (f,)          degrees of freedom that can move, those of a clamped node among them
-    rigid : (d, r)       rigid motions
-    clamped : (c,)       degrees of freedom of the clamped node; c = 0 for a body in a floating frame
-    X, stiffness : (d, n), (n,)
-    per_node : int       degrees of freedom a node
-    of_interfaces : int  shapes of interfaces, of which a smaller count of modes leaves some out
-    """
-
-    K: Sparse
-    M: Sparse
-    free: Indices
-    rigid: Array
-    clamped: Indices
-    X: Array
-    stiffness: Array
-    per_node: int
-    of_interfaces: int
+    K: Sparse  # (d, d), stiffness matrix
+    M: Sparse  # (d, d), mass matrix
+    free: Indices  # (f,), degrees of freedom that can move, those of a clamped node among them
+    rigid: Array  # (d, r), rigid motions
+    clamped: Indices  # (c,), degrees of freedom of the clamped node; c = 0 for a body in a floating frame
+    X: Array  # (d, n), shapes of the modes
+    stiffness: Array  # (n,), their squared circular frequencies [1/s^2]
+    per_node: int  # degrees of freedom a node
+    of_interfaces: int  # shapes of interfaces, of which a smaller count of modes leaves some out
 
     @property
     def clamped_node(self) -> int | None:

@@ -14,22 +14,13 @@ Sparse = Any
 
 @dataclass(frozen=True, eq=False)
 class MassSamples:
-    """Point masses with inertia that move with d degrees of freedom; together they integrate over the body.
+    """Point masses with inertia that move with d degrees of freedom; together they integrate over the body."""
 
-    Parameters
-    ----------
-    mass : (s,)                [kg]
-    positions : (s, 3)         undeformed [m]
-    translation : (3 s, d)     sparse: displacement of each sample by the degrees of freedom
-    rotary : (s, 3, 3)         inertia about the sample itself [kg m^2]
-    rotation : (3 s, d)        sparse: small rotation of each sample
-    """
-
-    mass: Array
-    positions: Array
-    translation: Sparse
-    rotary: Array
-    rotation: Sparse
+    mass: Array  # (s,) [kg]
+    positions: Array  # (s, 3), undeformed [m]
+    translation: Sparse  # (3 s, d), displacement of each sample by the degrees of freedom
+    rotary: Array  # (s, 3, 3), inertia about the sample itself [kg m^2]
+    rotation: Sparse  # (3 s, d), small rotation of each sample
 
     def mass_matrix(self) -> Sparse:
         """(d, d) consistent mass matrix Σ (m Nᵀ N + Θᵀ J Θ)."""

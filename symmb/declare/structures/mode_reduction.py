@@ -16,14 +16,8 @@ def reduced(
 ) -> tuple[Array, Array]:
     """λ (n,) and X (d, n), orthonormal in M: fixed-interface modes and the static shapes of unit interface motions.
 
-    Parameters
-    ----------
-    K, M : (d, d)        sparse
-    rigid : (d, r)       rigid motions, left out of the modes
-    axes : (d, d)        see `lowest`
-    interface : (b,)     degrees of freedom whose static shapes are exact
-    count : int          modes in all
-    below : float        bound of the fixed-interface modes' λ
+    K and M (d, d) are sparse, `rigid` (d, r) and `axes` as of `lowest`. Static shapes of the degrees of freedom
+    `interface` (b,) are exact. `count` is the number of modes in all, `below` bounds λ of fixed-interface modes.
     """
     if count == 0:
         return np.zeros(0), np.zeros((K.shape[0], 0))

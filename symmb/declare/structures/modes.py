@@ -52,22 +52,13 @@ def nearest(positions: Array, point: tuple[float, float, float]) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """What depends on parameters in modes whose shapes do not.
+    """What depends on parameters in modes whose shapes do not."""
 
-    Attributes
-    ----------
-    masses : pairs (expression, Invariants)     the body's inertia is the sum of their products
-    stiffness : (n, n) SX
-    damping : (n,) SX
-    box : intervals of the parameters that change the shapes of modes, in which these shapes hold
-    error : float
-    """
-
-    masses: tuple[tuple[ca.SX, Invariants], ...]
-    stiffness: ca.SX
-    damping: ca.SX
-    box: dict[str, tuple[float, float]]
-    error: float
+    masses: tuple[tuple[ca.SX, Invariants], ...]  # the inertia is the sum of their products
+    stiffness: ca.SX  # (n, n)
+    damping: ca.SX  # (n,)
+    box: dict[str, tuple[float, float]]  # intervals of parameters that change the shapes, which hold in them
+    error: float  # see `Modes.error`
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,15 +29,9 @@ def spanning(
 ) -> tuple[Array, Array, float]:
     """λ (n,) and X (d, n), the modes of the first of some structures in a span of the modes of all, and the error.
 
-    Greedy: what the shapes so far leave out of the modes is added where it is largest.
-
-    Parameters
-    ----------
-    matrices : stiffness and mass matrix of each structure
-    places : what a message calls each
-    solve : gives the wanted λ and X of such matrices
-    rigid : (d, r)       rigid motions
-    axes : (d, d)        see `lowest`
+    Greedy: what the shapes so far leave out of the modes is added where it is largest. `solve` gives the wanted λ and X
+    of the stiffness and mass matrix of a structure, and `places` say what a message calls each. `rigid` and `axes` are
+    as of `lowest`.
     """
     K, M = matrices[0]
     values, X = solve(K, M)

@@ -30,21 +30,10 @@ def _layout(f: ca.Function, i: int) -> tuple[int, int, Indices | None]:
 
 
 def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, ...]:
-    """Evaluate f for N samples; sparse outputs come back dense.
+    """Evaluate f, whose inputs are vectors, for N samples: (N, m) for column outputs and (N, m, k) for matrices, dense.
 
-    Parameters
-    ----------
-    f : casadi.Function      with vector inputs
-    *arguments               (N, n) arrays, or (n,) arrays that hold for all samples; the last ones may be left out
-    threads : int            CasADi's own threads
-
-    Returns
-    -------
-    tuple of (N, m) arrays for column outputs and (N, m, k) arrays for matrices
-
-    Raises
-    ------
-    RuntimeError             if a sample fails, which integrators may
+    Arguments are (N, n) arrays, or (n,) arrays that hold for all samples; the last ones may be left out. CasADi's own
+    threads may evaluate it. RuntimeError if a sample fails, as integrators may.
     """
     return tuple(_shaped(f, i, values) for i, values in enumerate(_results(f, arguments, threads)))
 

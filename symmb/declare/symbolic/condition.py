@@ -9,16 +9,10 @@ from symmb._errors import DeclarationError
 
 @dataclass(frozen=True)
 class Margin:
-    """A condition as an expression that is not above 0 where it holds.
-
-    Attributes
-    ----------
-    value : scalar SX
-    is_strict : bool     whether equality does not fulfil it
-    """
+    """A condition as an expression that is not above 0 where it holds."""
 
     value: ca.SX
-    is_strict: bool
+    is_strict: bool  # whether equality does not fulfil it
 
 
 def margin_of(condition: ca.SX) -> Margin:

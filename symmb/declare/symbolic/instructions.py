@@ -39,22 +39,10 @@ def interpret(
 ) -> list[list[T]]:
     """Evaluate an SX Function with numbers of type T, one instruction after the other.
 
-    Parameters
-    ----------
-    f : casadi.Function      built from SX expressions
-    inputs                   for each input of ``f`` its structural nonzeros, in column-major order
-    operation                ``operation(code, arguments)`` with ``code`` one of CasADi's ``OP_`` numbers and
-                             one or two arguments (none for a free symbol, ``OP_PARAMETER``), or an `Entry`
-    constant                 turns a float into a T
-    known                    values of scalar outputs by their numbers, which hold in the outputs that follow as well
-
-    Returns
-    -------
-    list of lists            for each output of ``f`` its structural nonzeros, in column-major order
-
-    Raises
-    ------
-    DeclarationError         if ``f`` is not an SX Function or calls another one, or ``inputs`` do not fit
+    `inputs` and what is returned are the structural nonzeros of each input and output, in column-major order.
+    ``operation(code, arguments)`` gets one of CasADi's ``OP_`` numbers, or an `Entry`, with one or two arguments, none
+    for a free symbol, ``OP_PARAMETER``. `known` are values of scalar outputs by their numbers, which hold in the
+    outputs that follow as well. DeclarationError if f is no SX Function or calls another one, or if inputs do not fit.
 
     Examples
     --------

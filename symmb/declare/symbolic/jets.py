@@ -18,23 +18,11 @@ _SETTLED = 3
 
 
 def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
-    """Taylor coefficients in eps of f(x(eps)) from those of its arguments.
+    """Taylor coefficients in eps, k + 1 SX, of an expression f(x_0) along curves of its arguments.
 
-    With x(eps) = x_0 + x_1 eps + x_2 eps^2 + ... the coefficients obey j f_j = D f_{j-1}, where D is the derivative in
-    the direction in which every x_i moves by (i + 1) x_{i+1}.
-
-    Parameters
-    ----------
-    expression : SX f, written in the symbols x_0
-    curve : for each argument its coefficients x_0, ..., x_k, all SX symbols of one shape
-
-    Returns
-    -------
-    list of k + 1 SX of the shape of f
-
-    Raises
-    ------
-    PropagationError         if they have too many operations; each order has about three times as many as the last
+    A curve has the coefficients x_0, ..., x_k, all symbols of one shape. With x(eps) = x_0 + x_1 eps + x_2 eps^2 + ...
+    the coefficients obey j f_j = D f_{j-1}, where D is the derivative in the direction in which every x_i moves by (i +
+    1) x_{i+1}. PropagationError if they have too many operations.
     """
     order = len(curve[0]) - 1
     coefficients, sizes = [expression], [0.0]

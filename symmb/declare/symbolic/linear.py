@@ -192,12 +192,9 @@ class ExplicitSolver:
     """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
 
     Blocks of equations that can be solved one after the other are. Larger ones are halved, and `at` (n, n), values of A
-    somewhere, orders their rows so that the parts are regular there; a positive definite A needs no order.
-
-    Attributes
-    ----------
-    determinants : (k,) SX
-        A is regular, and solutions are exact, where none of them is 0. A right side of zeros hides that in solutions
+    somewhere, orders their rows so that the parts are regular there; a positive definite A needs no order. A is
+    regular, and solutions are exact, where none of the `determinants` (k,) is 0. A right side of zeros hides that in
+    solutions.
     """
 
     def __init__(self, A: ca.SX, at: Array | None = None) -> None:
@@ -265,24 +262,18 @@ def saddle_solver(
     gates: ca.SX | None = None,
     usual: ca.SX | None = None,
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
-    """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
+    """Solver (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,)) of constrained motion, factorised once.
 
-    Range space: S = G M^-1 G' is formed sparse and factorised by LDL' with a fill-reducing order. With a structurally
-    singular mass block (a massless body) M + G'w G takes the place of M, w the mean mass.
+    Range space: S = G M^-1 G' is formed sparse and factorised by LDL' with a fill-reducing order. M (n_v, n_v) has
+    diagonal blocks of some sizes. Where one is singular by structure, as of a massless body, M + G'w G takes its place,
+    w the mean mass. `coupled` ones are nearly singular, as of flexible bodies whose modes almost hold what the frame
+    does: then w is what the rows see of the masses.
 
     Parameters
     ----------
-    M : (n_v, n_v) SX, block-diagonal with blocks of the given sizes
-    G : (n_c, n_v) SX, may have no rows
-    coupled : bool         blocks are regular but nearly singular, as of flexible bodies whose modes almost hold what
-                           the frame does: M + G'w G is used as well, w what the rows see of the masses
     nullity : int          combinations of the rows of G that vanish wherever the constraints hold
     gates : (n_c,) SX      0 for rows of G that are 0 as their joints are open, 1 for others
     usual : (n_c,)         sizes of the rows to each other, as far as combinations vanish; by default equal ones
-
-    Returns
-    -------
-    callable (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,))
     """
     n_c = G.shape[0]
     if gates is None and (rotors := _rotors(G, sizes)):

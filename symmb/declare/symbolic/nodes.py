@@ -12,15 +12,6 @@ def with_nodes(expression: ca.SX, replacements: Mapping[int, ca.SX]) -> ca.SX:
 
     Unlike `casadi.substitute` it replaces more than symbols.
 
-    Parameters
-    ----------
-    expression : SX of any shape
-    replacements : mapping         hash of a scalar, from `element_hash`, -> scalar SX
-
-    Returns
-    -------
-    SX of the same shape
-
     Examples
     --------
     >>> import casadi as ca

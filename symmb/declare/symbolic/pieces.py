@@ -22,11 +22,8 @@ _KNOWN: dict[str, "Pieces"] = {}
 class Pieces:
     """Rows of numbers, each for the places from one begin to the next, in groups that follow each other.
 
-    Parameters
-    ----------
-    groups : (n,) array        the group of each row: 0, then the same or the next whole number
-    begins : (n,) array        increasing; the first one does not count
-    columns : (n, m) array     what is read, the begin first; the number of the row is appended
+    `groups` (n,) are those of the rows: 0, then the same or the next whole number. `begins` (n,) increase; the first
+    one does not count. `columns` (n, m) are what is read, the begin first; the number of the row is appended.
     """
 
     def __init__(self, groups: Array, begins: Array, columns: Array) -> None:

@@ -71,11 +71,9 @@ def ranges(f: ca.Function, inputs: Sequence[Sequence[SymbolicRange]]) -> list[li
 def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Ranges of values (m,) of x (n,), p and t along a part of a path, and of their rates times the part's duration.
 
-    Returns
-    -------
-    (4 n + 3,) SX symbols    least and largest x, least and largest rates of x times the duration, begin, end, duration
-    (4 m,) SX                least and largest values, least and largest rates times the duration, which are infinite
-                             across a jump
+    The symbols (4 n + 3,) are the least and largest x, the least and largest rates of x times the duration, begin, end
+    and duration. The expressions (4 m,) are the least and largest values, and the least and largest rates times the
+    duration, which are infinite across a jump.
     """
     n = x.numel()
     dx, dt, box = ca.SX.sym("dx", n), ca.SX.sym("dt"), ca.SX.sym("box", 4 * n + 3)

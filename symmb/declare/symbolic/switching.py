@@ -83,18 +83,11 @@ class On(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """Where a Function's outputs are not smooth.
+    """Where a Function's outputs are not smooth."""
 
-    Attributes
-    ----------
-    kinks : tuple of str   operations with a kink or a jump whose arguments depend on the state or on time
-    switches : (m,) SX     what changes sign there
-    located : m bools      which of them `branches` makes switches too, where steps end
-    """
-
-    kinks: tuple[str, ...]
-    switches: ca.SX
-    located: tuple[bool, ...]
+    kinks: tuple[str, ...]  # operations with a kink or a jump whose arguments depend on the state or on time
+    switches: ca.SX  # (m,), what changes sign there
+    located: tuple[bool, ...]  # which of them `branches` makes switches too, where steps end
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,26 +137,15 @@ class Branches:
     """A Function whose kinks and jumps of the state are replaced by the branches of one side of each switch.
 
     Within a step all evaluations take the same branch, also those beyond the switch, so that steps are smooth.
-
-    Attributes
-    ----------
-    outputs : list of SX     the Function's outputs on these branches
-    sides : (m,) SX          symbols, 1 where a switch is above 0 and -1 where it is below
-    switches : (m,) SX       on the same branches
-    times : (k,) SX          what changes sign at kinks, jumps and fronts that depend on time, and perhaps parameters,
-                             alone
-    fronts : (l,) SX         what changes sign at smooth fronts that depend on the state
-    exponents : (e,) SX      and of powers the bases: their rates change sign at smooth fronts as well
-    knots : list             arguments of tables that depend on time as `times` do, and the pieces of these
     """
 
-    outputs: list[ca.SX]
-    sides: ca.SX
-    switches: ca.SX
-    times: ca.SX
-    fronts: ca.SX
-    exponents: ca.SX
-    knots: list[tuple[ca.SX, Pieces]]
+    outputs: list[ca.SX]  # the Function's outputs on these branches
+    sides: ca.SX  # (m,) symbols, 1 where a switch is above 0 and -1 where it is below
+    switches: ca.SX  # (m,), on the same branches
+    times: ca.SX  # (k,), what changes sign at kinks, jumps and fronts that depend on time and parameters alone
+    fronts: ca.SX  # (l,), what changes sign at smooth fronts that depend on the state
+    exponents: ca.SX  # (e,), and bases of powers: their rates change sign at smooth fronts as well
+    knots: list[tuple[ca.SX, Pieces]]  # arguments of tables that depend on time as `times` do, and the pieces of these
 
 
 @lru_cache(maxsize=256)

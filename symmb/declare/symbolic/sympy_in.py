@@ -28,21 +28,10 @@ def is_sympy(value: object) -> bool:
 
 
 def from_sympy(expression: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
-    """SX of a SymPy expression or matrix, its symbols bound by name.
+    """SX of a SymPy expression, truth value or matrix, its symbols bound by name: "l1", "rod1.theta", "t".
 
-    Parameters
-    ----------
-    expression               sympy.Expr, truth value (1 or 0), or matrix
-    symbols                  name -> scalar SX: "l1", "rod1.theta", "t"
-
-    Returns
-    -------
-    SX                       a scalar, or the shape of the matrix; zero entries become structural zeros
-
-    Raises
-    ------
-    DeclarationError         for unknown names (with near misses), functions without a CasADi counterpart,
-                             NaN, and a Piecewise that leaves a gap
+    Zero entries become structural zeros. DeclarationError for unknown names, functions without a counterpart in CasADi,
+    NaN, and a Piecewise that leaves a gap.
 
     Examples
     --------

@@ -31,23 +31,11 @@ _SHORT, _LONG = 4, 40
 
 
 def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
-    """SymPy matrix of an SX matrix; every SX symbol becomes a real SymPy Symbol.
+    """SymPy matrix of an SX matrix (n, m); every SX symbol becomes a real SymPy Symbol of a name, such as "rod1.theta".
 
-    Parameters
-    ----------
-    expr : (n, m) SX         a scalar counts as 1 by 1
-    symbols                  scalar SX symbols, at least all that `expr` contains
-    names                    the name of each of them in SymPy, dots allowed ("rod1.theta")
-
-    Returns
-    -------
-    sympy.Matrix             (n, m); structural zeros are 0; floats that are small fractions, or such
-                             multiples of pi, become exact, all others a Float with the same bits
-
-    Raises
-    ------
-    DeclarationError         for a symbol in `expr` that is not listed, a NaN constant, or an operation
-                             without a SymPy counterpart
+    Structural zeros are 0. Floats that are small fractions, or such multiples of pi, become exact, all others a Float
+    with the same bits. DeclarationError for a symbol that is not listed, a NaN constant, or an operation that SymPy
+    lacks.
 
     Examples
     --------

@@ -18,34 +18,20 @@ from symmb.equations.model.spanning_tree import Carrying, Link
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Position and motion of a body.
+    """Position and motion of a body."""
 
-    Attributes
-    ----------
-    axes : (3, 3)          W to world
-    body_axes : (3, 3)     W to body
-    origin, velocity : (3,)            in world axes [m], [m/s]
-    spin : (3,)            angular velocity in W [rad/s]
-    center : (3,)          centre of mass from the origin, in W [m]
-    angle : scalar         about z, of a planar body [rad]
-    quaternion : (4,)      of a spatial body
-    turn, arm : (3, 3), (3,)           W to the carrier's W; the origin from the carrier's in the carrier's W
-    bias : (6,)            (a, alpha) less those that the carrier's acceleration and the joint's own ones make
-    H : (6, n)             acceleration of the body by those of the joint
-    """
-
-    axes: ca.SX
-    body_axes: ca.SX
-    origin: ca.SX
-    velocity: ca.SX
-    spin: ca.SX
-    center: ca.SX
-    angle: ca.SX
-    quaternion: ca.SX
-    turn: ca.SX
-    arm: ca.SX
-    bias: ca.SX
-    H: ca.SX
+    axes: ca.SX  # (3, 3), W to world
+    body_axes: ca.SX  # (3, 3), W to body
+    origin: ca.SX  # (3,), in world axes [m]
+    velocity: ca.SX  # (3,), of the origin in world axes [m/s]
+    spin: ca.SX  # (3,), angular velocity in W [rad/s]
+    center: ca.SX  # (3,), centre of mass from the origin, in W [m]
+    angle: ca.SX  # about z, of a planar body [rad]
+    quaternion: ca.SX  # (4,), of a spatial body
+    turn: ca.SX  # (3, 3), W to the carrier's W
+    arm: ca.SX  # (3,), the origin from the carrier's in the carrier's W [m]
+    bias: ca.SX  # (6,), (a, alpha) less those that the carrier's acceleration and the joint's own ones make
+    H: ca.SX  # (6, n), acceleration of the body by those of the joint
 
     @property
     def rotation(self) -> ca.SX:
@@ -150,13 +136,7 @@ def _product(carrier: ca.SX, motion: JointMotion) -> ca.SX:
 
 
 class ArticulatedBodies:
-    """The mass matrix, forces and accelerations of bodies on a tree of joints.
-
-    Parameters
-    ----------
-    bodies : sequence of Body
-    links : sequence of Link       each one after its carrier
-    """
+    """The mass matrix, forces and accelerations of bodies on a tree of joints, whose links follow their carriers."""
 
     def __init__(self, bodies: Sequence[Body], links: Sequence[Link]) -> None:
         self.links = links

@@ -58,10 +58,7 @@ class Binding:
     def __call__(self, law: Expr, what: str, also: Collection[int] = (), any_size: bool = False) -> ca.SX:
         """The law as SX, which has one component unless any size will do.
 
-        Raises
-        ------
-        DeclarationError       if it contains NaN, infinity or a symbol neither known nor in `also`; `what` names its
-                               owner in the message
+        DeclarationError if it contains NaN, infinity or a symbol neither known nor in `also`; `what` names its owner.
         """
         if is_sympy(law):
             with faults_of(what):

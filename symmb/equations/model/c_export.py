@@ -70,19 +70,10 @@ def example_c(
 ) -> str:
     """Text of a `main.c` that integrates the model and prints time and coordinates, step by step.
 
-    The method is the classical Runge-Kutta method of order 4 with a fixed step. States are not projected
-    onto the constraints: the violation depends on the step size.
-
-    Parameters
-    ----------
-    rhs                      (q, v, p, t) -> (qdot, vdot), or (q, v, s, p, t) -> (qdot, vdot, sdot); its key
-                             must be "rhs"
-    q, v, s                  start: coordinates, velocities, first-order states, (n_q,), (n_v,), (n_s,)
-    parameters               name -> value, in the order of the vector p
-    coordinates              a name for each entry of q: the heads of the columns
-    t0, t1                   first and last time [s]
-    steps                    number of steps, which is one less than the number of rows printed
-    name                     as in `save_c`
+    The method is the classical Runge-Kutta method of order 4 with a fixed step. States are not projected onto the
+    constraints: the violation depends on the step size. `rhs` is (q, v, p, t) -> (qdot, vdot), or (q, v, s, p, t) ->
+    (qdot, vdot, sdot), and its key is "rhs". `parameters` are in the order of p. `coordinates` are the heads of the
+    columns.
     """
     _require_start(rhs, {"q": q, "v": v, "s": s, "p": parameters, "t": (t0,)}, coordinates)
     if steps < 1 or not all(map(math.isfinite, [*q, *v, *s, *parameters.values(), t0, t1])):

@@ -31,28 +31,18 @@ larger. tests/events/test_clutches.py"""
 
 @dataclass(frozen=True)
 class Impacts:
-    """Compiled equations of n contacts; every Function takes (q, v, s, p, t).
-
-    Attributes
-    ----------
-    names : tuple of n str
-    closed : (n,) indices       of the states s for closed contacts
-    joints : JointEvents        of joints that open and close, None without any
-    gaps                        -> gaps (n,), their rates (n,), and the sizes of the coordinates in the gaps (n,)
-    forces                      -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the
-                                sizes of the terms in these sums (n,), and effective inertias 1 / D_kk (n,)
-    impulses                    -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
-    project                     -> q (n_q,), v (n_v,) after the least change in the norm of M that makes closed gaps
-                                and their rates 0
-    """
+    """Compiled equations of n contacts; every Function takes (q, v, s, p, t)."""
 
     names: tuple[str, ...]
-    closed: Indices
-    gaps: ca.Function
+    closed: Indices  # (n,), of the states s for closed contacts
+    gaps: ca.Function  # -> gaps (n,), their rates (n,), and the sizes of the coordinates in the gaps (n,)
+    # -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the sizes of the terms in
+    # these sums (n,), and effective inertias 1 / D_kk (n,)
     forces: ca.Function
-    impulses: ca.Function
+    impulses: ca.Function  # -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
+    # -> q (n_q,), v (n_v,) after the least change in the norm of M that makes closed gaps and their rates 0
     project: ca.Function
-    joints: "JointEvents | None" = None
+    joints: "JointEvents | None" = None  # of joints that open and close, None without any
 
     @property
     def states(self) -> Indices:
@@ -64,41 +54,24 @@ class Impacts:
 
 @dataclass(frozen=True)
 class JointEvents:
-    """Compiled equations of m events of joints; every Function takes (q, v, s, p, t).
+    """Compiled equations of m events of joints; every Function takes (q, v, s, p, t)."""
 
-    Attributes
-    ----------
-    names, titles : m str       names of the joints, and of the events for messages
-    opens : m bool              whether the joint opens
-    holding : m int             the states s for conditions that hold
-    flags : m int               the states s for joints that the event keeps closed
-    others : m tuples of int    these states of other events of the same joint
-    rows : m slices             rows of the joints
-    by_force : m bool           whether the margin needs multipliers
-    place : k int               the states s that keep where joints closed, or which way clutches slip
-    owners : k int              the events that set them
-    clutches : c pairs of int   the states s that are 1 while clutches stick, and those that tell which way they slip
-    margins                     -> margins (m,), below 0 where conditions hold, and their rates (m,)
-    places                      -> where joints close now (k,)
-    slips                       -> slips of the clutches (c,), and their rounding (c,)
-    jump                        -> v (n_v,), after the least change in the norm of M that makes the rates of all rows 0,
-                                impulses (n_r,) of the rows that are kept, and their work [J]
-    """
-
-    names: tuple[str, ...]
-    titles: tuple[str, ...]
-    opens: tuple[bool, ...]
-    holding: tuple[int, ...]
-    flags: tuple[int, ...]
-    others: tuple[tuple[int, ...], ...]
-    rows: tuple[slice, ...]
-    by_force: tuple[bool, ...]
-    place: tuple[int, ...]
-    owners: tuple[int, ...]
-    clutches: tuple[tuple[int, int], ...]
-    margins: ca.Function
-    places: ca.Function
-    slips: ca.Function
+    names: tuple[str, ...]  # of the joints
+    titles: tuple[str, ...]  # of the events, for messages
+    opens: tuple[bool, ...]  # whether the joint opens
+    holding: tuple[int, ...]  # the states s for conditions that hold
+    flags: tuple[int, ...]  # the states s for joints that the event keeps closed
+    others: tuple[tuple[int, ...], ...]  # these states of other events of the same joint
+    rows: tuple[slice, ...]  # of the joints
+    by_force: tuple[bool, ...]  # whether the margin needs multipliers
+    place: tuple[int, ...]  # (k,), the states s that keep where joints closed, or which way clutches slip
+    owners: tuple[int, ...]  # (k,), the events that set them
+    clutches: tuple[tuple[int, int], ...]  # (c, 2), states: 1 while clutches stick, and which way they slip
+    margins: ca.Function  # -> margins (m,), below 0 where conditions hold, and their rates (m,)
+    places: ca.Function  # -> where joints close now (k,)
+    slips: ca.Function  # -> slips of the clutches (c,), and their rounding (c,)
+    # -> v (n_v,), after the least change in the norm of M that makes the rates of all rows 0, impulses (n_r,) of the
+    # rows that are kept, and their work [J]
     jump: ca.Function
 
     @property

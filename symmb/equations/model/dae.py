@@ -42,35 +42,6 @@ class DAE:
     Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
     that the scene does not have is None. The Functions in `equations`, and the scales, are made at their first use:
     those of the formulation in which a scene does not run take most of the time.
-
-    Attributes
-    ----------
-    q_names, v_names, s_names, row_names, p_names : tuples of str
-    rows : dict            constraint -> slice of its rows
-    p_nominal : (n_p,)     nominal parameters
-    q_neutral : (n_q,)     zeros and identity rotations
-    rhs                    -> q', v' [, s']
-    M, Q                   mass matrix (n_v, n_v), forces (n_v,)
-    inertia                (..., a) -> M a, the forces that accelerations a (n_v,) need
-    Phi, Phi_q, Phi_t      position rows (n_c,), Jacobian (n_c, n_q), partial rate (n_c,) with drives only
-    Phi_dot, G, gamma      all rows' rates (n_r,), velocity Jacobian (n_r, n_v), right side of G v' = gamma (n_r,)
-    s_rate                 s', as in `rhs`, without accelerations
-    forward                (..., gamma) -> v', lam: accelerations and multipliers for a given right side
-    min_norm_correction  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
-    energy                 -> T, V [J]
-    power                  (..., lam) -> power of forces without potential and of drives [W]
-    distribute_multipliers  (..., lam) -> multipliers of all rows of the system: the ones of
-                           least norm with the same effect; only if rows are redundant
-    vanishing              combinations of all rows, and of the position rows, that vanish wherever the constraints
-                           hold, (n_r, k) and (n_c, k_c); only if redundant rows are not left out
-    retract                (q, delta) -> q moved by delta
-    assembly_cosines  (q, p) -> cosines of the joints, 1 in the intended assembly
-    s_start                (q, p) -> start of the first-order states
-    positive               p -> masses and lengths that must be above 0, named by `positive_names`
-    impacts : Impacts      gaps that close, and velocities that jump then
-    scales : Scales        of the motion; 1 if they are unknown
-    s_rest : (n_s,)        states at the start next to which angles count their turns; None: 0
-    sampling : Sampling    values that are held between instants
     """
 
     q_names: tuple[str, ...]
@@ -78,35 +49,39 @@ class DAE:
     s_names: tuple[str, ...]
     row_names: tuple[str, ...]
     p_names: tuple[str, ...]
-    rows: dict[str, slice]
-    p_nominal: Array
-    q_neutral: Array
-    Phi: ca.Function | None
-    Phi_dot: ca.Function | None
-    G: ca.Function | None
+    rows: dict[str, slice]  # of each constraint
+    p_nominal: Array  # (n_p,), nominal parameters
+    q_neutral: Array  # (n_q,), zeros and identity rotations
+    Phi: ca.Function | None  # -> position rows (n_c,)
+    Phi_dot: ca.Function | None  # -> rates of all rows (n_r,)
+    G: ca.Function | None  # -> velocity Jacobian (n_r, n_v)
     equations: Mapping[str, Lazy[ca.Function]]
-    retract: ca.Function
-    assembly_cosines: ca.Function | None
-    s_start: ca.Function | None
-    positive: ca.Function
+    retract: ca.Function  # (q, delta) -> q moved by delta
+    assembly_cosines: ca.Function | None  # (q, p) -> cosines of the joints, 1 in the intended assembly
+    s_start: ca.Function | None  # (q, p) -> start of the first-order states
+    positive: ca.Function  # p -> masses and lengths that must be above 0, named by `positive_names`
     positive_names: tuple[str, ...]
-    impacts: Impacts | None = None
+    impacts: Impacts | None = None  # gaps that close, and velocities that jump then
     measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))
-    s_rest: Array | None = None
-    sampling: Sampling | None = None
+    s_rest: Array | None = None  # (n_s,), states at the start next to which angles count their turns; None: 0
+    sampling: Sampling | None = None  # values that are held between instants
 
-    rhs = Equation[ca.Function]()
-    inertia = Equation[ca.Function]()
-    Q = Equation[ca.Function]()
-    forward = Equation[ca.Function]()
-    energy = Equation[ca.Function]()
-    Phi_q = Equation[ca.Function | None]()
-    Phi_t = Equation[ca.Function | None]()
-    gamma = Equation[ca.Function | None]()
-    s_rate = Equation[ca.Function]()
+    rhs = Equation[ca.Function]()  # -> q', v' [, s']
+    inertia = Equation[ca.Function]()  # (..., a) -> M a, the forces that accelerations a (n_v,) need
+    Q = Equation[ca.Function]()  # -> forces (n_v,)
+    forward = Equation[ca.Function]()  # (..., gamma) -> v', lam: accelerations and multipliers for a given right side
+    energy = Equation[ca.Function]()  # -> T, V [J]
+    Phi_q = Equation[ca.Function | None]()  # -> Jacobian of the position rows (n_c, n_q)
+    Phi_t = Equation[ca.Function | None]()  # -> their partial rate (n_c,), with drives only
+    gamma = Equation[ca.Function | None]()  # -> right side of G v' = gamma (n_r,)
+    s_rate = Equation[ca.Function]()  # -> s', as in `rhs`, without accelerations
+    # (..., r) -> delta (n_v,), the least displacement in the norm of M with G delta = r
     min_norm_correction = Equation[ca.Function | None]()
-    power = Equation[ca.Function | None]()
+    power = Equation[ca.Function | None]()  # (..., lam) -> power of forces without potential and of drives [W]
+    # (..., lam) -> multipliers of all rows of least norm with the same effect; only if rows are redundant
     distribute_multipliers = Equation[ca.Function | None]()
+    # -> combinations of all rows, and of the position rows, that vanish wherever the constraints hold, (n_r, k) and
+    # (n_c, k_c); only if redundant rows are not left out
     vanishing = Equation[ca.Function | None]()
 
     @property
@@ -234,21 +209,11 @@ class DAE:
         return (q, v, *((s,) if self.n_s else ()), p, time)
 
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
-        """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.
+        """Write the Functions as C with a header and a small main program, which need nothing but a C compiler.
 
         With impacts and sampled values, the functions of their equations are written instead of the main program, which
-        has no events.
-
-        Parameters
-        ----------
-        folder : path                   it is created if it does not exist
-        start : mapping, optional       "q" (n_q,), "v" (n_v,), "s" (n_s,), "p" (n_p,), "times" (n_t,): the main
-                                        program integrates it; default: neutral coordinates at rest, nominal
-                                        parameters, one second
-
-        Returns
-        -------
-        tuple of Path                   the files written
+        has no events. The program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) over "times" (n_t,)
+        in `start`, by default from neutral coordinates at rest for one second. The paths are those of the files.
         """
         exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
         functions = {name: f for name in exported if (f := getattr(self, name)) is not None}

@@ -13,24 +13,14 @@ from symmb.declare.symbolic import margin_of
 
 @dataclass(frozen=True, eq=False)
 class BoundFigure:
-    """A figure of a scene.
+    """A figure of a scene."""
 
-    Attributes
-    ----------
-    kind : str                 the name of the function that declared it
-    expression : SX            of which it is a figure; None for a time
-    margin : SX                not positive where the condition holds; None without one
-    is_strict : bool           whether equality does not fulfil the condition
-    window : (float, float)    first and last time that count [s]
-    per_second : float         units of a time in a second
-    """
-
-    kind: str
-    expression: ca.SX | None
-    margin: ca.SX | None
-    is_strict: bool
-    window: tuple[float, float]
-    per_second: float = 1.0
+    kind: str  # the name of the function that declared it
+    expression: ca.SX | None  # of which it is a figure; None for a time
+    margin: ca.SX | None  # not positive where the condition holds; None without one
+    is_strict: bool  # whether equality does not fulfil the condition
+    window: tuple[float, float]  # first and last time that count [s]
+    per_second: float = 1.0  # units of a time in a second
 
     @property
     def parts(self) -> tuple[ca.SX, ...]:

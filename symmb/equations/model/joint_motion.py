@@ -24,39 +24,24 @@ from symmb.equations.model.binding import Binding
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """Motion of a joint's frame on the follower relative to the one on its carrier, in k coordinates and n rates.
-
-    Attributes
-    ----------
-    q_names, u_names : tuples of str
-    q : (k,), u : (n,), q_rate : (k,)       coordinates, velocities and q'
-    shift : (3,)           position of the follower's frame in axes of the carrier's [m]
-    turn : (3, 3)          rotation, axes of the follower's frame to those of the carrier's
-    quaternion : (4,)      of `turn`
-    spin : (3,)            angular velocity in axes of the follower's frame [rad/s]
-    angle : scalar         of planar bodies, the follower's less the carrier's [rad]
-    carrier, follower : (3, 3)              rotations of the frames, frame to body
-    carrier_quaternion, follower_quaternion : (4,)       of these, zeros between planar bodies
-    records                what the symbols of q and u are
-    measured : RelativePose -> (k,)             the coordinates of a position
-    """
+    """Motion of a joint's frame on the follower relative to the one on its carrier, in k coordinates and n rates."""
 
     q_names: tuple[str, ...]
     u_names: tuple[str, ...]
-    q: ca.SX
-    u: ca.SX
-    q_rate: ca.SX
-    shift: ca.SX
-    turn: ca.SX
-    quaternion: ca.SX
-    spin: ca.SX
-    angle: ca.SX
-    carrier: ca.SX
-    follower: ca.SX
-    carrier_quaternion: ca.SX
-    follower_quaternion: ca.SX
-    measured: Callable[[RelativePose], ca.SX]
-    records: tuple[Symbol, ...]
+    q: ca.SX  # (k,), coordinates
+    u: ca.SX  # (n,), velocities
+    q_rate: ca.SX  # (k,), q'
+    shift: ca.SX  # (3,), position of the follower's frame in axes of the carrier's [m]
+    turn: ca.SX  # (3, 3), axes of the follower's frame to those of the carrier's
+    quaternion: ca.SX  # (4,), of `turn`
+    spin: ca.SX  # (3,), angular velocity in axes of the follower's frame [rad/s]
+    angle: ca.SX  # of planar bodies, the follower's less the carrier's [rad]
+    carrier: ca.SX  # (3, 3), the joint's frame on the carrier to its body
+    follower: ca.SX  # (3, 3), the joint's frame on the follower to its body
+    carrier_quaternion: ca.SX  # (4,), of `carrier`; zeros between planar bodies
+    follower_quaternion: ca.SX  # (4,), of `follower`; zeros between planar bodies
+    measured: Callable[[RelativePose], ca.SX]  # the coordinates (k,) of a position
+    records: tuple[Symbol, ...]  # what the symbols of q and u are
 
     def turned(self, turns: int) -> "JointMotion":
         """The motion of planar bodies after the follower has made whole turns."""

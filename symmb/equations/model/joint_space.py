@@ -40,12 +40,6 @@ class JointSpace:
     c : Collected              the equations in coordinates of the bodies
     elements : sequence        of which the joints may carry bodies
     turns : mapping            name -> whole turns of body b relative to body a in planar joints without an angle
-
-    Attributes
-    ----------
-    links : tuple of Link                 the rigid bodies, each one after its carrier
-    rows : list of int                    numbers of the constraint rows that are left
-    collected : Collected                 the equations in coordinates of the joints, with the mass matrix of the bodies
     """
 
     def __init__(
@@ -56,6 +50,7 @@ class JointSpace:
         rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
         counts = {name: where.stop - where.start for name, where in c.rows.items()}
         joints = [e for e in elements if isinstance(e, Joint)]
+        # The rigid bodies, each one after its carrier, and the numbers of the rows that are left.
         self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind, turns))
         self.tree = ArticulatedBodies(c.bodies, self.links)
         carrying = {link.carrying.joint.name for link in self.links if link.carrying is not None}

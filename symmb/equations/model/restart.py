@@ -34,22 +34,14 @@ class EndedRun(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Restart:
-    """The state from which a scene goes on.
+    """The state from which a scene goes on."""
 
-    Attributes
-    ----------
-    time : float           end of the run [s]
-    first_instant : float  of sampled values, the start of the first of several runs [s]
-    q, v, s : arrays       coordinates (n_q,), velocities (n_v,) and first-order states of the system (n_s,)
-    drift : dict           name -> value of coordinates and velocities that nothing touches
-    """
-
-    time: float
-    first_instant: float
-    q: Array
-    v: Array
-    s: Array
-    drift: dict[str, float]
+    time: float  # end of the run [s]
+    first_instant: float  # of sampled values, the start of the first of several runs [s]
+    q: Array  # (n_q,), coordinates
+    v: Array  # (n_v,), velocities
+    s: Array  # (n_s,), first-order states of the system
+    drift: dict[str, float]  # coordinates and velocities that nothing touches
 
 
 def restart_of(system: System, run: object) -> Restart:

@@ -17,20 +17,12 @@ _DUE = SLIGHT
 
 @dataclass(frozen=True)
 class Sampling:
-    """Values that are computed at instants and held between them.
+    """Values that are computed at instants and held between them."""
 
-    Attributes
-    ----------
-    periods : tuple of float         [s]
-    states : tuple of (int, int)     numbers of the value, and of the count of its instants so far, among the states s
-    laws : tuple of Function         (q, v, s, p, t) -> the value
-    begin : float                    the first instant [s]
-    """
-
-    periods: tuple[float, ...]
-    states: tuple[tuple[int, int], ...]
-    laws: tuple[ca.Function, ...]
-    begin: float = 0.0
+    periods: tuple[float, ...]  # [s]
+    states: tuple[tuple[int, int], ...]  # numbers of the states: the value, and the count of its instants so far
+    laws: tuple[ca.Function, ...]  # (q, v, s, p, t) -> the value
+    begin: float = 0.0  # the first instant [s]
 
     def held(self, q: ca.SX, v: ca.SX, s: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
         """States s (n_s,) with the values of instants that are reached at a time, each once."""

@@ -10,23 +10,13 @@ _SHARE_OF_ENERGY = 1e-2
 
 @dataclass(frozen=True)
 class Scales:
-    """Typical sizes of lengths, energies and rows of constraints. They make solvers independent of units.
+    """Typical sizes of lengths, energies and rows of constraints. They make solvers independent of units."""
 
-    Attributes
-    ----------
-    length : float          [m]
-    energy : float          of the unit of velocity: largest inertia times squared displacement [kg m^2]
-    rows : (n_r,) array     rates of the rows at displacements of `of_length`, all 1 if not known
-    states : (n_x,) array   of each state: parts of a scene that do not act on each other have their own; `size` if
-                            not known
-    rate : float            of the fastest part [1/s]
-    """
-
-    length: float = 1.0
-    energy: float = 1.0
-    rows: Array | None = None
-    states: Array | None = None
-    rate: float = 1.0
+    length: float = 1.0  # [m]
+    energy: float = 1.0  # of the unit of velocity: largest inertia times squared displacement [kg m^2]
+    rows: Array | None = None  # (n_r,), rates of the rows at displacements of `length`; all 1 if not known
+    states: Array | None = None  # (n_x,), those of each part that acts on no other one; `size` if not known
+    rate: float = 1.0  # of the fastest part [1/s]
 
     @property
     def work(self) -> float:

@@ -18,14 +18,9 @@ class Group:
 class JointTree:
     """The bodies in an order in which each one follows its carrier, and the groups of those in the same loops.
 
-    Parameters
-    ----------
-    connected : for each row of the constraints, the bodies whose relative motion it restricts
-    roots : all bodies. The first one of those that are not connected with the ground carries the others.
-
-    Attributes
-    ----------
-    carriers : dict        body -> the body that carries it, each one after its carrier
+    `connected` are, for each row of the constraints, the bodies whose relative motion it restricts. `roots` are all
+    bodies, of which the first one that is not connected with the ground carries the others. `carriers` tells the body
+    that carries each.
     """
 
     def __init__(self, connected: Iterable[frozenset[int]], roots: Sequence[int]) -> None:

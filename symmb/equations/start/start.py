@@ -25,18 +25,7 @@ MOST_COMPILED_STATES = 100
 
 @dataclass(frozen=True)
 class Start:
-    """The start of a scene as a map from parameters to states. It can be pickled.
-
-    `listed`, `solved` and `free` name the coordinates that the scene lists, that are solved for, and that stay at their
-    assembled values. `listed_velocities`, `solved_velocities` and `free_velocities` name the velocities that the scene
-    lists, that the constraints determine, and that nothing determines. Where the rows of the constraints `redundant`
-    depend on each other, `rows` are the numbers of those that determine the motion; it is None elsewhere. `nullities`
-    count the combinations of these rows, and of the position rows among them, that vanish: where no choice of rows
-    stays independent. `ranks` are those of all rows of the scene, and of its position rows.
-    `joint_residuals`, a Function (q, v, p), is 0 where the listed `joint_values` hold.
-    `is_equilibrium` means a start in static equilibrium, which is not compiled. `doubts` are sentences on what is
-    doubtful at the nominal parameters. `held` are the numbers of the displacements that are not solved for.
-    """
+    """The start of a scene as a map from parameters to states. It can be pickled."""
 
     dae: DAE
     t0: float
@@ -46,21 +35,21 @@ class Start:
     state: ca.Function  # u, p -> x
     holds: ca.Function  # x, u, p -> conditions, 1 where they hold
     velocities: ca.Function  # q, p -> v, of the bodies
-    listed: tuple[str, ...]
-    listed_velocities: tuple[str, ...]
-    solved: tuple[str, ...]
-    free: tuple[str, ...]
-    solved_velocities: tuple[str, ...]
-    free_velocities: tuple[str, ...]
-    joint_residuals: ca.Function | None
+    listed: tuple[str, ...]  # coordinates that the scene lists
+    listed_velocities: tuple[str, ...]  # velocities that the scene lists
+    solved: tuple[str, ...]  # coordinates that are solved for
+    free: tuple[str, ...]  # coordinates that stay at their assembled values
+    solved_velocities: tuple[str, ...]  # velocities that the constraints determine
+    free_velocities: tuple[str, ...]  # velocities that nothing determines
+    joint_residuals: ca.Function | None  # (q, v, p) -> 0 where the listed `joint_values` hold
     joint_values: tuple[str, ...]
-    rows: tuple[int, ...] | None
-    nullities: tuple[int, int]
-    ranks: tuple[int, int]
-    redundant: tuple[str, ...]
-    is_equilibrium: bool
-    doubts: tuple[str, ...]
-    held: tuple[int, ...]
+    rows: tuple[int, ...] | None  # those that determine the motion where rows depend on each other, else None
+    nullities: tuple[int, int]  # combinations of these, and of position rows among them, that vanish in every choice
+    ranks: tuple[int, int]  # of all rows of the scene, and of its position rows
+    redundant: tuple[str, ...]  # constraints whose rows depend on each other
+    is_equilibrium: bool  # whether it is a static equilibrium, which is not compiled
+    doubts: tuple[str, ...]  # sentences on what is doubtful at the nominal parameters
+    held: tuple[int, ...]  # displacements that are not solved for
 
     @property
     def compiles(self) -> bool:

@@ -34,10 +34,8 @@ def start_velocities(
 ) -> ca.Function:
     """Velocities at the start as a Function (q, p) -> v.
 
-    Parameters
-    ----------
-    listed : mapping           velocities by their numbers, which hold exactly
-    at : (k, n_q), (k, n_p)    coordinates on the constraints for k values of the parameters, the nominal ones first
+    Listed ones, by their numbers, hold exactly. `at` are coordinates (k, n_q) on the constraints for k values of the
+    parameters (k, n_p), the nominal ones first.
     """
     rates = _Rates(scene, dae, listed, at, t0)
     if scene.restart is not None:
