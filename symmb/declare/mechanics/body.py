@@ -200,6 +200,11 @@ class Inertial:
     potential: ca.SX | None = None  # strain energy [J]
     flows: bool = True  # whether M changes along the motion because mass joins or leaves
 
+    @property
+    def M_flow(self) -> ca.SX:
+        """M (n_v, n_v) if it changes because mass joins or leaves, else zeros."""
+        return self.M if self.flows else ca.SX(*self.M.shape)
+
 
 class Ground(AbstractBody):
     """The world frame, at rest.

@@ -97,6 +97,18 @@ class Rope(ForceElement):
         """The way that it takes."""
         points = [point for point, _ in self._wraps]
         radii = [bind(0 if r is None else r, f"{self.title}: radius") for _, r in self._wraps]
+        straights = self._straights(bind, points, radii)
+        triples = [(i, j, k) for i, j in straights for h, k in straights if h == j and not radii[j].is_zero()]
+        wraps = {
+            (i, j, k): self._wrap(j, straights[i, j], straights[j, k], radii[j])
+            for i, j, k in sorted(triples, key=lambda triple: triple[2] - triple[0])  # first those between neighbours
+        }
+        return Course.taut([point.r for point in points], radii, straights, wraps)
+
+    def _straights(
+        self, bind: Bind, points: Sequence[Point], radii: Sequence[ca.SX]
+    ) -> "dict[tuple[int, int], Straight]":
+        """The straight parts that it may have, by the numbers of two points: pulleys between these may be left."""
         straights: dict[tuple[int, int], Straight] = {}
         for j in range(1, len(points)):
             for i in range(j - 1, -1, -1):
@@ -110,12 +122,7 @@ class Rope(ForceElement):
                     straights[i, j] = Straight.between(a.r, b.r, radii[i], radii[j])
                 if radii[i].is_zero():
                     break
-        triples = [(i, j, k) for i, j in straights for h, k in straights if h == j and not radii[j].is_zero()]
-        wraps = {
-            (i, j, k): self._wrap(j, straights[i, j], straights[j, k], radii[j])
-            for i, j, k in sorted(triples, key=lambda triple: triple[2] - triple[0])  # first those between neighbours
-        }
-        return Course.taut([point.r for point in points], radii, straights, wraps)
+        return straights
 
     def _wrap(self, pulley: int, before: "Straight", behind: "Straight", radius: ca.SX) -> ca.SX:
         """Angle by which a pulley turns the way between two straight parts [rad]: below 0 the rope has left it.

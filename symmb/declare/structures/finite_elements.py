@@ -252,9 +252,8 @@ class FiniteElements:
         fixed = chosen(() if clamped is None else (clamped,), len(self.positions), f"{OWNER}: clamped")
         interface_nodes = chosen(interfaces, len(self.positions), f"{OWNER}: interfaces")
         self._check(interface_nodes, fixed, count, cutoff, stiffening)
-        locked = [2, 3, 4] if planar else []
-        every = np.arange(self.K.shape[0])
-        free = np.setdiff1d(every[~np.isin(every % self.per_node, locked)], self._dofs(fixed))
+        locked = [2, 3, 4] * planar
+        free, held = self._freedom(fixed, locked)
         distinct = np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0][: self.per_node], len(self.positions))
         axes = diags_array(distinct).tocsc()[free][:, free]  # tells motions along x, y and z apart
         motions = rigid_motions(self.positions, self.per_node)
@@ -280,19 +279,9 @@ class FiniteElements:
         D = None
         if stiffening and self.axial is not None:
             D = foreshortening(self.K, free, self.samples, self.axial, X)
-        held = self._dofs(fixed)
-        held = held[~np.isin(held % self.per_node, locked)]
-        flexibility = Flexibility(
-            self.K,
-            self.M,
-            np.union1d(free, held),
-            motions[:, moves],
-            held,
-            X,
-            stiffness,
-            self.per_node,
-            max(interface.size - rigid.shape[1], 0),
-        )
+        of_structure = self.K, self.M, np.union1d(free, held), motions[:, moves], held
+        of_interfaces = max(interface.size - rigid.shape[1], 0)
+        flexibility = Flexibility(*of_structure, X, stiffness, self.per_node, of_interfaces)
         modes, shapes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
         if is_law(zeta) or terms.has_laws:
             modes = with_parameters(modes, terms, shapes, zeta, box, error)
@@ -354,6 +343,12 @@ class FiniteElements:
             raise DeclarationError(
                 f"{OWNER}: stiffening needs a structure of beams and a clamped node about which it turns."
             )
+
+    def _freedom(self, fixed: Sequence[int], locked: Sequence[int]) -> tuple[Indices, Indices]:
+        """Degrees of freedom that move, and those of clamped nodes, without motions that are locked at all nodes."""
+        every, held = np.arange(self.K.shape[0]), self._dofs(fixed)
+        moving = every[~np.isin(every % self.per_node, locked)]
+        return np.setdiff1d(moving, held), np.intersect1d(moving, held)
 
     def _dofs(self, nodes: Sequence[int]) -> Indices:
         return (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()

@@ -117,6 +117,15 @@ def read_dmig(path: str | PathLike[str], letter: str) -> Matrix:
         raise header.fault(f"{chosen[0]} must begin with a header of form 1 or 6, square or symmetric.")
     if header.whole(3, "the type") not in _REAL:
         raise header.fault(f"{chosen[0]} is complex; give a real matrix.")
+    entries = _entries(columns)
+    if not entries:
+        raise header.fault(f"{chosen[0]} has no entry.")
+    mirrored = {(column, row): value for (row, column), value in entries.items()} if form == _SYMMETRIC else {}
+    return Matrix(mirrored | entries)
+
+
+def _entries(columns: list[_Card]) -> dict[tuple[tuple[int, int], tuple[int, int]], float]:
+    """The entries of a matrix by row and column, from the cards of its columns."""
     entries: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
     for card in columns:
         column = _degree(card, 1)
@@ -127,10 +136,7 @@ def read_dmig(path: str | PathLike[str], letter: str) -> Matrix:
             if (row, column) in entries:
                 raise card.fault(f"the entry of node {row[0]}, component {row[1]} is given twice in this column.")
             entries[row, column] = card.real(k + 2, "an entry")
-    if not entries:
-        raise header.fault(f"{chosen[0]} has no entry.")
-    mirrored = {(column, row): value for (row, column), value in entries.items()} if form == _SYMMETRIC else {}
-    return Matrix(mirrored | entries)
+    return entries
 
 
 def _degree(card: _Card, k: int) -> tuple[int, int]:

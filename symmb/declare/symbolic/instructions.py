@@ -6,6 +6,7 @@ What each operation means is the caller's affair; here is only the walk.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import casadi as ca
@@ -35,7 +36,7 @@ def interpret(
     inputs: Sequence[Sequence[T]],
     operation: Callable[[Any, tuple[T, ...]], T],
     constant: Callable[[float], T],
-    known: Mapping[int, T] | None = None,
+    known: Mapping[int, T] = MappingProxyType({}),
 ) -> list[list[T]]:
     """Evaluate an SX Function with numbers of type T, one instruction after the other.
 
@@ -54,7 +55,7 @@ def interpret(
     """
     if not f.is_a("SXFunction"):
         raise DeclarationError(f"Function '{f.name()}' is not built from SX: expand it first, f.expand().")
-    sizes, expected = [len(values) for values in inputs], [f.nnz_in(i) for i in range(f.n_in())]
+    sizes, expected = [*map(len, inputs)], [f.nnz_in(i) for i in range(f.n_in())]
     if sizes != expected:
         raise DeclarationError(
             f"Function '{f.name()}' has inputs with {expected} structural nonzeros, but values for {sizes} are given."
@@ -62,7 +63,7 @@ def interpret(
     # Every work slot is written before it is read, so the filling value of `work` is never seen.
     work = [constant(0.0)] * f.sz_w()
     outputs = [[constant(0.0)] * f.nnz_out(i) for i in range(f.n_out())]
-    known, calls = {} if known is None else known, called(f)
+    calls = called(f)
     for k in range(f.n_instructions()):
         code, arguments, results = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
         if code == ca.OP_INPUT:

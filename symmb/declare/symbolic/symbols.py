@@ -67,6 +67,11 @@ class Symbol:
     value: ca.SX = field(default_factory=ca.SX)
     owner: str = ""
 
+    @property
+    def resting(self) -> float:
+        """Where a state starts if that is a number, else 0."""
+        return float(self.value) if self.value.is_constant() else 0.0
+
     def __reduce__(self) -> tuple[Callable[..., "Symbol"], tuple[object, ...]]:
         return _entered, (self.name, self.kind, self.sx, self.rate, self.value, self.owner)
 

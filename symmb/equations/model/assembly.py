@@ -1,7 +1,7 @@
 """Collects the declared elements into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, TypeVar
 import casadi as ca
 import numpy as np
 
-from symmb._errors import Faults
 from symmb.declare.mechanics import (
     Action,
     Body,
@@ -35,10 +34,11 @@ from symmb.declare.mechanics import (
     closed_at_start,
     row_gates,
 )
-from symmb.declare.symbolic import Symbol, TruthValueError, is_zero, t
+from symmb.declare.symbolic import Symbol, is_zero, t
 from symmb.equations.model.binding import Binding
 from symmb.equations.model.positive import Inertia, positive
 from symmb.equations.model.validation import (
+    ElementFaults,
     event_margin,
     held_faults,
     impact_law,
@@ -61,6 +61,13 @@ class Coordinates(NamedTuple):
     qdot: ca.SX
     q_names: tuple[str, ...]
     v_names: tuple[str, ...]
+
+    @classmethod
+    def of_body(cls, body: Body) -> "Coordinates":
+        """The coordinates of a body, with their full names."""
+        pose, frame = body.pose, body.frame
+        names = (tuple(f"{body.name}.{x}" for x in of) for of in (pose.coordinates, pose.velocities))
+        return cls(frame.q, frame.v, frame.rate, *names)
 
     @classmethod
     def joined(cls, parts: Sequence["Coordinates"]) -> dict[str, Any]:
@@ -157,10 +164,6 @@ class Collected:
         own = zip(self.bodies, self.slices, strict=True)
         return ca.vertcat(ca.SX(0, 1), *[body.pose.retract(self.q[q], delta[v]) for body, (q, v) in own])
 
-    def with_states(self, states: Sequence[Symbol]) -> "Collected":
-        """A copy with additional first-order states."""
-        return replace(self, states=(*self.states, *states))
-
 
 def collect(elements: Sequence[Body | Element], parameters: Parameters | None) -> Collected:
     """Validate the declaration and derive its equations. A DeclarationError has one line for each fault.
@@ -179,7 +182,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters | None) -
 def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters | None) -> Collected:
     """The equations in all coordinates of particles, also those that stand in none."""
     parameters = Parameters() if given is None else given
-    faults, sound = _Faults(name_faults(elements, parameters)), []
+    faults, sound = ElementFaults(name_faults(elements, parameters)), []
     bodies = tuple(e for e in elements if isinstance(e, Body))
     known = {id(element) for element in elements}
     for element in elements:
@@ -191,8 +194,8 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
         faults += own
     bind = Binding(parameters, bodies, _of_kind(OwnState, sound), _of_kind(Input, sound))
     some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
-    inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind, parameters)) for b in bodies]
-    equations = _write_equations(sound, inertial, bind, parameters, faults)
+    inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind)) for b in bodies]
+    equations = _write_equations(sound, inertial, bind, faults)
     if given is None and bind.missing is not None:
         return _with_all_coordinates(elements, bind.missing)
     faults.raise_any()
@@ -201,19 +204,6 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
         faults.append(f"Input {name!r}: a point, a mass or a shape depends on it. Only laws may depend on inputs.")
     faults.raise_any()
     return collected
-
-
-class _Faults(Faults):
-    """The faults of the elements of a system."""
-
-    def attempt(self, otherwise: T, f: Callable[..., T], *arguments: Any, what: str = "A law") -> T:
-        """The result of f, or a substitute where f raises a fault of the declaration."""
-        with self.noted():
-            try:
-                return f(*arguments)
-            except TruthValueError as error:
-                self.append(f"{what}: {error}")
-        return otherwise
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,11 +222,6 @@ class _Equations:
     n_declared_rows: int
 
     @property
-    def every_action(self) -> list[Action]:
-        """The actions of all forces."""
-        return [*chain.from_iterable(self.actions.values())]
-
-    @property
     def forces(self) -> dict[str, ca.SX | None]:
         """What the law of each force gives, at all its places together."""
         own = {f.name: [a.force for a in actions if a.force is not None] for f, actions in self.actions.items()}
@@ -244,7 +229,7 @@ class _Equations:
 
 
 def _write_equations(
-    elements: Sequence[Element], inertial: Sequence[Inertia], bind: Binding, parameters: Parameters, faults: _Faults
+    elements: Sequence[Element], inertial: Sequence[Inertia], bind: Binding, faults: ElementFaults
 ) -> _Equations:
     """The laws of the elements. Those that are faulty are noted and left out."""
     attempt, nothing = faults.attempt, ca.SX(0, 1)
@@ -257,7 +242,7 @@ def _write_equations(
         attempt(None, bind.check, state.symbols[0].rate, f"{state.title}: rate")
     sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in _of_kind(Sampled, states)]
     actions = {f: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
-    declared = {c.name: attempt(nothing, c.position_rows, bind) for c in constraints}
+    declared = faults.each(nothing, lambda c: c.position_rows(bind), constraints)
     of_clutches = chain.from_iterable(attempt((), clutch.events, bind) for clutch in _of_kind(Clutch, elements))
     events = [(e, ca.SX(1)) for e in (*_of_kind(JointEvent, elements), *of_clutches)]
     equations = _Equations(
@@ -267,9 +252,9 @@ def _write_equations(
         states=states,
         sampled=sampled,
         actions=actions,
-        positions={c.name: attempt([], position_rows, c, declared[c.name], bind) for c in constraints},
-        velocities={c.name: attempt([], velocity_rows, c, bind) for c in constraints},
-        laws={e.name: attempt((nothing, nothing), impact_law, e, bind, parameters) for e in impacts},
+        positions=faults.each([], lambda c: position_rows(c, declared[c.name], bind), constraints),
+        velocities=faults.each([], velocity_rows, constraints, bind),
+        laws=faults.each((nothing, nothing), impact_law, impacts, bind),
         n_declared_rows=sum(rows.numel() for rows in declared.values()),
     )
     for element, _ in sampled:
@@ -303,14 +288,14 @@ def _of_kind(kind: type[T], elements: Sequence[object]) -> list[T]:
 def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations) -> Collected:
     bodies = tuple(body for body, _ in inertial)
     shares = [body.inertial(*values) for body, values in inertial]
-    Q_work, Q_potential, potential = _forces(bodies, shares, equations.every_action)
+    actions = [*chain.from_iterable(equations.actions.values())]
+    Q_work, Q_potential, potential = _forces(bodies, shares, actions)
     Phi, Psi = (stacked([*chain(*kind.values())]) for kind in (equations.positions, equations.velocities))
-    gaps = [gap for gap, _ in equations.laws.values()]
-    owners = [name for kind in (equations.positions, equations.velocities) for name, own in kind.items() for _ in own]
-    rows = _row_slices(owners)
+    owners = [*_owners(equations.positions), *_owners(equations.velocities)]
+    rows, gaps = _row_slices(owners), [gap for gap, _ in equations.laws.values()]
     M = ca.diagcat(ca.SX(0, 0), *[share.M for share in shares])
     closed = closed_at_start(event for event, _ in equations.joint_events)
-    own = [Coordinates(b.frame.q, b.frame.v, b.frame.rate, *_names(b)) for b in bodies]
+    own = [*map(Coordinates.of_body, bodies)]
     return Collected(
         bodies=bodies,
         bind=bind,
@@ -319,7 +304,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         states=_states(bind, [ca.vec(M), Q_work, Q_potential, Phi, Psi, *gaps], equations),
         sampled=tuple(equations.sampled),
         M=M,
-        M_flow=ca.diagcat(ca.SX(0, 0), *[share.M if share.flows else ca.SX(*share.M.shape) for share in shares]),
+        M_flow=ca.diagcat(ca.SX(0, 0), *[share.M_flow for share in shares]),
         Q=Q_work + Q_potential,
         Q_work=Q_work,
         potential=potential,
@@ -332,16 +317,11 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         joint_events=tuple(equations.joint_events),
         assembly_cosines=stacked([c.assembly_cosines() for c in equations.constraints if closed.get(c.name, True)]),
         positive=tuple(positive(inertial, equations.constraints, bind)),
-        loads=tuple(load for action in equations.every_action for load in action.loads),
+        loads=tuple(load for action in actions for load in action.loads),
         forces=equations.forces,
         decoupled=(),
         n_declared_rows=equations.n_declared_rows,
     )
-
-
-def _names(body: Body) -> tuple[tuple[str, ...], ...]:
-    """Full names of the coordinates and velocities of a body."""
-    return tuple(tuple(f"{body.name}.{x}" for x in of) for of in (body.pose.coordinates, body.pose.velocities))
 
 
 def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) -> tuple[Symbol, ...]:
@@ -389,6 +369,11 @@ def _forces(
         if share.potential is not None:
             potential += share.potential
     return stacked([work[id(b)] for b in bodies]), stacked([conservative[id(b)] for b in bodies]), potential
+
+
+def _owners(rows: dict[str, list[ca.SX]]) -> Iterator[str]:
+    """The name of the constraint for each of its rows."""
+    return chain.from_iterable([name] * len(own) for name, own in rows.items())
 
 
 def _row_slices(owners: Sequence[str]) -> dict[str, slice]:

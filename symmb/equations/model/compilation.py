@@ -87,9 +87,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
         positive=positive,
         positive_names=positive_names,
         impacts=None if contacts is None else contacts.compiled(retract),
-        s_rest=np.array([float(s.value) if s.value.is_constant() else 0.0 for s in c.states])
-        if c.joint_events
-        else None,
+        s_rest=np.array([s.resting for s in c.states]) if c.joint_events else None,
         sampling=sampling_of(system),
         **functions,  # pyright: ignore[reportArgumentType]
     )

@@ -11,6 +11,7 @@ body axes. M is block-diagonal, a block for each body. Parts that a scene does n
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -107,7 +108,7 @@ class System(FilledByBlock, ReadEquations):
 
     def with_states(self, states: Sequence[Symbol]) -> "System":
         """A copy with additional first-order states, which outputs need."""
-        added, collected = (*self._added, *states), self.collected.with_states(states)
+        added, collected = (*self._added, *states), replace(self.collected, states=(*self.collected.states, *states))
         return self._with(collected=collected, _added=added, lam=self.lam, vdot=self.vdot)  # outputs have the last two
 
     def with_elements(self, more: Sequence[Element], parameters: Parameters) -> "System":

@@ -1,7 +1,8 @@
 """Checks of a declaration. Each function returns the faults of one kind, or raises those of one element."""
 
-import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -30,10 +31,29 @@ from symmb.declare.mechanics import (
     inertia_matrix,
     law_value,
 )
-from symmb.declare.symbolic import is_zero, margin_of
+from symmb.declare.symbolic import TruthValueError, is_zero, margin_of
 from symmb.equations.model.binding import Binding
 from symmb.equations.model.box import Box
 from symmb.equations.model.multipliers import joint_reaction
+
+T = TypeVar("T")
+
+
+class ElementFaults(Faults):
+    """The faults of the elements of a system."""
+
+    def each(self, otherwise: T, f: Callable[..., T], elements: Sequence[Element], *arguments: Any) -> dict[str, T]:
+        """The results of f for elements, by their names."""
+        return {e.name: self.attempt(otherwise, f, e, *arguments) for e in elements}
+
+    def attempt(self, otherwise: T, f: Callable[..., T], *arguments: Any, what: str = "A law") -> T:
+        """The result of f, or a substitute where f raises a fault of the declaration."""
+        with self.noted():
+            try:
+                return f(*arguments)
+            except TruthValueError as error:
+                self.append(f"{what}: {error}")
+        return otherwise
 
 
 def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]:
@@ -78,16 +98,14 @@ def membership_faults(element: Element, known: Collection[int]) -> list[str]:
     return [f"{element.title}: {what} is not part of the System. Add it to System(...)." for what in missing]
 
 
-def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:
     """Mass (scalar) and inertia (3, 3) of a body as SX; all their faults are raised at once."""
     mass = bind(body.mass, f"Body {body.name!r}: mass")
     bind.check(body.laws, f"Body {body.name!r}: stiffness or damping")
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
-    moments = ca.diag(J)
-    faults = Faults(
-        [*_inertia_faults(body, "mass", mass, parameters), *_inertia_faults(body, "inertia", moments, parameters)]
-    )
-    skew, size = _nominal(ca.vec(J - J.T), parameters), _nominal(ca.vec(J), parameters)
+    faults = Faults(_inertia_faults(body, "mass", mass, bind))
+    faults += _inertia_faults(body, "inertia", ca.diag(J), bind)
+    skew, size = _nominal(ca.vec(J - J.T), bind), _nominal(ca.vec(J), bind)
     if skew is not None and size is not None and skew.any():
         if np.abs(skew).max() > _ASYMMETRY * np.abs(size).max():
             faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
@@ -99,29 +117,26 @@ def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple
     return mass, J
 
 
-def _inertia_faults(body: Body, what: str, value: ca.SX, parameters: Parameters) -> list[str]:
-    """Masses or moments of inertia that are negative, or 0 although not declared so."""
-    nominal = _nominal(value, parameters)
-    if nominal is None:
-        return []
-    if np.any(nominal < 0):
-        return [f"Body {body.name!r}: {what} is negative at the nominal parameters. It must not be below 0."]
-    if any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
-        return [
+def _inertia_faults(body: Body, what: str, value: ca.SX, bind: Binding) -> Iterator[str]:
+    """Fault of masses or moments of inertia that are negative, or 0 although not declared so."""
+    nominal = _nominal(value, bind)
+    if nominal is not None and np.any(nominal < 0):
+        yield f"Body {body.name!r}: {what} is negative at the nominal parameters. It must not be below 0."
+    elif nominal is not None and any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
+        yield (
             f"Body {body.name!r}: {what} vanishes at the nominal parameters, not as declared. "
             "Write 0 for a massless body, so that its equations are solved without dividing by it."
-        ]
-    return []
+        )
 
 
 _ASYMMETRY = SAME
 """Difference of opposite entries of an inertia matrix, over the largest entry, that is rounding of a turned one."""
 
 
-def _nominal(value: ca.SX, parameters: Parameters) -> Array | None:
+def _nominal(value: ca.SX, bind: Binding) -> Array | None:
     """Numbers at the nominal parameters; None if coordinates or time stand in the expression."""
-    f = ca.Function("f", [parameters.symbols], [ca.densify(value)], {"allow_free": True})
-    return None if f.has_free() else np.asarray(f(parameters.nominal)).ravel()
+    f = ca.Function("f", [bind.parameters.symbols], [ca.densify(value)], {"allow_free": True})
+    return None if f.has_free() else np.asarray(f(bind.parameters.nominal)).ravel()
 
 
 def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca.SX]:
@@ -176,7 +191,7 @@ def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
     return nonzero
 
 
-def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+def impact_law(impact: Impact, bind: Binding) -> tuple[ca.SX, ca.SX]:
     """Gap and coefficient of restitution of an impact as SX scalars."""
     gap = bind(impact.gap, f"{impact.title}: gap")
     e = bind(impact.restitution, f"{impact.title}: restitution")
@@ -190,7 +205,7 @@ def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[c
         faults.append(f"{impact.title}: the gap {gap} contains no coordinate. Write a distance, such as ball.y - r.")
     if any(not bind.is_parameter(s) for s in ca.symvar(e)):
         faults.append(f"{impact.title}: restitution may depend on parameters only.")
-    nominal = None if faults else _nominal(e, parameters)
+    nominal = None if faults else _nominal(e, bind)
     if nominal is not None and not 0 <= nominal[0] <= 1:
         fault = RESTITUTION.format(number_text(nominal[0]))
         faults.append(f"{impact.title}: {fault} at the nominal parameters. Give one that is.")
@@ -258,7 +273,7 @@ _CORNERS = 10
 def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
     """Masses and lengths, by name, that the function of the parameters shows not to be positive at a corner."""
     order, parts = list(parameters), {}
-    for corner in itertools.product(*box.bounds) if len(box) <= _CORNERS else ():
+    for corner in product(*box.bounds) if len(box) <= _CORNERS else ():
         p = parameters.nominal
         p[[order.index(name) for name in box.names]] = corner
         for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):

@@ -86,8 +86,7 @@ def listed_states(scene: Scene) -> Array:
     collected = scene.system.collected
     s = np.zeros(len(collected.states)) if scene.restart is None else scene.restart.s.copy()
     if collected.joint_events and scene.restart is None:
-        for k, state in enumerate(collected.states):
-            s[k] = float(state.value) if state.value.is_constant() else 0.0
+        s[:] = [state.resting for state in collected.states]
     for k, value in states.items():
         s[k] = float(ca.Function("value", [scene.system.p], [value])(scene.system.parameters.nominal))
     return s

@@ -337,13 +337,16 @@ class Building:
             value, led = (getattr(j, str(j.coordinate)) for j in (joint, joints[data.mimic]))
             factor, offset = (self.values[f"{name}.mimic.{part}"] for part in ("multiplier", "offset"))
             yield Motion(f"{name}:mimic", value - factor * led, offset)
-        ends = [self.values.get(f"{name}.limit.{end}") for end in ("lower", "upper")]
-        if self.stop is None or data.kind == "continuous" or None in ends:
+        yield from self._stop(data, joint)
+
+    def _stop(self, data: JointData, joint: AxisJoint) -> Iterator[Element]:
+        """The stop at the limits of a joint, unless they are equal."""
+        lower, upper = (self.values.get(f"{data.name}.limit.{end}") for end in ("lower", "upper"))
+        if self.stop is None or data.kind == "continuous" or lower is None or upper is None:
             return
-        if ends[0] is ends[1] or (isinstance(ends[0], float) and ends[0] == ends[1]):
-            return
-        law = self.stop if isinstance(self.stop, ContactLaw) else None
-        yield Stop(f"{name}:stop", joint, *ends, law=law, restitution=None if law else self.stop)
+        if not (lower is upper or (isinstance(lower, float) and lower == upper)):
+            law = self.stop if isinstance(self.stop, ContactLaw) else None
+            yield Stop(f"{data.name}:stop", joint, lower, upper, law=law, restitution=None if law else self.stop)
 
     def _shapes(self, top: str) -> Iterator[Geometry]:
         """The shapes of the links of one body."""
