@@ -18,19 +18,7 @@ from symmb.declare.mechanics.element import Bind, direction_faults
 from symmb.declare.mechanics.joint_coordinates import JointCoordinates
 from symmb.declare.mechanics.pose import Planar, Pose, Spatial
 from symmb.declare.mechanics.rotation import Rotation
-from symmb.declare.symbolic import (
-    Kind,
-    Symbol,
-    is_time,
-    is_zero,
-    lookup,
-    symbols_in,
-    triad,
-    turn,
-    unit,
-    vector,
-    without_rounding,
-)
+from symmb.declare.symbolic import Kind, Symbol, is_time, is_zero, lookup, triad, turn, unit, vector, without_rounding
 
 Axis = tuple[Expr, ...]
 ORIENTED: tuple[type[Pose], ...] = (Planar, Spatial)
@@ -125,7 +113,7 @@ class AxisJoint(Joint):
     def _axis_faults(self, body: AbstractBody, axis: Axis) -> Iterator[str]:
         astray = list(direction_faults(self.title, "axis", axis))
         a = vector(axis)
-        moving = [s for s in symbols_in(a) if is_time(s) or ((r := lookup(s)) and r.kind is not Kind.PARAMETER)]
+        moving = [s for s in ca.symvar(a) if is_time(s) or ((r := lookup(s)) and r.kind is not Kind.PARAMETER)]
         if moving:
             yield f"{self.title}: axis {axis} depends on {moving[0]}. Give one of numbers and parameters."
         elif astray:

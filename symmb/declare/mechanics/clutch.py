@@ -16,7 +16,7 @@ from symmb.declare.mechanics.constraint import Constraint
 from symmb.declare.mechanics.element import NOT_NEGATIVE, Bind, within
 from symmb.declare.mechanics.force import Action, PairTorque
 from symmb.declare.mechanics.joint_event import JointEvent, event_state
-from symmb.declare.symbolic import Symbol, symbols_in, unit, vector
+from symmb.declare.symbolic import Symbol, unit, vector
 
 _STATES, _SLIGHT, _JUMP = 4, 1e-7, SMALL
 """Random states at which a capacity is compared at slips of both signs, the slip [rad/s], and the share of the capacity
@@ -84,7 +84,7 @@ class Clutch(PairTorque, Constraint):
         """Whether the capacity has another value at a slip just above 0 than just below, at random states."""
         if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
             return False
-        symbols = ca.vertcat(*symbols_in(ca.vertcat(self.capacity, self.slip)))
+        symbols = ca.vertcat(*ca.symvar(ca.vertcat(self.capacity, self.slip)))
         slope = ca.jacobian(self.slip, symbols)
         f = ca.Function("f", [symbols], [self.slip, ca.densify(slope), self.capacity])
         for state in np.random.default_rng(0).uniform(0.5, 1.5, (_STATES, symbols.numel())):

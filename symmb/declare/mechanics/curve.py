@@ -14,7 +14,7 @@ from symmb._magnitudes import ROUNDING, SAME, SLIGHT
 from symmb._options import is_finite_number, numbers_of, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.declare.mechanics.element import Bind, law_value
-from symmb.declare.symbolic import SOFT, Smooth, batch, symbols_in, vector
+from symmb.declare.symbolic import SOFT, Smooth, batch, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Curve:
 
     def measured(self, bind: Bind) -> "Measured":
         """The curve in numbers, at the nominal parameters."""
-        p = [symbol for symbol in symbols_in(self.place) if symbol.element_hash() != self.s.element_hash()]
+        p = [symbol for symbol in ca.symvar(self.place) if symbol.element_hash() != self.s.element_hash()]
         values = [float(ca.evalf(bind.nominal(symbol))) for symbol in p]
         f = ca.Function("curve", [self.s, ca.vertcat(ca.SX(0, 1), *p)], [ca.densify(part) for part in self.at(self.s)])
         return Measured(self, lambda s: batch(f, s[:, None], np.array(values)))

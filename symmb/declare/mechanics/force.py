@@ -17,7 +17,7 @@ from symmb.declare.mechanics.angle import relative_angle, turning_direction
 from symmb.declare.mechanics.body import AbstractBody, Body, Point
 from symmb.declare.mechanics.element import Bind, Element, direction_faults
 from symmb.declare.mechanics.pose import Planar, Spatial
-from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, lookup, symbols_in, unit, vector
+from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, records_in, unit, vector
 
 _LARGE_TURN = 0.5
 """Turn [rad] at which the moment of a Bushing, by the sine, is 4 % below that of a spring linear in the angle."""
@@ -72,17 +72,12 @@ def push(point: Point, body: AbstractBody, force: ca.SX) -> tuple[Load, Load]:
 
 def is_constant(*laws: ca.SX) -> bool:
     """Whether laws depend on parameters alone, so that a potential exists."""
-    for law in laws:
-        for symbol in symbols_in(law):
-            record = lookup(symbol)
-            if is_time(symbol) or record is None or record.kind is not Kind.PARAMETER:
-                return False
-    return True
+    return all(len(records_in(law, Kind.PARAMETER)) == len(ca.symvar(law)) for law in laws)
 
 
 def is_moved(distance: ca.SX) -> bool:
     """Whether a distance depends explicitly on time, as from a support with a given motion. Its forces then do work."""
-    return any(is_time(symbol) for symbol in symbols_in(distance))
+    return any(is_time(symbol) for symbol in ca.symvar(distance))
 
 
 class ForceElement(Element):

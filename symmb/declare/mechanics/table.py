@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._options import numbers_of, shown
 from symmb._types import Array, Expr
-from symmb.declare.symbolic import Kind, Pieces, Sides, given, lookup, symbols_in
+from symmb.declare.symbolic import Kind, Pieces, Sides, given, records_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +111,7 @@ class Table:
                 raise DeclarationError(f"Table: {shown(value)} is not finite.")
             begin, y, slope, c, d, _ = self._pieces.read(0, places)
             return ca.SX(y + (places - begin) * (slope + (places - begin) * (c + (places - begin) * d)))
-        records = (lookup(symbol) for symbol in symbols_in(at))
-        over_state = any(record is not None and record.kind is not Kind.PARAMETER for record in records)
+        over_state = any(record.kind is not Kind.PARAMETER for record in records_in(at))
         values = [self._value(part, over_state) for part in ca.vertsplit(ca.vec(ca.densify(at)))]
         return ca.reshape(ca.vertcat(*values), *at.shape)
 

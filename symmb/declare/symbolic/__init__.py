@@ -64,7 +64,7 @@ from symmb.declare.symbolic.symbols import (
     is_time,
     lookup,
     rate,
-    symbols_in,
+    records_in,
     t,
 )
 from symmb.declare.symbolic.sympy_in import from_sympy, is_sympy

@@ -7,7 +7,6 @@ import casadi as ca
 
 from symmb.declare.symbolic.instructions import interpret
 from symmb.declare.symbolic.pieces import Entry, applied, called
-from symmb.declare.symbolic.symbols import symbols_in
 
 
 def common(name: str, *parts: Any) -> ca.Function:
@@ -41,6 +40,6 @@ def common(name: str, *parts: Any) -> ca.Function:
 
 def shared(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     """Expressions of the same values, in all of which together those that are equal are one."""
-    symbols = [ca.vertcat(ca.SX(0, 1), *symbols_in(ca.veccat(*expressions)))]  # CasADi warns of many inputs
+    symbols = [ca.vertcat(ca.SX(0, 1), *ca.symvar(ca.veccat(*expressions)))]  # CasADi warns of many inputs
     f = ca.Function("all", symbols, expressions)
     return common("all", symbols, expressions).call(symbols) if called(f) else ca.cse(expressions)

@@ -154,7 +154,7 @@ def initial(expression: ca.SX) -> ca.SX:
     if value is None:
         raise DeclarationError(f"initial: {expression!r} is no CasADi SX expression.")
     expression = ca.densify(value)
-    records = [lookup(symbol) for symbol in symbols_in(expression)]
+    records = [lookup(symbol) for symbol in ca.symvar(expression)]
     moving = [r for r in records if r is not None and r.kind is Kind.COORDINATE]
     if not moving or any(r is None or r.kind not in (Kind.COORDINATE, Kind.PARAMETER) for r in records):
         raise DeclarationError(
@@ -168,9 +168,10 @@ def initial(expression: ca.SX) -> ca.SX:
     return state
 
 
-def symbols_in(expression: ca.SX) -> list[ca.SX]:
-    """All symbols of an expression, each as a scalar."""
-    return [s for s in ca.symvar(expression)]
+def records_in(expression: ca.SX, *kinds: Kind) -> list[Symbol]:
+    """The records of the declared symbols in an expression, of some kinds or of all."""
+    records = map(lookup, ca.symvar(expression))
+    return [record for record in records if record is not None and record.kind in (kinds or Kind)]
 
 
 def ddt(expression: ca.SX) -> ca.SX:
@@ -205,7 +206,7 @@ def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
     if value is None:
         raise DeclarationError(f"ddt takes a number or CasADi SX, got {shown(expression)}.")
     expression, moving, rates = value, [t], [ca.SX(1)]
-    for symbol in symbols_in(expression):
+    for symbol in ca.symvar(expression):
         record = lookup(symbol)
         if record is None or record.kind is Kind.PARAMETER:
             continue

@@ -18,7 +18,7 @@ from symmb.declare.symbolic import (
     has_irregular_constant,
     is_sympy,
     lookup,
-    symbols_in,
+    records_in,
     t,
 )
 
@@ -96,7 +96,7 @@ class Binding:
                 f"{what}: contains NaN or infinity. Python's math gives NaN for expressions: use casadi.sin(mb.t) in "
                 "place of math.sin(mb.t). CasADi and SymPy mixed in one expression give it as well."
             )
-        unknown = (self._fault(symbol, also) for symbol in symbols_in(expression))
+        unknown = (self._fault(symbol, also) for symbol in ca.symvar(expression))
         Faults(f"{what}: {fault}" for fault in unknown if fault).raise_any()
 
     def _fault(self, symbol: ca.SX, also: Collection[int]) -> str:
@@ -131,25 +131,18 @@ class Binding:
 
     def states(self, expression: ca.SX) -> tuple[Symbol, ...]:
         """The first-order states in an expression."""
-        records = [lookup(s) for s in symbols_in(expression)]
-        return tuple(r for r in records if r is not None and r.kind is Kind.STATE)
+        return tuple(records_in(expression, Kind.STATE))
 
-    def is_velocity(self, symbol: ca.SX) -> bool:
-        """Whether a symbol is a velocity of the system."""
-        return self._kind(symbol) is Kind.VELOCITY
+    def symbols(self, kind: Kind, expression: ca.SX) -> list[ca.SX]:
+        """The symbols of the system of one kind, such as velocities, in an expression."""
+        symbols = ca.symvar(expression)
+        return [s for s in symbols if self._known.get(s.element_hash(), ("", None, s))[1] is kind]
 
-    def is_coordinate(self, symbol: ca.SX) -> bool:
-        """Whether a symbol is a coordinate of the system."""
-        return self._kind(symbol) is Kind.COORDINATE
-
-    def is_parameter(self, symbol: ca.SX) -> bool:
-        """Whether a symbol is a parameter of the system."""
-        return self._kind(symbol) is Kind.PARAMETER
+    def has_parameters_alone(self, expression: ca.SX) -> bool:
+        """Whether all symbols in an expression are parameters of the system."""
+        return len(self.symbols(Kind.PARAMETER, expression)) == len(ca.symvar(expression))
 
     def nominal(self, expression: ca.SX) -> Array:
         """Values of an expression of parameters at the nominal ones."""
         f = ca.Function("nominal", [self.parameters.symbols], [expression])
         return f(self.parameters.nominal).full()
-
-    def _kind(self, symbol: ca.SX) -> Kind | None:
-        return self._known.get(symbol.element_hash(), ("", None, symbol))[1]

@@ -18,7 +18,7 @@ from symmb.declare.mechanics import (
     Spatial,
     quaternion_of,
 )
-from symmb.declare.symbolic import Kind, Symbol, conjugate, declare, symbols_in, symmetric_solver, triad
+from symmb.declare.symbolic import Kind, Symbol, conjugate, declare, symmetric_solver, triad
 from symmb.equations.model.binding import Binding
 
 
@@ -149,7 +149,7 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
     (a, b), frames = (AXIS, AXIS), (triad(AXIS), triad(AXIS))
     if isinstance(joint, AxisJoint):
         (a, b), frames = joint.axes, joint.own_frames
-    if not all(bind.is_parameter(symbol) for symbol in symbols_in(ca.vertcat(a, b, ca.vec(frames[1])))):
+    if not bind.has_parameters_alone(ca.vertcat(a, b, ca.vec(frames[1]))):
         return None
     q, q_names = _symbols(joint.name, coordinates.q_names)
     u, u_names = _symbols(joint.name, coordinates.u_names)

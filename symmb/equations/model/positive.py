@@ -22,11 +22,11 @@ def positive(
             for m in _triangle_minors(body, J)
         )
         for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3)), *triangle):
-            if not is_zero(value) and all(bind.is_parameter(s) for s in ca.symvar(value)):
+            if not is_zero(value) and bind.has_parameters_alone(value):
                 yield f"Body {body.name!r}: {what}", value
     for constraint in constraints:
         value = constraint.positive(bind)
-        if value.numel() and all(bind.is_parameter(s) for s in ca.symvar(value)):
+        if value.numel() and bind.has_parameters_alone(value):
             yield f"{constraint.title}: length", value
 
 

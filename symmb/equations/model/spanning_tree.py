@@ -81,7 +81,7 @@ def _edges(
     for joint in joints:
         ends = [(numbers.get(id(point.body)), point) for point in (joint.point_a, joint.point_b)]
         known = all(number is not None or isinstance(point.body, Ground) for number, point in ends)
-        if not known or not all(bind.is_parameter(s) for _, point in ends for s in ca.symvar(point.s)):
+        if not known or not all(bind.has_parameters_alone(point.s) for _, point in ends):
             continue
         motion = motion_of(joint, bind)
         if motion is None:

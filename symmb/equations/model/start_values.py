@@ -11,7 +11,7 @@ from symmb._names import did_you_mean
 from symmb._options import shown
 from symmb._types import Expr
 from symmb.declare.mechanics import Joint, Motor, OwnState, Rotation, Spatial
-from symmb.declare.symbolic import Kind, Symbol, components, lookup, symbols_in
+from symmb.declare.symbolic import Kind, Symbol, components, records_in
 from symmb.equations.model.system import System
 
 _RATE_OF = {"x": "vx", "y": "vy", "z": "vz", "theta": "omega"}
@@ -38,8 +38,7 @@ class JointValue:
     @property
     def state(self) -> Symbol | None:
         """The state that counts the turns of an angle in space."""
-        records = [lookup(symbol) for symbol in symbols_in(getattr(self.joint, self.handle))]
-        return next((r for r in records if r is not None and r.kind is Kind.STATE), None)
+        return next(iter(records_in(getattr(self.joint, self.handle), Kind.STATE)), None)
 
     @property
     def row(self) -> ca.SX:
@@ -158,7 +157,7 @@ class _Values:
         bound = bind(value, f"{self._what} {name!r}", any_size=True)
         if bound.numel() != size:
             raise DeclarationError(f"{self._what} {name!r}: expected one number or expression, got {shown(value)}.")
-        if any(not bind.is_parameter(s) for s in ca.symvar(bound)):
+        if not bind.has_parameters_alone(bound):
             raise DeclarationError(f"{self._what} {name!r}: may depend on parameters only.")
         return bound
 

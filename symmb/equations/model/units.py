@@ -7,7 +7,7 @@ import casadi as ca
 
 from symmb._units import unit_of, units_of_parameters
 from symmb.declare.mechanics import ForceElement, Joint, OwnState
-from symmb.declare.symbolic import Kind, interpret, is_time, lookup, symbols_in
+from symmb.declare.symbolic import Kind, interpret, is_time, lookup
 from symmb.equations.model.system import System
 
 Unit = tuple[Fraction, ...]
@@ -25,9 +25,9 @@ _TEXTS = {
 _NONE, _TIME, _ANGLE, _LENGTH = _unit(""), _unit("s"), _unit("rad"), _unit("m")
 _SPEED, _SPIN = _unit("m/s"), _unit("rad/s")
 _POSITION = {"x": _LENGTH, "y": _LENGTH, "z": _LENGTH, "theta": _ANGLE, "angle": _ANGLE}
-_VELOCITY: dict[str, Unit] = dict.fromkeys(("vx", "vy", "vz"), _SPEED) | dict.fromkeys(
-    ("omega", "omega_x", "omega_y", "omega_z"), _SPIN
-)
+_VELOCITY = {
+    name: _SPIN if name.startswith("o") else _SPEED for name in "vx vy vz omega omega_x omega_y omega_z".split()
+}
 _HANDLES = {"angle_rate": _SPIN, "displacement": _LENGTH, "displacement_rate": _SPEED}
 """Handles of joints, expressions whose units do not follow from numbers in axes."""
 _RATE = ".rate"
@@ -55,7 +55,7 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
     >>> units_of(system, ca.vertcat(rod.point(0.5, 0).vx, rod.x**2, 1000 * rod.x, system.reaction("hinge").fx))
     ('m/s', 'm^2', '', 'N')
     """
-    hashes = {symbol.element_hash() for symbol in symbols_in(y)}
+    hashes = {symbol.element_hash() for symbol in ca.symvar(y)}
     known: dict[int, Unit | None] = {}
     n_c, rows = system.Phi.numel(), ca.vertcat(system.Phi, system.Psi)
     for i, multiplier in enumerate(ca.vertsplit(ca.SX(system.lam)) if rows.numel() else ()):
@@ -102,10 +102,10 @@ def _worked_out(y: ca.SX, known: dict[int, Unit | None], parts: Sequence[tuple[c
 
     Known are those of some symbols, by their hashes, and of parts of the expressions.
     """
-    if not symbols_in(y):
+    if not ca.symvar(y):
         return [None] * y.numel()
     expressions = [*(part for part, _ in parts), ca.densify(y)]
-    symbols = symbols_in(ca.vertcat(*expressions))
+    symbols = ca.symvar(ca.vertcat(*expressions))
     f = ca.Function("y", [ca.vertcat(*symbols)], expressions)
     units = [known[s.element_hash()] if s.element_hash() in known else _of_symbol(s) for s in symbols]
     return interpret(f, [units], _operation, _literal, dict(enumerate(unit for _, unit in parts)))[-1]

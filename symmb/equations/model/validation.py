@@ -31,7 +31,7 @@ from symmb.declare.mechanics import (
     inertia_matrix,
     law_value,
 )
-from symmb.declare.symbolic import TruthValueError, is_zero, margin_of
+from symmb.declare.symbolic import Kind, TruthValueError, is_zero, margin_of
 from symmb.equations.model.binding import Binding
 from symmb.equations.model.box import Box
 from symmb.equations.model.multipliers import joint_reaction
@@ -110,8 +110,7 @@ def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:
         if np.abs(skew).max() > _ASYMMETRY * np.abs(size).max():
             faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
         J = (J + J.T) / 2
-    v_like = [s for s in ca.symvar(ca.vertcat(mass, ca.vec(J))) if bind.is_velocity(s)]
-    if v_like:
+    if v_like := bind.symbols(Kind.VELOCITY, ca.vertcat(mass, ca.vec(J))):
         faults.append(f"Body {body.name!r}: mass and inertia must not depend on velocities ({v_like[0].name()}).")
     faults.raise_any()
     return mass, J
@@ -145,9 +144,9 @@ def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca
     faults = Faults()
     for row in nonzero:
         bind.check(row, constraint.title)
-        if not any(bind.is_coordinate(s) for s in ca.symvar(row)):
+        if not bind.symbols(Kind.COORDINATE, row):
             faults.append(f"{constraint.title}: no coordinate can meet the row {row} = 0. Check points, axis and law.")
-        if any(bind.is_velocity(s) for s in ca.symvar(row)):
+        if bind.symbols(Kind.VELOCITY, row):
             faults.append(f"{constraint.title}: a position row must not contain velocities. Use VelocityConstraint.")
         faults += [f"{constraint.title}: {fault}" for fault in _state_faults(row, bind)]
     if rows.numel() and not nonzero:
@@ -159,7 +158,7 @@ def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca
 def _state_faults(row: ca.SX, bind: Binding) -> list[str]:
     """Declared states in a position row whose rates contain velocities: the row's rate would have no Jacobian."""
     states = [state for state in bind.states(row) if state.owner]
-    fast = [state for state in states if any(bind.is_velocity(s) for s in ca.symvar(state.rate))]
+    fast = [state for state in states if bind.symbols(Kind.VELOCITY, state.rate)]
     return [
         f"the rate of {state.owner} contains velocities, so that no position can follow it. Use a force law."
         for state in fast
@@ -182,9 +181,9 @@ def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
     nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
     for row in nonzero:
         bind.check(row, constraint.title)
-        velocities = [s for s in ca.symvar(row) if bind.is_velocity(s)]
+        velocities = bind.symbols(Kind.VELOCITY, row)
         linear = ca.jacobian(row, ca.vertcat(*velocities)) if velocities else None
-        if linear is None or any(bind.is_velocity(s) for s in ca.symvar(linear)):
+        if linear is None or bind.symbols(Kind.VELOCITY, linear):
             raise DeclarationError(
                 f"{constraint.title}: expressions must be linear in the velocities, and contain some."
             )
@@ -199,11 +198,11 @@ def impact_law(impact: Impact, bind: Binding) -> tuple[ca.SX, ca.SX]:
     for what, value in (("gap", gap), ("restitution", e)):
         if value.numel() != 1:
             faults.append(f"{impact.title}: {what} has {value.numel()} components. Give each its own Impact.")
-    if any(bind.is_velocity(s) for s in ca.symvar(gap)):
+    if bind.symbols(Kind.VELOCITY, gap):
         faults.append(f"{impact.title}: the gap must not contain velocities. Write a distance, such as ball.y - r.")
-    elif not any(bind.is_coordinate(s) for s in ca.symvar(gap)):
+    elif not bind.symbols(Kind.COORDINATE, gap):
         faults.append(f"{impact.title}: the gap {gap} contains no coordinate. Write a distance, such as ball.y - r.")
-    if any(not bind.is_parameter(s) for s in ca.symvar(e)):
+    if not bind.has_parameters_alone(e):
         faults.append(f"{impact.title}: restitution may depend on parameters only.")
     nominal = None if faults else _nominal(e, bind)
     if nominal is not None and not 0 <= nominal[0] <= 1:
@@ -221,7 +220,7 @@ def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.
     condition = bind(condition, what, {s.element_hash() for s in ca.vertsplit(lam)})
     with faults_of(event.title):
         value = margin_of(condition).value
-    if all(bind.is_parameter(s) for s in ca.symvar(value)):
+    if bind.has_parameters_alone(value):
         raise DeclarationError(
             f"{event.title}: the condition never changes. Write a comparison of coordinates, velocities or mb.t, such "
             "as arm.theta > 0.8."

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.declare.symbolic import Symbol, symbols_in, t
+from symmb.declare.symbolic import Symbol, t
 from symmb.equations.model import DAE, JointValue, Prescribed, Scene, System
 from symmb.equations.start.tolerances import NEGLIGIBLE
 
@@ -70,7 +70,7 @@ def residuals(scene: Scene) -> ca.Function | None:
 
 def angles(scene: Scene) -> Indices:
     """Numbers of the states that count the turns of angles in Phi."""
-    inside = {symbol.element_hash() for symbol in symbols_in(scene.system.Phi)}
+    inside = {symbol.element_hash() for symbol in ca.symvar(scene.system.Phi)}
     states = enumerate(scene.system.collected.states)
     return np.array([k for k, s in states if s.sx.element_hash() in inside and _is_angle(s)], dtype=np.intp)
 
