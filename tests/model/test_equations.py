@@ -12,6 +12,7 @@ import sympy as sp
 from conftest import ALL_MODELS, but_long
 from numpy.testing import assert_allclose
 from sympy import cos, sin
+from sympy.printing.pretty.pretty_symbology import pretty_use_unicode
 
 import symmb as mb
 
@@ -273,6 +274,8 @@ def test_decimals_and_fractions():
     text = compound_pendulum().system.equations()
     assert "-4.905⋅l⋅m⋅sin(q_pin)" in text and "981" not in text
     assert r"\frac{l^{2} m}{3}" in compound_pendulum().system.latex()
+    before = pretty_use_unicode(False)  # what SymPy finds for itself where the standard output has no Unicode
+    assert compound_pendulum().system.equations() == text and not pretty_use_unicode(before)
 
 
 def test_what_long_entries_share_has_names():

@@ -115,7 +115,7 @@ def printer(names: dict[str, str], kind: str) -> Any:
     """
     import sympy
     from sympy.printing.latex import LatexPrinter
-    from sympy.printing.pretty.pretty import PrettyPrinter, prettyForm
+    from sympy.printing.pretty.pretty import PrettyPrinter, pretty_use_unicode, prettyForm
     from sympy.printing.str import StrPrinter
 
     base, settings = {
@@ -125,6 +125,14 @@ def printer(names: dict[str, str], kind: str) -> Any:
     }[kind]
 
     class Printer(base):
+        def form(self, matrix: Any) -> Any:
+            """A matrix as text in Unicode on every output; SymPy itself asks what the standard one can show."""
+            before = pretty_use_unicode(True)
+            try:
+                return self._print(matrix)
+            finally:
+                pretty_use_unicode(before)
+
         def _print_Symbol(self, symbol: Any, *_: Any, **__: Any) -> Any:
             name = names.get(symbol.name, symbol.name)
             return prettyForm(name, binding=prettyForm.ATOM) if kind == "pretty" else name

@@ -42,7 +42,7 @@ class Equations:
         pretty, parts = printer(set_names(self.symbols, plain), "pretty"), [_plain(self.motion)]
         for name, lines in self._parts("str"):
             if lines is None:
-                form = pretty._print(self.matrices[name])
+                form = pretty.form(self.matrices[name])
                 parts.append(type(form)(*form.left(f"{_plain(_label(name))} = ")).render(wrap_line=False))
             elif lines:
                 parts.append(_lines(["with", *lines] if name == "with" else lines))
@@ -161,7 +161,7 @@ def equations_of(system: Any) -> Equations:
     matrices |= dict(zip(long, named, strict=True))
     pretty = printer(set_names([*symbols], plain), "pretty")
     fits = [name for name, m in matrices.items() if name not in long and 3 * m.cols < _WIDTH]
-    narrow = {name for name in fits if pretty._print(matrices[name]).width() + len("Phi_q = ") <= _WIDTH}
+    narrow = {name for name in fits if pretty.form(matrices[name]).width() + len("Phi_q = ") <= _WIDTH}
     Phi, Psi = rows[:n_c], rows[n_c:]
     return Equations(
         motion=_motion(is_rate, bool(rows), bool(Psi)) if v else "",
