@@ -268,10 +268,7 @@ class FiniteElements:
         terms = self._terms
         box = {} if count == 0 else terms.box(free)
         stiffness, inner, error = spanning(*terms.matrices(free, box), solve, rigid, axes)
-        if count is not None and cutoff is None and len(stiffness) < count:
-            raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
-        if count != 0 and not interface_nodes and not len(stiffness):
-            raise DeclarationError(f"{OWNER}: no mode lies below cutoff={cutoff} Hz. Raise it, or ask for count=0.")
+        _require_modes(len(stiffness), count, cutoff, interface_nodes)
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner * self._signs(inner, free)
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
@@ -359,6 +356,13 @@ class FiniteElements:
         size = np.abs(shapes)
         first = np.argmax(size >= (1 - SLIGHT) * size.max(axis=0), axis=0)
         return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)
+
+
+def _require_modes(found: int, count: int | None, cutoff: float | None, interfaces: list[int]) -> None:
+    if count is not None and cutoff is None and found < count:
+        raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {found} modes. Refine it.")
+    if count != 0 and not interfaces and not found:
+        raise DeclarationError(f"{OWNER}: no mode lies below cutoff={cutoff} Hz. Raise it, or ask for count=0.")
 
 
 def _pairs(given: Any, name: str) -> list[tuple[Expr, Any]]:

@@ -140,14 +140,13 @@ class JointSpace:
     @cached_property
     def _coordinates(self) -> list[Coordinates]:
         """The coordinates of each link, then of each other body."""
-        parts = []
-        for link in self.links:
-            if link.carrying is not None:
-                motion = link.carrying.motion
-                parts.append(Coordinates(motion.q, motion.u, motion.q_rate, motion.q_names, motion.u_names))
-            else:
-                parts.append(self._own_coordinates(link.body))
-        return parts + [self._own_coordinates(k) for k in self._others]
+        return [self._coordinates_of(link) for link in self.links] + [self._own_coordinates(k) for k in self._others]
+
+    def _coordinates_of(self, link: Link) -> Coordinates:
+        if link.carrying is None:
+            return self._own_coordinates(link.body)
+        motion = link.carrying.motion
+        return Coordinates(motion.q, motion.u, motion.q_rate, motion.q_names, motion.u_names)
 
     def _own_coordinates(self, k: int) -> Coordinates:
         c, (at_q, at_v) = self._bodies, self._bodies.slices[k]
@@ -257,18 +256,14 @@ class JointSpace:
     @cached_property
     def of_joints(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Coordinates, velocities and first-order states of joints as expressions of those of bodies."""
-        q, v = [], []
-        for link in self.links:
-            if link.carrying is None:
-                own = self._own_coordinates(link.body)
-                q, v = [*q, own.q], [*v, own.v]
-            else:
-                position, rates = _measured(self._bodies.bodies, link, link.carrying, bool(self._turns(link)))
-                q, v = [*q, position], [*v, rates]
-        for k in self._others:
-            own = self._own_coordinates(k)
-            q, v = [*q, own.q], [*v, own.v]
+        measured = [self._measured(link) for link in self.links] + [self._own_coordinates(k)[:2] for k in self._others]
+        q, v = ([of[k] for of in measured] for k in range(2))
         return stacked(q), stacked(v), stacked([state.sx for state in self.collected.states])
+
+    def _measured(self, link: Link) -> tuple[ca.SX, ca.SX]:
+        if link.carrying is None:
+            return self._own_coordinates(link.body)[:2]
+        return _measured(self._bodies.bodies, link, link.carrying, bool(self._turns(link)))
 
 
 def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:

@@ -18,6 +18,7 @@ from symmb.equations.start.rank import independent_rows_and_columns, lasting_row
 from symmb.equations.start.scales import (
     evaluate_at_rest,
     general_entries,
+    jacobian_at_rest,
     own_scales,
     resting,
     row_sizes,
@@ -86,14 +87,14 @@ def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None
     t0, space, bodies = start.t0, joints.joints, start.dae
     dae = with_coarse_scales(compile_dae(joints), q, t0)
     rank = start.ranks[0] - (bodies.n_v - dae.n_v)
-    if dae.G is None or bodies.G is None or rank == dae.n_r:
+    if dae.G is None or rank == dae.n_r:
         return dae
     carried = ca.jacobian(space.of_bodies[1], joints.v)
     along = ca.Function("along", [joints.q, joints.p], [carried])(q, dae.p_nominal).full()
     loops = general_entries(bodies, start.q_nominal, t0)[space.rows]
     general = loops @ np.abs(along)  # in which nothing cancels
     scales = dae.displacement_scales
-    G = evaluate_at_rest(dae.G, dae, q, t0) * scales
+    G = jacobian_at_rest(dae, q, t0) * scales
     sizes = row_sizes(G, general * scales)
     if np.linalg.matrix_rank(G / sizes[:, None], tol=SOLVED * max(G.shape)) < rank:
         return None

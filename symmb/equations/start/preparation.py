@@ -30,7 +30,7 @@ from symmb.equations.start.joint_values import (
 )
 from symmb.equations.start.labels import coordinate_of, coordinate_with_value
 from symmb.equations.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
-from symmb.equations.start.scales import evaluate_at_rest, general_entries, resting, row_sizes, with_coarse_scales
+from symmb.equations.start.scales import general_entries, jacobian_at_rest, resting, row_sizes, with_coarse_scales
 from symmb.equations.start.start import Start, start_functions
 from symmb.equations.start.tolerances import NEGLIGIBLE, VIOLATION
 from symmb.equations.start.velocities import start_velocities
@@ -132,9 +132,7 @@ class _Rows:
     @cached_property
     def G(self) -> Array:
         """The velocity Jacobian in the scales of displacements, (n_r, n_v)."""
-        if self.dae.G is None:
-            return np.zeros((0, self.dae.n_v))
-        return evaluate_at_rest(self.dae.G, self.dae, self.q, self.t0) * self.dae.displacement_scales
+        return jacobian_at_rest(self.dae, self.q, self.t0) * self.dae.displacement_scales
 
     @cached_property
     def sizes(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.equations.model import DAE
-from symmb.equations.start.scales import above_zero, evaluate_at_rest, own_scales, resting, row_sizes
+from symmb.equations.start.scales import above_zero, evaluate_at_rest, jacobian_at_rest, own_scales, resting, row_sizes
 from symmb.equations.start.sparse_rows import LARGE, determining_columns, least_step
 from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
 
@@ -82,14 +82,12 @@ def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
     The Jacobian is measured in the DAE's scales, and its rows in `sizes` (n_r,). AssemblyError if rows depend on each
     other at q (n_q,) but not close to it: a singular position.
     """
-    if dae.G is None:
-        return np.arange(0, dtype=np.intp)
-    G = evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
+    G = jacobian_at_rest(dae, q, t0) * dae.displacement_scales
     rows, _ = independent_rows_and_columns(G, sizes)
     if len(rows) == dae.n_r:
         return rows
     for position in _positions(dae, q, t0, sizes, len(rows), _NEIGHBOURS, 1, _DISTANCE):
-        there = evaluate_at_rest(dae.G, dae, position, t0) * dae.displacement_scales
+        there = jacobian_at_rest(dae, position, t0) * dae.displacement_scales
         rank = len(independent_rows_and_columns(there, sizes)[0])
         if rank > len(rows):
             names = ", ".join(map(repr, redundant_names(G / sizes[:, None], len(rows), dae.rows)))
@@ -114,7 +112,7 @@ def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -
         return rows, (0, 0)
     usual = np.linalg.norm(general * scales, axis=1)
     at = [q, *_positions(dae, q, t0, usual, rank, _WALKS, _STRIDES, _STRIDE)]
-    walked = np.stack([evaluate_at_rest(cast(ca.Function, dae.G), dae, position, t0) * scales for position in at])
+    walked = np.stack([jacobian_at_rest(dae, position, t0) * scales for position in at])
     walked /= row_sizes(walked, general * scales)[:, None]
     if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
         return rows, (0, 0)
@@ -162,7 +160,7 @@ def _positions(
     own, of_positions = above_zero(sizes)[held, None], int((held < dae.n_c).sum())
 
     def rows_at(position: Array) -> Array:
-        return evaluate_at_rest(cast(ca.Function, dae.G), dae, position, t0)[held] * scale / own
+        return jacobian_at_rest(dae, position, t0)[held] * scale / own
 
     if len(held) < dae.n_r:
         rank = len(independent_rows_and_columns(rows_at(q), np.ones(len(held)))[0])

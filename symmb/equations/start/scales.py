@@ -40,6 +40,11 @@ def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
     return evaluated(f, q, np.zeros(dae.n_v), *s, dae.p_nominal, np.array([t0]))
 
 
+def jacobian_at_rest(dae: DAE, q: Array, t0: float) -> Array:
+    """The velocity Jacobian at coordinates q (n_q,), at rest, for nominal parameters, (n_r, n_v)."""
+    return evaluate_at_rest(dae.G, dae, q, t0) if dae.G is not None else np.zeros((0, dae.n_v))
+
+
 def resting(dae: DAE, q: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
     """The arguments (q, v[, s]) of the DAE's Functions at rest. States that start anywhere have their start."""
     if dae.s_start is None:
@@ -160,7 +165,7 @@ def power_of_two(value: float) -> float:
 
 def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:
     """The DAE with scales at coordinates q (n_q,), at rest, which are 1 in scenes of usual size."""
-    G = _jacobian(dae, q, t0)
+    G = jacobian_at_rest(dae, q, t0)
     length = coarse(length_of(dae, q, G))
     scales = dae.scaled(lambda: Scales(length)).displacement_scales
     own, usual = (np.abs(A * scales).max(axis=1, initial=0.0) for A in (G, general_entries(dae, q, t0)))
@@ -170,7 +175,7 @@ def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:
 
 def own_scales(dae: DAE, q: Array, t0: float) -> Array:
     """Scales of displacements (n_v,) by the size of the scene at q (n_q,), which the coarse ones of the DAE round."""
-    length = length_of(dae, q, _jacobian(dae, q, t0)) or 1.0
+    length = length_of(dae, q, jacobian_at_rest(dae, q, t0)) or 1.0
     return np.where(_is_linear(dae.v_names), length, 1.0)
 
 
@@ -179,13 +184,11 @@ def general_entries(dae: DAE, q: Array, t0: float) -> Array:
 
     The positions need not be on the constraints.
     """
-    if dae.G is None:
-        return np.zeros((0, dae.n_v))
     random, scales = np.random.default_rng(0), own_scales(dae, q, t0)
-    general = np.abs(evaluate_at_rest(dae.G, dae, q, t0))
+    general = np.abs(jacobian_at_rest(dae, q, t0))
     for _ in range(_AROUND):
         step = _DISTANCE * scales * random.uniform(-1, 1, dae.n_v)
-        there = evaluate_at_rest(dae.G, dae, np.asarray(dae.retract(q, step)).ravel(), t0)
+        there = jacobian_at_rest(dae, np.asarray(dae.retract(q, step)).ravel(), t0)
         general = np.fmax(general, np.where(np.isfinite(there), np.abs(there), 0.0))
     return general
 
@@ -202,11 +205,6 @@ def row_sizes(A: Array, general: Array) -> Array:
 
 def above_zero(sizes: Array) -> Array:
     return np.where(sizes > 0, sizes, 1.0)
-
-
-def _jacobian(dae: DAE, q: Array, t0: float) -> Array:
-    """The velocity Jacobian at coordinates q (n_q,), at rest, (n_r, n_v)."""
-    return evaluate_at_rest(dae.G, dae, q, t0) if dae.G is not None else np.zeros((0, dae.n_v))
 
 
 def coarse(size: float) -> float:

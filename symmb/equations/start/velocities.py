@@ -21,7 +21,7 @@ from symmb.declare.symbolic import common, is_singular, is_zero, pattern, saddle
 from symmb.equations.model import DAE, Scene
 from symmb.equations.start.joint_tree import GROUND, Group, JointTree
 from symmb.equations.start.rank import strong_rows
-from symmb.equations.start.scales import evaluate_at_rest, resting
+from symmb.equations.start.scales import evaluate_at_rest, jacobian_at_rest, resting
 from symmb.equations.start.tolerances import SOLVED, VIOLATION
 
 _WEAK = 1e-2
@@ -97,9 +97,7 @@ class _Rates:
 
     @cached_property
     def G_nominal(self) -> Array:
-        if self.dae.G is None:
-            return np.zeros((0, self.dae.n_v))
-        return evaluate_at_rest(self.dae.G, self.dae, self.at[0][0], self.t0)
+        return jacobian_at_rest(self.dae, self.at[0][0], self.t0)
 
     @cached_property
     def drive(self) -> ca.SX:
@@ -247,9 +245,8 @@ class _Rates:
         if is_singular(self.M[columns, columns], self._sizes(columns)):
             return np.diag(self.dae.displacement_scales[columns])
         values, vectors = np.linalg.eigh(self.M_nominal[np.ix_(columns, columns)])
-        return vectors / np.sqrt(
-            np.maximum(np.abs(values), NOTHING)
-        )  # a later check tells of values that are not positive
+        # A later check tells of values that are not positive.
+        return vectors / np.sqrt(np.maximum(np.abs(values), NOTHING))
 
     def _metric(self, rows: list[int], free: list[int], sizes: list[int]) -> ca.SX:
         """The mass matrix; where it says nothing on velocities that the rows leave free, the scales of velocities."""
