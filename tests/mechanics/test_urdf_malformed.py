@@ -181,6 +181,12 @@ def test_a_fault_is_one_sentence_with_line_and_element(text, line, element, faul
     assert "\n" not in message and re.search(r"[.?]$", message) and not re.search(r"[.?] [A-Z]", message), message
 
 
+def test_joints_without_any_link(tmp_path):
+    path = tmp_path / "bad.urdf"
+    path.write_text(robot(HINGE))
+    refused(r"no link 'base'\.\n.* no link 'arm'\.$", mb.load_urdf, path)
+
+
 @pytest.mark.parametrize("text", [text for text, *_ in MALFORMED])
 def test_faults_that_matter_are_errors_by_default(text, tmp_path):
     path = tmp_path / "bad.urdf"

@@ -120,6 +120,13 @@ class Tag:
             self.text(attribute)
         return self.numbers(attribute, (default or 0.0,))[0]
 
+    def not_negative(self, attribute: str, default: float | None = None, what: str = "") -> float:
+        """The number of an attribute, which must be 0 or more."""
+        value = self.number(attribute, default)
+        if value < 0:
+            raise self.fault(f"{what or attribute} {value:g} is negative; give 0 or more.")
+        return value
+
     def check(self, elements: Collection[str], attributes: Collection[str]) -> None:
         """Raise if the name of an element inside, or of an attribute, is nearly one of those that are known.
 

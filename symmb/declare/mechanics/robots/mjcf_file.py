@@ -244,12 +244,8 @@ def _joint_numbers(source: MjcfModel, joint: int, name: str, kind: str) -> dict[
 def _shapes(source: MjcfModel, body: int) -> Iterator[ShapeData]:
     m, first = source.model, int(source.model.body_geomadr[body])
     for geom in range(first, first + int(m.body_geomnum[body])):
-        kind, at, e = (
-            source.kind("mjtGeom", m.geom_type[geom]),
-            values_of(m.geom_pos[geom]),
-            values_of(m.geom_quat[geom]),
-        )
-        a, b, c = values_of(m.geom_size[geom])
+        kind = source.kind("mjtGeom", m.geom_type[geom])
+        at, e, (a, b, c) = (values_of(of[geom]) for of in (m.geom_pos, m.geom_quat, m.geom_size))
         if m.geom_group[geom] >= _DRAWN:
             continue
         if kind == "BOX":

@@ -175,9 +175,7 @@ def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
         xyz, rpy = _origin(inertial)
         of_mass = inertial.needed("mass")
         of_mass.check_exactly(("value",))
-        mass = of_mass.number("value")
-        if mass < 0:
-            raise of_mass.fault(f"the mass {mass:g} is negative; give 0 or more.")
+        mass = of_mass.not_negative("value", what="the mass")
         of_inertia = inertial.needed("inertia")
         of_inertia.check_exactly(_INERTIA)
         moments = tuple(of_inertia.number(entry) for entry in _INERTIA)
@@ -260,25 +258,19 @@ def _limits(tag: Tag, name: str, kind: str) -> dict[str, float]:
             raise tag.fault(f"a {kind} joint must have limits; add <limit lower='...' upper='...'/>{instead}.")
         return {}
     limit.check((), ("lower", "upper", "effort", "velocity"))
-    values = {end: limit.number(end, 0.0) for end in ("lower", "upper", "effort", "velocity")}
+    values = {end: limit.number(end, 0.0) for end in ("lower", "upper")}
     if values["lower"] > values["upper"]:
         raise limit.fault(f"lower {values['lower']:g} is above upper {values['upper']:g}; exchange them.")
-    for what in ("effort", "velocity"):
-        if values[what] < 0:
-            raise limit.fault(f"{what} {values[what]:g} is negative; give 0 or more.")
+    values |= {what: limit.not_negative(what, 0.0) for what in ("effort", "velocity")}
     return {f"{name}.limit.{end}": value for end, value in values.items()}
 
 
 def _dynamics(tag: Tag, name: str) -> dict[str, float]:
-    dynamics, values = tag.one("dynamics"), {}
-    if dynamics is not None:
-        dynamics.check_exactly(("damping", "friction"))
-    for what in ("damping", "friction"):
-        value = 0.0 if dynamics is None else dynamics.number(what, 0.0)
-        if dynamics is not None and value < 0:
-            raise dynamics.fault(f"{what} {value:g} is negative; give 0 or more.")
-        values[f"{name}.{what}"] = value
-    return values
+    dynamics, kinds = tag.one("dynamics"), ("damping", "friction")
+    if dynamics is None:
+        return {f"{name}.{what}": 0.0 for what in kinds}
+    dynamics.check_exactly(kinds)
+    return {f"{name}.{what}": dynamics.not_negative(what, 0.0) for what in kinds}
 
 
 def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> Iterator[str]:
@@ -287,8 +279,7 @@ def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) 
     for joint in joints.values():
         for end, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
-                close = did_you_mean(link, links).strip().rstrip(".")
-                yield str(joint.tag.needed(end).fault(f"there is no link {link!r}; {close[0].lower()}{close[1:]}."))
+                yield str(joint.tag.needed(end).fault(f"{_none('link', link, links)}."))
         if joint.parent == joint.child:
             yield str(joint.tag.fault(f"its parent and its child are both {joint.child!r}; name two links."))
         elif joint.child in carried:
@@ -302,6 +293,11 @@ def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) 
         carried.setdefault(joint.child, joint)
 
 
+def _none(what: str, name: str | None, known: Mapping[str, object]) -> str:
+    close = did_you_mean(name, known).strip().rstrip(".")
+    return f"there is no {what} {name!r}" + (f"; {close[0].lower()}{close[1:]}" if close else "")
+
+
 def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
     """Pass over the <mimic> of a joint without a value, or that follows no value: then it moves freely."""
     row, leader = [joint.name], joint.mimic
@@ -313,8 +309,7 @@ def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
     if not joint.moves:
         what, why = f"{joint.kind} joints", f"a {joint.kind} joint has no value that could follow another one"
     elif joint.mimic not in joints:
-        close = did_you_mean(joint.mimic, joints).strip().rstrip(".")
-        what, why = "joints that are not there", f"there is no joint {joint.mimic!r}; {close[0].lower()}{close[1:]}"
+        what, why = "joints that are not there", _none("joint", joint.mimic, joints)
     elif leader == joint.name:
         what, why = "joints that follow themselves", f"joint {joint.name!r} follows itself; name another joint"
     elif not joints[joint.mimic].moves:
