@@ -135,13 +135,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
     if told is None or not (own or told.size is not None or told.unit):
         told = _of_grade(owner, name, text, "mm" if own else "")
     if own:
-        ratio = ratio_of(owner, f"parameter {name!r}", told.unit or own, own)
-        low, high = (scaled(end, ratio) for end in told.ends)
-        if told.size is None:
-            return nominal + low, nominal + high
-        if abs(nominal - scaled(told.size, ratio)) > SAME * abs(nominal):
-            raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")
-        return low, high
+        return _in_unit(owner, name, nominal, text, told, own)
     if told.size is None or told.unit not in ("", _DEGREE):
         own = told.unit or "mm"
         raise DeclarationError(f"{owner}: {name!r} has no unit, and {text!r} has one. Declare {name}=(..., {own!r}).")
@@ -149,6 +143,17 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
     if told.percent is not None:
         return _share(owner, name, nominal, text, told.percent)
     return unit * told.ends[0], unit * told.ends[1]
+
+
+def _in_unit(owner: str, name: str, nominal: float, text: str, told: _Told, own: str) -> Interval:
+    """The interval around a nominal value in its own unit, by what a text tells in another one that fits."""
+    ratio = ratio_of(owner, f"parameter {name!r}", told.unit or own, own)
+    low, high = (scaled(end, ratio) for end in told.ends)
+    if told.size is None:
+        return nominal + low, nominal + high
+    if abs(nominal - scaled(told.size, ratio)) > SAME * abs(nominal):
+        raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")
+    return low, high
 
 
 def _of_grade(owner: str, name: str, text: str, unit: str) -> _Told:
