@@ -58,7 +58,7 @@ NAN = np.array([[[0.0, 0.0, np.nan]] * 3])
 BAD = {
     "empty": (b"", "is empty"),
     "blank": (b" \n", "is empty"),
-    "no STL": (b"\x89PNG\r\n", "is no STL"),
+    "no STL": (b"\x89PNG\r\n", "is not STL"),
     "a picture": (b"\x89PNG\r\n" + bytes(range(256)), "is cut off, or no STL: it says that it has"),
     "a page": (b"<html>" + b"x" * 200, "is cut off, or no STL"),
     "cut off": (binary(TRIANGLES)[:-60], "says that it has 12 triangles and holds 10"),
