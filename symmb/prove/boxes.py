@@ -15,30 +15,29 @@ from symmb.prove.front import half, slowest
 from symmb.prove.march import Course, Place, march
 from symmb.prove.outputs import output_bounds
 from symmb.prove.problem import Problem
+from symmb.prove.rounding import LARGEST_ZERO
 from symmb.prove.start import nominal_front
 
-_EARLY = 1e-7
+_EARLY_REMAINDER = 1e-7
 """Remainder over the width of the states in the whole box at which parts are halved, as long as half of them are left.
 
 What polynomials of a large part lack is not got back, and steps of large parts take many times longer. With all parts
 spent early, the double pendulum, 5 %, order 8, was proved for 5 s with 1e-5, for 9 s with 1e-7, and for 3 s with 1e-8.
 """
-_ROOM = 2.0
+_LEAST_GROWTH = 2.0
 """Least growth of a remainder between two halvings: what is kept from before does not become less by more of them."""
-_LARGE = 1e-3
+_LOST_REMAINDER = 1e-3
 """Remainder over the width of the states at which a part is lost: it soon grows by itself, as its square.
 
 The other half of the parts are for those that are lost first. They are halved where the remainder was small.
 """
-_VISIBLE, _SMALL = 1e-6, 0.1
+_VISIBLE_WIDTH, _VISIBLE_OF_MOTION = 1e-6, 0.1
 """Widths over the size of an output, and over how far it moves with the parameters, that are worth a caution."""
-_CANCELLED, _NOTHING = 1e-9, 1e-250
-"""The same over the terms that make an output: where they cancel, their small remainders are left. And widths that only
-cover underflow, of outputs that vanish.
-"""
-_SPREADS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+_VISIBLE_OF_TERMS = 1e-9
+"""The same over the terms that make an output: where they cancel, their small remainders are left."""
+_SPREADS_OF_ELLIPSES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """How far parameters move on the ellipses that are tried where there are no states, over their middles."""
-_SHARP = 1e-12
+_SHARP_WITHOUT_STATES = 1e-12
 """Share of the width by which bounds may be off there: there are few of them."""
 
 
@@ -54,7 +53,7 @@ class _Part:
     def small(self) -> float:
         """Remainder over the width of the states up to which it is halved early."""
         begin = self.course.checkpoint
-        return max(_EARLY / self.share, 0.0 if begin is None else _ROOM * begin.front.share())
+        return max(_EARLY_REMAINDER / self.share, 0.0 if begin is None else _LEAST_GROWTH * begin.front.share())
 
     def halves(self, order: int) -> "list[_Part]":
         """Both halves, in the variable whose coefficients decay the least at the end.
@@ -113,8 +112,8 @@ class Enclosure:
         width, remainder = np.where(finite, self.upper - self.lower, np.inf), np.where(finite, self.remainder, 0.0)
         moved = np.where(finite, width - 2.0 * remainder, 0.0).max(axis=0)
         size = np.where(finite, np.maximum(np.abs(self.lower), np.abs(self.upper)), 0.0)
-        visible = np.maximum(_VISIBLE * np.maximum.accumulate(size, axis=0), _SMALL * moved)
-        visible = np.maximum(visible, _CANCELLED * self.terms + _NOTHING)
+        visible = np.maximum(_VISIBLE_WIDTH * np.maximum.accumulate(size, axis=0), _VISIBLE_OF_MOTION * moved)
+        visible = np.maximum(visible, _VISIBLE_OF_TERMS * self.terms + LARGEST_ZERO)
         return np.asarray(finite & (remainder > 0.25 * width) & (2.0 * remainder > visible))
 
 
@@ -157,7 +156,7 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
         march(part.problem, order, part.course, part.small, max(part.small, largest),
               lambda t: progress((done + part.share * t) / horizon))  # fmt: skip
 
-    for most, largest in ((boxes // 2, 0.0), (boxes, _LARGE), (boxes, np.inf)):
+    for most, largest in ((boxes // 2, 0.0), (boxes, _LOST_REMAINDER), (boxes, np.inf)):
         for part in parts:
             if not part.course.why:
                 follow(part, largest)
@@ -180,9 +179,9 @@ def _of_expressions(problem: Problem, order: int) -> Course:
     course = Course.empty(problem)
     none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
     whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
-    for spread in _SPREADS:
+    for spread in _SPREADS_OF_ELLIPSES:
         control = Control(Choice((spread, spread)), end)
-        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, _SHARP)
+        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, _SHARP_WITHOUT_STATES)
         course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)
         course.remainder = np.minimum(course.remainder, rest)
     course.until = end

@@ -14,24 +14,24 @@ from symmb.prove.errors import ProofError
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above, of_sum
 
-_FINEST, _LARGEST, _MOST = 300, 3e5, 5e7
-"""Most nodes of a variable, and of a grid, and most values of all entries of a frame there: they take seconds, and 2 GB
+_MOST_NODES_OF_GRID, _MOST_FRAME_VALUES = 3e5, 5e7
+"""Most nodes of a grid, and most values of all entries of a frame there: they take seconds, and 2 GB
 with what is computed from them. A step with 1e9 values took a minute, of six bodies in space between short springs.
 """
-_ALIAS = 0.2
+_ALIASED_SHARE = 0.2
 """Share of the bound of a defect that may be due to aliasing."""
-_GROWTH = 1e-3
+ALIASED_GROWTH = 1e-3
 """Relative growth of the remainder in a step that may be due to aliasing."""
-_EXACT = 1e-10
+_HARMLESS_ALIASING = 1e-10
 """Aliasing over the rates of the states that is as good as none, where finer grids are too large."""
-_SMALLEST = 1e-2
+LEAST_REMAINDER = 1e-2
 """Least part of the largest remainder that is told apart from none."""
-_UNRESOLVED = 30.0
+_MUCH_ALIASING = 30.0
 """Aliasing over what is wanted above which a step is too long."""
-_TRIALS = 2
+_MOST_FINER_GRIDS = 2
 """Finer grids that are tried until the aliasing is small."""
 
-_NUMBERS, _NODES = 2e6, 8e6
+_MOST_EXACT_NUMBERS, _MOST_EXACT_NODES = 2e6, 8e6
 """Most numbers in an array of values at nodes that suffice without a bound of aliasing: 16 MB; and most nodes, since
 bounds of rounding hold for sums of so many terms.
 """
@@ -60,7 +60,7 @@ def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
 def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
     """Nodes in which polynomials are interpolated exactly; None if there are too many for so many polynomials."""
     nodes = np.prod(degrees + 1.0)
-    if not (nodes <= _NODES and numbers * nodes <= _NUMBERS):
+    if not (nodes <= _MOST_EXACT_NODES and numbers * nodes <= _MOST_EXACT_NUMBERS):
         return None
     return tuple(int(degree) + 1 for degree in degrees)
 
@@ -68,7 +68,7 @@ def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
 def _is_large(counts: tuple[int, ...], step: TimeStep) -> bool:
     """Whether values at so many nodes take too long for a step."""
     nodes = math.prod(counts)
-    return nodes > _LARGEST or nodes * step.problem.n**2 > _MOST
+    return nodes > _MOST_NODES_OF_GRID or nodes * step.problem.n**2 > _MOST_FRAME_VALUES
 
 
 def defect_of_motion(
@@ -81,26 +81,25 @@ def defect_of_motion(
     """
     k = len(rho)
     most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
-    top = (_FINEST,) * k
-    small = _GROWTH * w / step.h
-    harmless = np.maximum(small, _EXACT * (step.C_largest @ ch.sums(step.x.rate, k)))
-    harmless = np.maximum(harmless, _SMALLEST * harmless.max())
-    wanted = np.maximum(_ALIAS * control.wanted, small)
-    counts = node_counts(rho, 0.3 * float((wanted / most).min()), top)
+    small = ALIASED_GROWTH * w / step.h
+    harmless = np.maximum(small, _HARMLESS_ALIASING * (step.C_largest @ ch.sums(step.x.rate, k)))
+    harmless = np.maximum(harmless, LEAST_REMAINDER * harmless.max())
+    wanted = np.maximum(_ALIASED_SHARE * control.wanted, small)
+    counts = node_counts(rho, 0.3 * float((wanted / most).min()))
     if _is_large(counts, step):
-        counts = node_counts(rho, 0.3 * float((harmless / most).min()), top)
+        counts = node_counts(rho, 0.3 * float((harmless / most).min()))
     if _is_large(counts, step):
         raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
-    for _ in range(_TRIALS):
-        wanted = np.maximum(_ALIAS * sampled, small)
-        finer = node_counts(rho, 0.3 * float((wanted / most).min()), top)
+    for _ in range(_MOST_FINER_GRIDS):
+        wanted = np.maximum(_ALIASED_SHARE * sampled, small)
+        finer = node_counts(rho, 0.3 * float((wanted / most).min()))
         finer = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))
         if (alias <= wanted).all() or finer == counts or _is_large(finer, step):
             break
         counts = finer
         sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
-    if (alias > _UNRESOLVED * np.maximum(wanted, harmless)).any():
+    if (alias > _MUCH_ALIASING * np.maximum(wanted, harmless)).any():
         raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
     control.wanted = float(sampled.max())
     return above(sampled + alias)
@@ -125,12 +124,12 @@ def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = Tr
 
 def defect_of_frame(step: TimeStep, rho: list[float], C_on: Array, most_slope: Array, w: Array) -> Array:
     """Bounds (n, n) of |C (A B - B')|, where A is at most most_slope (n, n) on the ellipses."""
-    n, k = step.problem.n, len(rho)
+    n = step.problem.n
     B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
     most = above(C_on @ (most_slope @ (B_on + step.B.error_on(rho).reshape(n, n)) + rate_on))
-    w = np.maximum(w, _SMALLEST * w.max())
-    ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
-    counts = node_counts(rho, ratio, (_FINEST,) * k)
+    w = np.maximum(w, LEAST_REMAINDER * w.max())
+    ratio = ALIASED_GROWTH * float((w / (step.h * (most @ w))).min())
+    counts = node_counts(rho, ratio)
     if _is_large(counts, step):
         raise ProofError("deviations from the polynomials grow too differently over the box")
     return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)

@@ -51,7 +51,7 @@ class Disc:
     @cached_property
     def slope(self) -> Array:
         """Largest distance from the centre that the place in the patch makes."""
-        if self.slopes is _FLAT:
+        if self.slopes is _NO_SLOPES:
             return _NO_SWING
         sizes = _size(self.slopes)
         return reduce(np.add, [sizes[..., j] for j in range(sizes.shape[-1])])  # faster than a sum over few
@@ -62,17 +62,17 @@ class Disc:
         return self.slope + self.radius
 
 
-_FLAT, _NO_SWING = np.zeros(1), np.zeros(())
+_NO_SLOPES, _NO_SWING = np.zeros(1), np.zeros(())
 """Slopes of a constant, and how far they swing."""
-_FADDEEVA = 50.0
+_FADDEEVA_ERROR = 50.0
 """Relative error of SciPy's complex error function over that of other operations: it aims at 1e-13 (Faddeeva)."""
-_SQUARE, _LARGE = 1e-300, 1e150
+_LEAST_SQUARE, _LARGEST_INVERTED = 1e-300, 1e150
 """A square beside which those that underflow are small, and a number whose inverse has a square that does not."""
 
 
 def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
     """Discs about centres."""
-    return Disc(np.asarray(centres), _FLAT, above(np.asarray(radii, dtype=float)))
+    return Disc(np.asarray(centres), _NO_SLOPES, above(np.asarray(radii, dtype=float)))
 
 
 def wider(a: Disc, radius: float) -> Disc:
@@ -90,16 +90,16 @@ def _size(z: Any) -> Array:
     """Moduli, or a little more: NumPy's own are ten times slower, but do not overflow."""
     if not np.iscomplexobj(z):
         return np.abs(z)
-    size = np.sqrt(z.real * z.real + z.imag * z.imag + _SQUARE)
+    size = np.sqrt(z.real * z.real + z.imag * z.imag + _LEAST_SQUARE)
     return size if np.all(size < np.inf) else np.abs(z)
 
 
 def _times(factor: Any, slopes: Any) -> Any:
-    return slopes if slopes is _FLAT else np.asarray(factor)[..., None] * slopes
+    return slopes if slopes is _NO_SLOPES else np.asarray(factor)[..., None] * slopes
 
 
 def _plus(a: Any, b: Any) -> Any:
-    return b if a is _FLAT else a if b is _FLAT else a + b
+    return b if a is _NO_SLOPES else a if b is _NO_SLOPES else a + b
 
 
 def _rounded(centre: Any, slopes: Any, radius: Array, size: Array) -> Disc:
@@ -119,7 +119,7 @@ def _function(a: Disc, value: Any, slope: Any, rest: Array, size: Array, slope_s
 
 def _if(holds: Any, a: Disc) -> Disc:
     """The discs, with infinite radii unless all patches are where the operation is analytic."""
-    return a if np.all(holds) else Disc(np.ones_like(a.centre), _FLAT, np.full(np.shape(a.radius), np.inf))
+    return a if np.all(holds) else Disc(np.ones_like(a.centre), _NO_SLOPES, np.full(np.shape(a.radius), np.inf))
 
 
 def _add(a: Disc, b: Disc) -> Disc:
@@ -147,7 +147,7 @@ def _square(a: Disc) -> Disc:
 
 def _right(a: Disc) -> Mask:
     """Whether discs are in the open right half plane, by more than rounding."""
-    across = 0.0 if a.slopes is _FLAT else np.abs(a.slopes.real).sum(axis=-1)
+    across = 0.0 if a.slopes is _NO_SLOPES else np.abs(a.slopes.real).sum(axis=-1)
     return above(across + a.radius) * (1.0 + COMPLEX) < a.centre.real
 
 
@@ -170,7 +170,7 @@ def _inverse(a: Disc) -> Disc:
     """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w)), with |w| < |c|: slopes may be longer beside 0."""
     size, value = np.abs(a.centre), 1.0 / a.centre
     share, gap = a.swing / size, _gap(size, a.swing)
-    is_known = (gap > 0.0) & (size < _LARGE)
+    is_known = (gap > 0.0) & (size < _LARGEST_INVERTED)
     rest = np.where(is_known, share * share / gap * (1.0 + COMPLEX), np.inf)
     return _if(is_regular(a), _function(a, value, -value * value, rest, 1.0 / size))
 
@@ -231,18 +231,18 @@ def _by_slope(value: Array, a: Disc, steepest: Array, analytic: bool | Mask) -> 
     """A function whose derivative has at most the modulus `steepest` in each disc, which is convex."""
     usable = analytic and bool(np.all(np.isfinite(steepest) & (steepest >= 0)))
     size = np.abs(value) + steepest * np.abs(a.centre)
-    return _if(usable, _rounded(value, _FLAT, a.swing * steepest * (1.0 + COMPLEX), size))
+    return _if(usable, _rounded(value, _NO_SLOPES, a.swing * steepest * (1.0 + COMPLEX), size))
 
 
 def _tanh(a: Disc) -> Disc:
     """1 / cosh^2, with |cosh z|^2 = sinh^2 x + cos^2 y for z = x + i y, in a half plane or a strip without poles."""
     x = np.maximum(_gap(np.abs(np.real(a.centre)), a.swing), 0.0)
     y = above(np.abs(np.imag(a.centre)) + a.swing)
-    least = np.sinh(x) ** 2 + np.where(y < _STRIP, np.cos(y) ** 2, 0.0)
-    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), is_regular(a) or bool(np.all(y < _STRIP)))
+    least = np.sinh(x) ** 2 + np.where(y < _TANH_STRIP, np.cos(y) ** 2, 0.0)
+    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), is_regular(a) or bool(np.all(y < _TANH_STRIP)))
 
 
-_STRIP = 1.57
+_TANH_STRIP = 1.57
 """Half the width of a strip in which tanh is analytic, so far below pi / 2 that a cosine has small relative errors."""
 
 
@@ -278,7 +278,7 @@ def _erf(a: Disc) -> Disc:
     low = np.real(z * z) - 2.0 * np.abs(z) * swing - swing**2
     value = erf(z)
     found = _by_slope(value, a, 1.1284 * np.exp(-low), True)
-    return _rounded(value, _FLAT, found.radius, _FADDEEVA * np.abs(value) + 1.0)
+    return _rounded(value, _NO_SLOPES, found.radius, _FADDEEVA_ERROR * np.abs(value) + 1.0)
 
 
 def _power(a: Disc, b: Disc) -> Disc:

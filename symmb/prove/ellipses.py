@@ -33,15 +33,15 @@ class Choice:
         if which == 1:
             return replace(self, spread=(a, b * factor))
         if which == 2:
-            return replace(self, patches=(max(_bounded(k * factor + 2 * (turn % 2)), _FEWEST), m))
+            return replace(self, patches=(max(_bounded(k * factor + 2 * (turn % 2)), _FEWEST_PATCHES), m))
         return replace(self, patches=(k, _bounded(m * factor + 2 * (turn % 2))))
 
 
 def _bounded(count: float) -> int:
-    return 1 if count < _FEWEST - 1 else min(max(round(count), _FEWEST), _FINEST)
+    return 1 if count < _FEWEST_PATCHES - 1 else min(max(round(count), _FEWEST_PATCHES), _MOST_PATCHES)
 
 
-_FEWEST, _FINEST = 4, 40
+_FEWEST_PATCHES, _MOST_PATCHES = 4, 40
 """Fewest and most patches of a variable that has more than one: two or three are no better than one."""
 
 
@@ -76,7 +76,7 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
         for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
             if j >= 0:
                 place = (j, 0, *(int(i == j) for i in range(problem.d)))
-                own[place] = _STIFFER * radius / max(abs(middle), radius)
+                own[place] = _STIFFNESS_OF_PARAMETERS * radius / max(abs(middle), radius)
         rows = np.concatenate([rows, own])
     rows[(slice(None), *(0,) * (rows.ndim - 1))] = 0.0
     rho = []
@@ -86,14 +86,15 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
         own, most = c.sum(axis=1), spread[0 if axis == 1 else 1]
         rho.append(
             _largest_below(
-                lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most, _MOST
+                lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most, _WIDEST
             )
         )
     own, allowed = rows.sum(axis=tuple(range(1, rows.ndim))), sum(spread)
     share = _largest_below(
-        lambda r: (largest_on([max(s ** (r - 1.0), _LEAST) for s in rho], rows) - own).max(initial=0.0) <= allowed, 2.0
+        lambda r: (largest_on([max(s ** (r - 1.0), _THINNEST) for s in rho], rows) - own).max(initial=0.0) <= allowed,
+        2.0,
     )
-    return [max(r ** (share - 1.0), _LEAST) for r in rho]
+    return [max(r ** (share - 1.0), _THINNEST) for r in rho]
 
 
 def _largest_below(holds: Callable[[float], bool], top: float) -> float:
@@ -107,9 +108,9 @@ def _largest_below(holds: Callable[[float], bool], top: float) -> float:
     return low
 
 
-_STIFFER = 3.0
+_STIFFNESS_OF_PARAMETERS = 3.0
 """How much less parameters may move than states."""
-_LEAST, _MOST = 1.02, 1000.0
+_THINNEST, _WIDEST = 1.02, 1000.0
 """Ellipses that are tried. With parameter 1000 an interpolation in six nodes errs by 1e-18."""
 
 
@@ -142,8 +143,8 @@ def adapted(step: TimeStep, control: Control) -> Tried:
     be shown to be analytic in any of them.
     """
     best = _first(step, control)
-    for trial in range(_MOST_COMPARED):
-        if trial >= _COMPARED and best.nodes <= _MANY:
+    for trial in range(_MOST_CHOICES):
+        if trial >= _CHOICES_PER_STEP and best.nodes <= _NODES_WORTH_CHOICES:
             break
         control.turn += 1
         other = _tried(step, best.choice.turned(control.turn), control.wanted)
@@ -155,8 +156,8 @@ def adapted(step: TimeStep, control: Control) -> Tried:
 def _first(step: TimeStep, control: Control) -> Tried:
     """The ellipses of the last step, or the largest on which the equations are analytic, with the fewest patches."""
     choice = control.choice
-    for narrowing in range(_NARROWINGS):
-        for count in sorted({choice.patches[1], *_COUNTS[: 1 + narrowing // 2]}):
+    for narrowing in range(_MOST_NARROWINGS):
+        for count in sorted({choice.patches[1], *_PARAMETER_PATCHES[: 1 + narrowing // 2]}):
             found = _tried(step, replace(choice, patches=(choice.patches[0], count)), control.wanted)
             if np.isfinite(found.cost):
                 return found
@@ -166,7 +167,7 @@ def _first(step: TimeStep, control: Control) -> Tried:
     raise not_smooth(tape.first(discs.OPERATIONS, discs.disc, inputs, lambda a: not np.isfinite(discs.reach(a)).all()))
 
 
-_COUNTS = 1, 8, 24
+_PARAMETER_PATCHES = 1, 8, 24
 """Patches of each parameter that are tried: more, the smaller the ellipses are already."""
 
 
@@ -185,18 +186,20 @@ def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
         return Tried(choice, rho, rates, slopes, np.inf, np.inf)
     most = float((rates + largest_on(rho, step.x.rate)).max())
     nodes = nodes_needed(rho, wanted / most)
-    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _PATCH * count, nodes)
+    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _TIME_OF_A_PATCH * count, nodes)
 
 
-_NARROWINGS = 8
+_MOST_NARROWINGS = 8
 """Smaller ellipses that are tried where the equations cannot be shown to be analytic."""
-_COMPARED, _MOST_COMPARED = 2, 16
+_CHOICES_PER_STEP, _MOST_CHOICES = 2, 16
 """Other choices that are compared in a step, and most of them where many nodes are needed."""
-_MANY = 1e5
+_NODES_WORTH_CHOICES = 1e5
 """Nodes of a grid above which other choices are compared longer."""
+MOST_NODES = 300
+"""Most nodes of a variable: values at more of them take seconds."""
 TOO_MANY = 3e4
 """Patches that take seconds: a proof that needs more of them is given up, or a step is made shorter."""
-_PATCH = 20.0
+_TIME_OF_A_PATCH = 20.0
 """Time that a patch takes over that of a node: complex numbers, and the Jacobian beside the rates."""
 
 
@@ -205,9 +208,9 @@ def nodes_needed(rho: list[float], ratio: float) -> float:
     return math.prod(max(1.0, m) for m in _wanted(rho, ratio))
 
 
-def node_counts(rho: list[float], ratio: float, most: tuple[int, ...]) -> tuple[int, ...]:
-    """Nodes with which the aliasing is about a given share of the bound on the polyellipse."""
-    return tuple(int(min(top, max(2, math.ceil(m)))) for m, top in zip(_wanted(rho, ratio), most, strict=True))
+def node_counts(rho: list[float], ratio: float) -> tuple[int, ...]:
+    """Nodes with which the aliasing is about a given share of the bound on the polyellipse, at most MOST_NODES."""
+    return tuple(int(min(MOST_NODES, max(2, math.ceil(m)))) for m in _wanted(rho, ratio))
 
 
 def _wanted(rho: list[float], ratio: float) -> list[float]:

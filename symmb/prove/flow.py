@@ -16,22 +16,22 @@ from symmb.prove.points import PLAIN, plain
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
 
-_ITERATIONS = 60
+_MOST_PICARD_ITERATIONS = 60
 """Most iterations of Picard's: they halve the error at least, or the step is too long."""
-_SPARE = 2
+_SPARE_NODES = 2
 """Nodes in each parameter beside the least number, so that cut terms alias little."""
-_DIVERGED = 1e3
+_DIVERGED_GROWTH = 1e3
 """Growth of a state after the first iteration at which a step is too long."""
-_TOGETHER = 2**14
+_STATES_IN_CACHE = 2**14
 """States that are treated together: they stay in a cache."""
-_FIRST = 3
+_FIRST_TERMS = 3
 """Terms of several parameters with which the iteration begins."""
-_SETTLED = 2e-15
+_SETTLED_CHANGE = 2e-15
 """Change over the size of a state at which the iteration ends: rounding."""
 
-_FRAME_SETTLED, _CLOSE = 1e-10, 1e-12
+_SETTLED_CHANGE_OF_FRAME, _STAGNANT_CHANGE = 1e-10, 1e-12
 """The same for frames, which need not be as exact; and the change below which it ends where it no longer falls."""
-_NOISE, _FRAME_NOISE = 4e-16, 1e-11
+_ROUNDING_OF_RATES, _ROUNDING_OF_FRAME = 4e-16, 1e-11
 """Coefficients over the largest one that are rounding, of rates and of frames. They would be large on ellipses."""
 
 
@@ -97,15 +97,15 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     """
     lengths = x0.shape[1:]
     few = problem.d <= ch.FEW
-    counts = [n + _SPARE if few else n for n in lengths]
+    counts = [n + _SPARE_NODES if few else n for n in lengths]
     begin = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
     s = ch.nodes(terms)
     p = parameters_at(problem, [ch.nodes(m) for m in counts])
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
     step = 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
     x = np.repeat(begin[:, None], terms, axis=1)
-    if not few and max(lengths) > _FIRST:
-        part = (slice(None), *(slice(0, _FIRST),) * problem.d)
+    if not few and max(lengths) > _FIRST_TERMS:
+        part = (slice(None), *(slice(0, _FIRST_TERMS),) * problem.d)
         c = motion(problem, x0[part], t0, h, terms).c  # few terms of the parameters move alike
         c[:, 0] -= x0[part]
         x = x + ch.along(
@@ -114,28 +114,28 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     others = tuple(range(1, x.ndim))
     size = np.maximum(problem.scales, np.abs(x).max(axis=others))
     last, most = np.inf, None
-    for _ in range(_ITERATIONS):
+    for _ in range(_MOST_PICARD_ITERATIONS):
         f = rates_at(problem, x, p, t)
         new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
         difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
         change = float((difference / size).max(initial=0.0))
-        x, most = new, _DIVERGED * moved if most is None else most
+        x, most = new, _DIVERGED_GROWTH * moved if most is None else most
         if not np.isfinite(change):
             raise ProofError("the motion is not a number, or changes too fast for the shortest step")
         if (moved > most).any():
             raise ProofError("the motion changes too fast for the shortest step")
-        if change <= _SETTLED or (change > 0.5 * last and (difference < _CLOSE * moved).all()):
+        if change <= _SETTLED_CHANGE or (change > 0.5 * last and (difference < _STAGNANT_CHANGE * moved).all()):
             break
         last = change
     else:
         raise ProofError("the motion changes too fast for the shortest step")
     f = ch.graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
-    return integrated(x0, _without_noise(f, _NOISE), h)
+    return integrated(x0, _without_noise(f, _ROUNDING_OF_RATES), h)
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
     """f at states (n, terms, ...), (n, terms, ...), at some times after the others where there are many states."""
-    if x[0].size > _TOGETHER and x.shape[1] > 1:
+    if x[0].size > _STATES_IN_CACHE and x.shape[1] > 1:
         k = x.shape[1] // 2
         return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)
     found = problem.rate_tape.run(PLAIN, plain, [list(x), p, [t]])[0]
@@ -162,13 +162,13 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
     step = 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
     B = np.repeat(begin[None], terms, axis=0)
     last = np.inf
-    for _ in range(_ITERATIONS):
+    for _ in range(_MOST_PICARD_ITERATIONS):
         new = begin + np.tensordot(step, A @ B, (1, 0))
         change = float(np.abs(new - B).max() / np.abs(new).max())
         B = new
         if not np.isfinite(change) or change > 1e3:
             raise ProofError("deviations from the polynomials change too fast for the shortest step")
-        if change < _FRAME_SETTLED or (change < _CLOSE and change > 0.5 * last):
+        if change < _SETTLED_CHANGE_OF_FRAME or (change < _STAGNANT_CHANGE and change > 0.5 * last):
             break
         last = change
     rate = ch.graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)
@@ -176,8 +176,8 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
         raise ProofError("deviations from the polynomials grow too differently in a step") from None
-    rate = _without_noise(rate.reshape(n * n, terms, *lengths), _FRAME_NOISE)
-    C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _FRAME_NOISE)
+    rate = _without_noise(rate.reshape(n * n, terms, *lengths), _ROUNDING_OF_FRAME)
+    C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _ROUNDING_OF_FRAME)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
 
 

@@ -11,12 +11,12 @@ from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit
 from symmb.prove.rounding import U, above, of_sum
 
-_WORST = 30.0
+_WORST_CONDITION = 30.0
 """Condition of the frame, with columns of length 1, from which on it is made orthogonal."""
 
-_UNMOVED = 1e-3
+_LEAST_MOTION = 1e-3
 """Least motion of a state that counts, over that of the one that moves most."""
-_LAST = 2
+_TAIL = 2
 """Orders that tell how fast coefficients decay."""
 
 
@@ -49,12 +49,12 @@ class Front:
         d = self.x.ndim - 1
         e = (ch.sums(self.B, d) + self.B_error) @ self.w + self.x_error
         moved = ch.sums(self.x, d) - np.abs(self.x[(slice(None), *(0,) * d)])
-        return float((e / np.maximum(moved, _UNMOVED * moved.max(initial=1e-300))).max(initial=0.0))
+        return float((e / np.maximum(moved, _LEAST_MOTION * moved.max(initial=1e-300))).max(initial=0.0))
 
 
 def slowest(x: Array) -> int:
     """Number of the parameter in which the coefficients (n, N + 1, ...) decay the least."""
-    tails = [np.abs(x.take(np.arange(max(1, m - _LAST), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
+    tails = [np.abs(x.take(np.arange(max(1, m - _TAIL), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
     return int(np.argmax(tails))
 
 
@@ -73,7 +73,7 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
     return value, above(curve.error + of_sum(len(rest[0]) + 2) * ch.sums(rest, d + 1) + U * ch.sums(value, d))
 
 
-def well_conditioned(front: Front, scales: Array, worst: float = _WORST) -> Front:
+def well_conditioned(front: Front, scales: Array, worst: float = _WORST_CONDITION) -> Front:
     """The front in an orthogonal frame where its own has the condition `worst` or more.
 
     The columns of the frame at nodes of the parameters, the longest first, are made orthogonal. The new frame is a

@@ -29,15 +29,15 @@ from symmb.prove.reactions import of_bodies, solved_function
 from symmb.prove.tape import Tape
 from symmb.run.formulations import Formulation
 
-_SETS = 500
+_MOST_SETS_COMPARED = 500
 """Most sets of velocities that are all compared; of more, those that are best at some time are."""
-_TIMES, _EACH = 100, 8
+_FEWEST_TIMES, _TIMES_PER_STEP = 100, 8
 """Least number of times of the nominal run at which they are compared, and times of each of its steps."""
-_CHANGE = np.log(10.0)
+_LARGE_LOG_CHANGE = np.log(10.0)
 """Change of the logarithm of a determinant above which another set may be better."""
-_EXACT = 1e-6
+_EXACT_START = 1e-6
 """Errors of velocities at the start, over the largest one, which are as good as none."""
-_RTOL = 1e-6
+_NOMINAL_RTOL = 1e-6
 """Tolerance of that run."""
 
 
@@ -157,7 +157,7 @@ def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
     x = start.nominal()
     there = dae.arguments(ca.SX(np.concatenate([x["q"], x["v"], x["s"]])), ca.SX(x["p"]), ca.SX(start.t0))
     G_there = ca.DM(dae.G(*there)).full()
-    weights = np.maximum(errors / errors.max(initial=1e-300), _EXACT) * dae.displacement_scales
+    weights = np.maximum(errors / errors.max(initial=1e-300), _EXACT_START) * dae.displacement_scales
     dependent = list(qr(G_there * weights, mode="r", pivoting=True)[-1][: dae.n_r])
     free = [k for k in range(dae.n_v) if k not in dependent]
     G = dae.G(*at)
@@ -178,7 +178,7 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
     scaled, none = G * scales, np.zeros((len(G), n_r, n_r))
     saddle = np.block([[M * scales * scales[:, None], scaled.swapaxes(1, 2)], [scaled, none]])
     whole = np.linalg.slogdet(saddle)[1]
-    if math.comb(n_v, n_r) <= _SETS:
+    if math.comb(n_v, n_r) <= _MOST_SETS_COMPARED:
         sets = list(combinations(range(n_v), n_r))
     else:  # those that are independent at some time: each column is the one that is farthest from those before
         sets = sorted({tuple(sorted(qr(A, mode="r", pivoting=True)[-1][:n_r].tolist())) for A in scaled})
@@ -198,8 +198,8 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
     while True:
         change = changes(first)
         best, last = int(change[:, -1].argmin()), len(at)
-        if change[best, -1] > _CHANGE:
-            lengths = (change <= _CHANGE).sum(axis=1)
+        if change[best, -1] > _LARGE_LOG_CHANGE:
+            lengths = (change <= _LARGE_LOG_CHANGE).sum(axis=1)
             best = int(lengths.argmax())
             last = first + int(lengths[best])
         if found and found[-1].dependent == sets[best]:
@@ -231,11 +231,11 @@ def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array, Array]:
             (times[0], times[-1]),
             x0,
             method="DOP853",
-            rtol=_RTOL,
-            atol=_RTOL * dae.state_sizes,
+            rtol=_NOMINAL_RTOL,
+            atol=_NOMINAL_RTOL * dae.state_sizes,
             dense_output=True,
         )
-        at = np.linspace(times[0], run.t[-1], max(_TIMES, _EACH * len(run.t)))
+        at = np.linspace(times[0], run.t[-1], max(_FEWEST_TIMES, _TIMES_PER_STEP * len(run.t)))
         states = run.sol(at).T
     found = [f(state, p, time) for state, time in zip(states, at, strict=True)]
     G, M = (np.stack([matrices[i].full() for matrices in found]) for i in (0, 1))

@@ -23,23 +23,23 @@ from symmb.prove.transitions import drifted, mapped, require_known
 
 TIME_TERMS, FRAME_TERMS = 20, 11
 """Terms of the motion and of the frame in time."""
-_RESOLVED, _UNRESOLVED = 1e-14, 1e-12
+_AIMED_TAIL, _LARGEST_TAIL = 1e-14, 1e-12
 """Last coefficients in time over the sizes of the states: those aimed at, and those with which a step is too long."""
-_SHORTEST = 2.0**-4
+_SHORTEST_OF_AIM = 2.0**-4
 """Shortest step that is tried in vain, over the one aimed at."""
-_MUCH_SHORTER = 0.3
+_SHORTER_STEP = 0.3
 """A step over one that is too long for the motion."""
-_FIRST = 50
+_STEPS_OF_FIRST_LENGTH = 50
 """Horizon over the first step that is tried."""
-_LOST, _CRAWL = 1e-2, 2.0**-6
+_LOST_REMAINDER, _CRAWLING_STEP = 1e-2, 2.0**-6
 """Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
-_NEAR = 8
+_SHORTEST_AT_CHANGE = 8
 """Shortest step that ends at a change of states, over the unit of times."""
-_AT = 4
+_AT_INSTANT = 4
 """Distance of output times from an instant that are at it, over the error of the instant."""
-_BESIDE, _OF_SPREAD = 2.0**-6, 0.25
+_BEFORE_PASS_OF_STEP, _BEFORE_PASS_OF_SPREAD = 2.0**-6, 0.25
 """Shares of a usual step, and of the spread of passes over the box, from which on the pass of a switch begins."""
-_NEARER, _NEAREST = 2.0**-6, 2.0**6
+_NEARER_BEGIN, _NEAREST_PASS = 2.0**-6, 2.0**6
 """How much nearer a pass may begin if it is not proved, and the least distance, in units of times."""
 
 
@@ -132,7 +132,7 @@ def march(
         except ProofError as error:
             course.why = f"the start cannot be proved, because {error}"
             return
-        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _FIRST), problem)
+        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _STEPS_OF_FIRST_LENGTH), problem)
     place, longest = course.end, 0.0
     while not course.is_done:
         try:
@@ -147,7 +147,7 @@ def march(
             course.checkpoint = place
         if share > largest:
             return
-        if share > _LOST and place.control.h < _CRAWL * longest:
+        if share > _LOST_REMAINDER and place.control.h < _CRAWLING_STEP * longest:
             course.why = _why(place, "the deviations from the polynomials grow too fast")
             return
 
@@ -207,7 +207,7 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
     late = _late(problem, front.t)
-    until = front.t if late is None else front.t - _AT * late  # at an instant, outputs have the new values
+    until = front.t if late is None else front.t - _AT_INSTANT * late  # at an instant, outputs have the new values
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
         course.store(behind, *output_bounds(step, proof.W, times[course.stored : behind], control))
@@ -228,9 +228,9 @@ class _AheadError(Exception):
 def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[TimeStep, Proof]:
     """A step and its proof that ends nearer to a pass that cannot be proved from a place, or ProofError."""
     problem, phase = place.problem, place.problem.phase
-    if ahead.first > _NEAREST * grain:
+    if ahead.first > _NEAREST_PASS * grain:
         try:
-            control = replace(place.control, h=(1.0 - _NEARER) * ahead.first)
+            control = replace(place.control, h=(1.0 - _NEARER_BEGIN) * ahead.first)
             return _step(replace(problem, phase=None), place.front, grain, control)
         except ProofError:
             pass
@@ -300,7 +300,7 @@ def _settled(problem: Problem, front: Front) -> Problem:
 def _left(problem: Problem, t: float, grain: float) -> float:
     """Time to the next one at which a step must end, which may be infinite [s]."""
     change = problem.change
-    if change is None or (change.late is None and change.time <= t + _NEAR * grain):
+    if change is None or (change.late is None and change.time <= t + _SHORTEST_AT_CHANGE * grain):
         return np.inf
     return change.time - t
 
@@ -315,7 +315,8 @@ def _changed(place: Place, grain: float, is_done: bool) -> Place:
     """The place behind a change of states, if it is due."""
     problem, front = place.problem, place.front
     change, late = problem.change, _late(problem, front.t)
-    is_ahead = change is None or (late is None and (change.late is not None or change.time > front.t + _NEAR * grain))
+    soon = front.t + _SHORTEST_AT_CHANGE * grain
+    is_ahead = change is None or (late is None and (change.late is not None or change.time > soon))
     if is_done or change is None or is_ahead:
         return place
     if late is not None:
@@ -344,20 +345,20 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
     """The same, as long as it can be proved with what is adapted so far."""
     h = aim = usual = control.h
     reason, change, is_cut = "", problem.change, False
-    while h >= _SHORTEST * aim and h > 4 * grain:
+    while h >= _SHORTEST_OF_AIM * aim and h > 4 * grain:
         if change is None or change.late is None or h != change.time - front.t:
             h = float(np.floor(h / grain)) * grain
         try:
             x = motion(problem, front.x, front.t, h, TIME_TERMS)
         except ProofError as error:
-            reason, aim = str(error), _MUCH_SHORTER * h
+            reason, aim = str(error), _SHORTER_STEP * h
             h = aim
             continue
         last = ch.sums(x.c[:, -2:], problem.d).max(axis=1)
         sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
         tail = float((last / sizes).max(initial=0.0))
-        h_resolved = h * float(np.clip((_RESOLVED / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _MUCH_SHORTER, 1.5))
-        if tail > _UNRESOLVED:
+        h_resolved = h * float(np.clip((_AIMED_TAIL / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _SHORTER_STEP, 1.5))
+        if tail > _LARGEST_TAIL:
             aim = h = h_resolved
             continue
         step, before = None, _before_pass(problem, x.c, front.t, h, usual, grain)
@@ -383,12 +384,12 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
 
 def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:
     """How long a step over h with the motion x may be before a pass of a switch begins; _AheadError if at once."""
-    ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _NEAR * grain)
+    ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _SHORTEST_AT_CHANGE * grain)
     if ahead is None:
         return np.inf
-    if ahead.why and ahead.first > _NEAREST * grain:
-        return float(np.floor((1.0 - _NEARER) * ahead.first / grain)) * grain
-    begin = _BESIDE * usual + _OF_SPREAD * (ahead.last - ahead.first)
+    if ahead.why and ahead.first > _NEAREST_PASS * grain:
+        return float(np.floor((1.0 - _NEARER_BEGIN) * ahead.first / grain)) * grain
+    begin = _BEFORE_PASS_OF_STEP * usual + _BEFORE_PASS_OF_SPREAD * (ahead.last - ahead.first)
     if ahead.first <= 2.0 * begin:
         raise _AheadError(ahead)
     return float(np.floor((ahead.first - begin) / grain)) * grain

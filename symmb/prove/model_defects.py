@@ -9,22 +9,19 @@ import numpy as np
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.curves import TimeStep
+from symmb.prove.defects import ALIASED_GROWTH, LEAST_REMAINDER
 from symmb.prove.ellipses import Control, node_counts, nodes_needed
 from symmb.prove.errors import not_smooth
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import above, of_sum
 from symmb.prove.several_parameters import at_nodes, equations_at_nodes, inputs_on_step, on_step, run
-from symmb.prove.taylor_models import OPERATIONS, Model, basis_of, reach
+from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, OPERATIONS, Model, basis_of, reach
 
-_MORE, _MORE_OF_FRAME = 3, 1
-"""Degrees of Taylor models of defects beyond those of the polynomials."""
-_FINEST = 300
-"""Most nodes of time."""
-_ALIAS, _GROWTH = 0.1, 1e-3
-"""Share of the defect of the last step, and relative growth of the remainder, that may be due to aliasing."""
-_SMALLEST = 1e-2
-"""Least part of the largest remainder that is told apart from none."""
-_WIDER, _NARROWINGS, _NARROWEST = 1.2, 12, 1.02
+_DEGREES_BEYOND_FRAME = 1
+"""Degrees of Taylor models of defects of a frame beyond those of its polynomials."""
+_ALIASED_SHARE = 0.1
+"""Share of the defect of the last step that may be due to aliasing."""
+_COMPARED_ELLIPSE, _MOST_NARROWINGS, _NARROWEST_ELLIPSE = 1.2, 12, 1.02
 """Ellipses that are compared, over those of the last step, and how often smaller ones are tried."""
 
 
@@ -52,8 +49,8 @@ def _tried(step: TimeStep, rho: float, wanted: float) -> _Ellipse:
 def _adapted(step: TimeStep, control: Control) -> _Ellipse:
     """That of the last step or a smaller one, or a neighbour if that needs fewer nodes; ProofError if none serves."""
     best = _tried(step, control.rho, control.wanted)
-    for _ in range(_NARROWINGS):
-        if np.isfinite(best.nodes) or best.rho <= _NARROWEST:
+    for _ in range(_MOST_NARROWINGS):
+        if np.isfinite(best.nodes) or best.rho <= _NARROWEST_ELLIPSE:
             break
         best = _tried(step, 1.0 + 0.5 * (best.rho - 1.0), control.wanted)
     if not np.isfinite(best.nodes):
@@ -62,7 +59,7 @@ def _adapted(step: TimeStep, control: Control) -> _Ellipse:
         lost = step.problem.jacobian_tape.first(OPERATIONS, constant, inputs, lambda a: not np.isfinite(reach(a)))
         raise not_smooth(lost)
     control.turn += 1
-    wider = _WIDER if control.turn % 2 else 1.0 / _WIDER
+    wider = _COMPARED_ELLIPSE if control.turn % 2 else 1.0 / _COMPARED_ELLIPSE
     other = _tried(step, 1.0 + wider * (best.rho - 1.0), control.wanted)
     best = min(best, other, key=lambda found: found.nodes)
     control.rho = best.rho
@@ -78,16 +75,16 @@ def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array
     rho = [chosen.rho, *[1.0] * d]
     C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
     most = above(C_on @ (chosen.rates + largest_on(rho, step.x.rate)))
-    wanted = np.maximum(_ALIAS * control.wanted, _GROWTH * w / step.h)
-    (count,) = node_counts([chosen.rho], float((wanted / most).min()), (_FINEST,))
+    wanted = np.maximum(_ALIASED_SHARE * control.wanted, ALIASED_GROWTH * w / step.h)
+    (count,) = node_counts([chosen.rho], float((wanted / most).min()))
     own = _defect(step, count)
     defect = above(own + ch.aliasing([chosen.rho], [count]) * most)
     control.wanted = float(own.max())
     w = above(w + step.h * defect)
     B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
     most = above(C_on @ (chosen.slopes @ (B_on + step.B.error_on(rho).reshape(n, n)) + rate_on))
-    w = np.maximum(w, _SMALLEST * w.max())
-    (count,) = node_counts([chosen.rho], _GROWTH * float((w / (step.h * (most @ w))).min()), (_FINEST,))
+    w = np.maximum(w, LEAST_REMAINDER * w.max())
+    (count,) = node_counts([chosen.rho], ALIASED_GROWTH * float((w / (step.h * (most @ w))).min()))
     return defect, above(_frame(step, count) + ch.aliasing([chosen.rho], [count]) * most), rho
 
 
@@ -106,7 +103,7 @@ def _matrix(entries: list[Model], n: int) -> list[list[Model]]:
 
 def _defect(step: TimeStep, count: int) -> Array:
     """Bounds (n,) of the interpolation in time of C d."""
-    n, basis = step.problem.n, basis_of(step.problem.d, step.x.c.shape[2] - 1 + _MORE)
+    n, basis = step.problem.n, basis_of(step.problem.d, step.x.c.shape[2] - 1 + DEGREES_BEYOND_POLYNOMIALS)
     (f,) = run(step.problem.rate_tape, equations_at_nodes(step, count, basis))
     rate = at_nodes(step.x.rate, np.zeros(n), count, basis)
     d = [[_subtract(a, b)] for a, b in zip(rate, f, strict=True)]
@@ -116,7 +113,7 @@ def _defect(step: TimeStep, count: int) -> Array:
 
 def _frame(step: TimeStep, count: int) -> Array:
     """Bounds (n, n) of the interpolation in time of C (A B - B')."""
-    n, basis = step.problem.n, basis_of(step.problem.d, step.B.c.shape[2] - 1 + _MORE_OF_FRAME)
+    n, basis = step.problem.n, basis_of(step.problem.d, step.B.c.shape[2] - 1 + _DEGREES_BEYOND_FRAME)
     entries = run(step.problem.jacobian_tape, equations_at_nodes(step, count, basis))[1]
     A = [entries[i::n] for i in range(n)]  # column-major
     B = _matrix(at_nodes(step.B.c, step.B.error, count, basis), n)

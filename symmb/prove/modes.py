@@ -22,9 +22,9 @@ from symmb.declare.symbolic import batch, common
 from symmb.prove.independent_velocities import Equations
 from symmb.prove.problem import StartEquations
 
-_SAME = 1e-5
+_SAME_EIGENVALUE = 1e-5
 """Distance of eigenvalues over their sizes up to which they are the same: double ones move by the root of rounding."""
-_SINGULAR, _ON_AXIS = 1e-7, 1e-6
+_ZERO_SINGULAR_VALUE, _ZERO_REAL_PART = 1e-7, 1e-6
 """Singular values over the largest one that are 0, and real parts over the largest eigenvalue: critical parameters have
 an error of rounding."""
 
@@ -73,7 +73,7 @@ class LinearStart:
         """
         own = np.linalg.eigvals(self.solved(P)[1])  # (N, n_x)
         return all(
-            (np.abs(some[:, None] - values).min(axis=1) <= _SAME * np.abs(values).max()).all()
+            (np.abs(some[:, None] - values).min(axis=1) <= _SAME_EIGENVALUE * np.abs(values).max()).all()
             for some, values in zip(eigenvalues, own, strict=True)
         )
 
@@ -162,7 +162,7 @@ def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, sample
     both = common("newton", arguments, [rows, ca.densify(ca.jacobian(rows, arguments[0]))])
     u = np.tile(nominal, (len(samples), 1))
     for share in np.linspace(0, 1, _PARTS_OF_A_WAY + 1)[1:]:
-        for _ in range(_ITERATIONS):
+        for _ in range(_NEWTON_ITERATIONS):
             r, J = batch(both, u, p + share * (samples - p), np.full((len(u), 1), t))
             try:
                 u = u - np.linalg.solve(J, r[..., None])[..., 0]
@@ -171,7 +171,7 @@ def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, sample
     return u
 
 
-_PARTS_OF_A_WAY, _ITERATIONS = 8, 4
+_PARTS_OF_A_WAY, _NEWTON_ITERATIONS = 8, 4
 """Of Newton's iteration from one part of a way to the next: it is close to the solution from the second part on."""
 
 
@@ -181,11 +181,11 @@ def _critical_shape(A: Array) -> tuple[Array, float, bool]:
     ValueError if there is not one.
     """
     _, sizes, vectors = np.linalg.svd(A)
-    none = int(np.count_nonzero(sizes <= _SINGULAR * sizes[0]))
+    none = int(np.count_nonzero(sizes <= _ZERO_SINGULAR_VALUE * sizes[0]))
     if none == 1:
         return vectors[-1], float(sizes[0]), False
     values, vectors = np.linalg.eig(A)
-    on_axis = (np.abs(np.real(values)) <= _ON_AXIS * np.abs(values).max()) & (np.imag(values) > 0)
+    on_axis = (np.abs(np.real(values)) <= _ZERO_REAL_PART * np.abs(values).max()) & (np.imag(values) > 0)
     if none or np.count_nonzero(on_axis) != 1:
         raise ValueError
     k = int(on_axis.argmax())

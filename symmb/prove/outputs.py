@@ -16,22 +16,22 @@ from symmb.prove.rounding import U, above, of_sum
 from symmb.prove.several_parameters import monomials, on_step, parameter_models, run
 from symmb.prove.taylor_models import Model, basis_of, reach
 
-_PATCHES = 1, 8, 24, 64
+_OUTPUT_PATCHES = 1, 8, 24, 64
 """Patches of each parameter. More are tried where outputs cannot be shown to be smooth with fewer ones, or have large
 bounds: quotients of sums that are positive, such as reactions, may need many."""
-_SOME = 1
+_PATCHES_IF_ROUGH_BEFORE = 1
 """Patches beyond which no more are tried for outputs that could not be shown to be smooth in the step before."""
-_MANY_NODES = 50
+_NODES_WORTH_PATCHES = 50
 """Nodes of each parameter above which more patches are tried."""
 EXTRA_NODES = 4
 """Nodes of each parameter that are taken first, beside the terms of the motion."""
-_FINEST, _LARGEST = 300, 3e6
-"""Most nodes of a variable, and of the grids of all times: their values take seconds."""
+_MOST_NODES_OF_ALL_TIMES = 3e6
+"""Most nodes of the grids of all times: their values take seconds."""
 SHARP = 1e-6
 """Share of the width by which bounds may be off because ranges are searched no further."""
-_MORE = 2
+_DEGREES_BEYOND_MOTION = 2
 """Degrees of Taylor models of outputs beyond those of the motion, for several parameters."""
-_NUMBERS = 1e5
+_MOST_COEFFICIENTS = 1e5
 """Most coefficients of the polynomial of an output at a time, whose range is sought."""
 
 
@@ -56,15 +56,15 @@ def output_bounds(
     with np.errstate(all="ignore"):
         e, smooth = above(step.B_largest @ w), np.zeros(n_y, dtype=bool)
         is_refused = np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
-        for patches in (count for count in _PATCHES if count ** (1 + problem.d) <= TOO_MANY):
+        for patches in (count for count in _OUTPUT_PATCHES if count ** (1 + problem.d) <= TOO_MANY):
             rho, most, nodes = _ellipses(step, control.choice, patches)
             real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
             slopes = reaches(slopes).reshape(problem.n, n_y).T
             of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
             smooth = np.isfinite(most) & np.isfinite(of_states)
-            is_hopeless = control.rough if patches > _SOME else False
-            if (smooth | is_refused | is_hopeless).all() and nodes <= _MANY_NODES**problem.d:
+            is_hopeless = control.rough if patches > _PATCHES_IF_ROUGH_BEFORE else False
+            if (smooth | is_refused | is_hopeless).all() and nodes <= _NODES_WORTH_PATCHES**problem.d:
                 break
         control.rough = ~smooth
         good = np.flatnonzero(smooth)
@@ -89,7 +89,7 @@ def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float]
     The last value is about the number of these nodes.
     """
     found = []
-    for factor in _FACTORS:
+    for factor in _FACTORS_OF_ELLIPSES:
         rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
         on = patches_on(step, rho, (patches, max(patches, choice.patches[1])))
         most = reaches(step.problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
@@ -100,7 +100,7 @@ def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float]
     return rho, most, -nodes
 
 
-_FACTORS = (1.0, 0.3, 3.0, 10.0)
+_FACTORS_OF_ELLIPSES = (1.0, 0.3, 3.0, 10.0)
 """Ellipses of the parameters that are tried, over those on which the rates are bounded."""
 
 
@@ -141,7 +141,7 @@ def interpolation(
     """
     d = len(rho)
     lengths = step.x.c.shape[2:]
-    counts, top = tuple(m + EXTRA_NODES for m in lengths), (_FINEST,) * d
+    counts = tuple(m + EXTRA_NODES for m in lengths)
     while True:
         values, errors = _values(step, times, counts, which)
         mean = values.mean(axis=tuple(range(2, values.ndim)))
@@ -155,9 +155,9 @@ def interpolation(
         allowed = 0.1 * (sharp * width + blurred) + errors
         if (alias <= allowed).all():
             break
-        wanted = node_counts(rho, float((allowed / most).min()), top)
+        wanted = node_counts(rho, float((allowed / most).min()))
         finer = tuple(max(a, b) for a, b in zip(wanted, counts, strict=True))
-        if finer == counts or math.prod(finer) * len(times) > _LARGEST:
+        if finer == counts or math.prod(finer) * len(times) > _MOST_NODES_OF_ALL_TIMES:
             break
         counts = finer
     c[(..., *(0,) * d)] += mean
@@ -190,7 +190,7 @@ def _model_bounds(step: TimeStep, e: Array, times: Array, sharp: float) -> tuple
     n_y = problem.outputs.numel_out(0)
     slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]]).reshape(problem.n, n_y).T
     of_states = above(slopes @ e)
-    basis = basis_of(problem.d, step.x.c.shape[2] - 1 + _MORE)
+    basis = basis_of(problem.d, step.x.c.shape[2] - 1 + _DEGREES_BEYOND_MOTION)
     at, errors = step.at(times)
     c, lost = monomials(at, basis)
     x = [Model(own.T, above(error + gone), basis) for own, error, gone in zip(c, errors, lost, strict=True)]
@@ -213,7 +213,7 @@ def _range_of_model(a: Model, beside: float, n_t: int, sharp: float) -> tuple[Ar
     sums = np.add.reduceat(np.abs(c), [0, *basis.counts[:-1]], axis=0)
     tails = np.cumsum(sums[::-1], axis=0)[::-1]
     degree = basis.degree
-    while degree > 1 and ((tails[degree] <= 0.1 * sharp * tails[1]).all() or (degree + 1.0) ** d > _NUMBERS):
+    while degree > 1 and ((tails[degree] <= 0.1 * sharp * tails[1]).all() or (degree + 1.0) ** d > _MOST_COEFFICIENTS):
         degree -= 1
     kept = basis.counts[degree]
     gone = tails[degree + 1] if degree < basis.degree else np.zeros(n_t)

@@ -15,7 +15,7 @@ from symmb.prove.outputs import output_bounds
 from symmb.prove.passes import reach_of
 from symmb.prove.rounding import above
 
-_MOST, _LEAST = 40, 2e-3
+_MOST_PARTS, _SHORTEST_PASS = 40, 2e-3
 """Most parts of the box, and the least time within which the parameters of a part pass, over that of the whole box."""
 
 Steps = Sequence[tuple[TimeStep, Array]]
@@ -80,9 +80,9 @@ def bounds_about_pass(whole: Part, times: Array, control: Control) -> Found:
     if not (is_between.any() and whole.times.ndim):
         return found
     parts, between = [whole], times[is_between]
-    while len(parts) < _MOST:
+    while len(parts) < _MOST_PARTS:
         largest = max(parts, key=lambda part: part.length if part.has(between).any() else 0.0)
-        if largest.length <= max(_LEAST * whole.length, 4.0 * largest.error):
+        if largest.length <= max(_SHORTEST_PASS * whole.length, 4.0 * largest.error):
             break
         parts.remove(largest)
         parts += largest.halves()

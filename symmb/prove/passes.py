@@ -28,28 +28,26 @@ from symmb.prove.front import Front
 from symmb.prove.patches import largest_on
 from symmb.prove.points import PLAIN, plain
 from symmb.prove.problem import Problem
-from symmb.prove.rounding import U, above
+from symmb.prove.rounding import LARGEST_ZERO, U, above
 from symmb.prove.start import still
-from symmb.prove.step import on_motion
+from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
 from symmb.prove.transitions import require_known
 
-_LOOKS = 33
+_LOOKS_PER_STEP = 33
 """Times of a step at which the sides of switches are looked at."""
-_MOST = 16
+_MOST_STEPS_OF_A_PASS = 16
 """Steps within which all parameters must pass a switch."""
-_NEWTON = 8
+_NEWTON_ITERATIONS = 8
 """Iterations of Newton's method for the time of a pass."""
-_TOGETHER = 4
+_MOST_SWITCHES_AT_ONCE = 4
 """Most switches that are passed at once: each doubles the equations between the first and the last of them."""
-_TRIALS = 12
-"""Candidates for the time between a pass and the polynomial."""
-_BEYOND = 1e-3
+_TIME_BEHIND_A_PASS = 1e-3
 """Time after a pass at which parts of tables are read, over that from the begin of the window to the pass."""
-_SOME = 64
+_PATCHES_OF_A_PASS = 64
 """About the patches of parameters on which a pass is proved."""
-_LITTLE, _NOTHING = 1e-280, 1e-250
-"""More than nothing, and bounds that are 0 but for numbers that are rounded up."""
+_LEAST_POSITIVE = 1e-280
+"""A length that is more than 0, and less than any that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +86,7 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     tape, nodes = Tape(with_slopes(problem, problem.valid, problem.rates)), int(np.prod(counts))
     found = np.full((problem.valid.numel_out(0), nodes), np.inf)
     states, begin = np.zeros((problem.n, nodes)), t0
-    for number in range(_MOST):
+    for number in range(_MOST_STEPS_OF_A_PASS):
         own = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x)
         own = own.reshape(*x.shape[:2], nodes)
         _look(tape, own, p, begin, h, found, states)
@@ -101,7 +99,7 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
         return _refused(found - t0, "a part of the box does not pass it soon")
     earliest = found.min(axis=0)
     which = np.flatnonzero((found - earliest <= same).all(axis=1))
-    if not 0 < len(which) <= _TOGETHER:
+    if not 0 < len(which) <= _MOST_SWITCHES_AT_ONCE:
         return _refused(found - t0, "others are passed about then")
     tau = ch.graded(fit((found[which[0]] - t0).reshape(counts), lengths), problem.d)
     place = states[:, 0], np.array([a[0] for a in p]), float(earliest[0])
@@ -123,8 +121,8 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         found = tape.run(PLAIN, plain, [list(x), [own[which] for own in p], [time]])
         return x, [[np.broadcast_to(a, s.shape) for a in part] for part in found]
 
-    s = -np.cos(np.linspace(0.0, np.pi, _LOOKS))
-    values = at(np.broadcast_to(s[:, None], (_LOOKS, c.shape[2])))[1][0]
+    s = -np.cos(np.linspace(0.0, np.pi, _LOOKS_PER_STEP))
+    values = at(np.broadcast_to(s[:, None], (_LOOKS_PER_STEP, c.shape[2])))[1][0]
     for k, value in enumerate(values):
         beyond = ~(value > 0)
         own = np.flatnonzero(beyond.any(axis=0) & np.isinf(found[k]))
@@ -135,7 +133,7 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         a, b = value[before, own], value[after, own]
         with np.errstate(all="ignore"):
             place = s[before] + np.where(a > b, a / (a - b), 0.0) * (s[after] - s[before])
-            for _ in range(_NEWTON):
+            for _ in range(_NEWTON_ITERATIONS):
                 _, (g, slope) = at(place, own)
                 place = np.clip(np.nan_to_num(place - 2.0 / h * g[k] / slope[k]), s[before], s[after])
         time = begin + 0.5 * h * (1.0 + place)
@@ -206,7 +204,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
             sides = phase.settled(*ahead.place, sides, ahead.which)
         rates, place = phase.on(phase.rates, sides, *ahead.place), ahead.place
         if max(signs) < 0:  # beyond: where a table has a narrow part there, its next knot counts
-            place = _moved(rates, place, _BEYOND * ahead.first)
+            place = _moved(rates, place, _TIME_BEHIND_A_PASS * ahead.first)
         conditions = phase.conditions(sides, *place)
         toward = ca.vertcat(
             with_slopes(problem, conditions, rates)(x, p, t)[1][which] if max(signs) < 0 else ca.SX(0, 1),
@@ -257,12 +255,12 @@ def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> D
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
     x, p, t = arguments = phase.symbols
     reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
-    begin = still(problem, front.t, front.x, _LITTLE)
-    which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, reach, (1, 1))) <= _NOTHING).tolist()
-    if not set(own) <= set(which) or len(which) > _TOGETHER:
+    begin = still(problem, front.t, front.x, _LEAST_POSITIVE)
+    which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, reach, (1, 1))) <= LARGEST_ZERO).tolist()
+    if not set(own) <= set(which) or len(which) > _MOST_SWITCHES_AT_ONCE:
         raise ProofError("the motion may begin on it")
     place = front.x[(slice(None), *(0,) * problem.d)], problem.middle, front.t
-    behind = _moved(problem.rates, place, _BEYOND * h)
+    behind = _moved(problem.rates, place, _TIME_BEHIND_A_PASS * h)
     both, left = [], []
     for signs in product((1.0, -1.0), repeat=len(which)):
         sides = phase.sides.copy()
@@ -335,8 +333,8 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
     reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
     late, room = 0.0, np.zeros(problem.n)
-    for _ in range(_TRIALS):
-        late, room = 2.0 * late + _LITTLE, 2.0 * room + _LITTLE
+    for _ in range(MOST_CANDIDATES):
+        late, room = 2.0 * late + _LEAST_POSITIVE, 2.0 * room + _LEAST_POSITIVE
         share = 2.0 * late / first + 1e-14
         around = still(problem, 1.0 - share, front.x, 2.0 * share)
         slowest, fastest, speed, apart, is_shown = _about_pass(around, above(reach + room), tapes, len(g))
@@ -361,7 +359,7 @@ def _about_pass(
     of these between sides, and whether all conditions are shown.
     """
     d = max(step.problem.d, 1)
-    count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _SOME or m == 1)
+    count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _PATCHES_OF_A_PASS or m == 1)
     each = [[on_motion(step, tape, e, (1, count)) for tape in pair] for pair in tapes]
     toward = [conditions[len(conditions) - own :] for _, conditions in each]
     subtract = discs.OPERATIONS[ca.OP_SUB]

@@ -12,7 +12,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.declare.symbolic import Entry, Pieces, applied, called, common, interpret
 
-_LONGEST = 60
+_LETTERS_OF_A_SWITCH = 60
 """Letters of a switch in a sentence."""
 
 
@@ -91,7 +91,7 @@ class Phase:
 def label(switch: ca.SX) -> str:
     """The text of a switch."""
     text = str(switch)
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+    return text if len(text) <= _LETTERS_OF_A_SWITCH else f"{text[:_LETTERS_OF_A_SWITCH]}..."
 
 
 def _frozen(f: ca.Function, *place: Array | float) -> ca.Function:

@@ -11,11 +11,11 @@ from symmb._types import Array
 from symmb.prove.chebyshev import along
 from symmb.prove.rounding import U, above
 
-_NUMBERS = 2**20
+_CELLS_TOGETHER = 2**20
 """Coefficients of the cells of a polynomial that are treated together, 8 MB, and above which it is searched no further:
 where it is largest on a curve or a surface, cells double until they are as fine as the tolerance.
 """
-_DEPTH = 80
+_MOST_HALVINGS = 80
 """Most halvings of a cell."""
 
 
@@ -40,7 +40,7 @@ def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     width = corners.max(axis=1) - corners.min(axis=1)
     tolerances = tolerance * width + errors
     upper, lower = _maxima(b, tolerances), -_maxima(-b, tolerances)
-    halving = _DEPTH * sum(n + 2 for n in lengths) * U * np.abs(b).reshape(len(b), -1).max(axis=1)
+    halving = _MOST_HALVINGS * sum(n + 2 for n in lengths) * U * np.abs(b).reshape(len(b), -1).max(axis=1)
     return lower - above(errors + halving), upper + above(errors + halving)
 
 
@@ -48,14 +48,14 @@ def _maxima(b: Array, tolerances: Array) -> Array:
     """Upper bounds (m,) of polynomials with Bernstein coefficients (m, n1, ..., nd)."""
     best = _corners(b).max(axis=1)
     top = best.copy()
-    most = max(_NUMBERS // math.prod(b.shape[1:]), 2)
+    most = max(_CELLS_TOGETHER // math.prod(b.shape[1:]), 2)
     pending = [(np.arange(len(b)), b, 0)]
     while pending:
         owner, cells, depth = pending.pop()
         bound = cells.reshape(len(cells), -1).max(axis=1)
         np.maximum.at(best, owner, _corners(cells).max(axis=1))
         done = bound <= best[owner] + tolerances[owner]
-        if depth == _DEPTH:
+        if depth == _MOST_HALVINGS:
             done[:] = True
         np.maximum.at(top, owner[done], bound[done])
         owner, cells = owner[~done], cells[~done]

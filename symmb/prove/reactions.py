@@ -18,8 +18,10 @@ from symmb.declare.symbolic import t as time_symbol
 from symmb.equations.model import System
 from symmb.run.formulations import Formulation
 
-_POINTS, _SPREAD, _ROUNDED = 20, 0.01, 1e-12
-"""Random points, how far their parameters are from the nominal ones, and what is rounding there."""
+RANDOM_POINTS = 20
+"""Random points at which analytic functions are looked at: what holds at all of them holds everywhere."""
+_SPREAD_OF_PARAMETERS, _ROUNDING_OF_ENTRIES = 0.01, 1e-12
+"""How far their parameters are from the nominal ones, over these, and the error of an entry that is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,15 +125,15 @@ def _with_whole_numbers(form: Formulation, at: tuple[ca.SX, ...], matrices: Sequ
     """
     dae, rng, n_free = form.dae, np.random.default_rng(0), at[0].numel() - form.dae.n_q
     q, p = form.start.q_nominal, form.start.nominal()["p"]
-    spread = _SPREAD * np.where(p == 0, 1.0, np.abs(p))
+    spread = _SPREAD_OF_PARAMETERS * np.where(p == 0, 1.0, np.abs(p))
     f = ca.Function("matrices", list(at), [ca.densify(S) for S in matrices])
     points = [f.call([ca.vertcat(dae.retract(q, rng.normal(size=dae.n_v)), ca.DM.zeros(n_free)),
-                      p + spread * rng.normal(size=len(p)), rng.normal()]) for _ in range(_POINTS)]  # fmt: skip
+                      p + spread * rng.normal(size=len(p)), rng.normal()]) for _ in range(RANDOM_POINTS)]  # fmt: skip
     found = []
     for S, *values in zip(matrices, *points, strict=True):
         values = np.array([value.full() for value in values])
         whole, size = np.round(values[0]), np.sqrt(np.einsum("kii,kjj->kij", values, values))
-        known = np.abs(values - whole) <= _ROUNDED * np.where(whole == 0, size, np.abs(whole))
+        known = np.abs(values - whole) <= _ROUNDING_OF_ENTRIES * np.where(whole == 0, size, np.abs(whole))
         entries = [ca.SX(whole[i, j] + 0.0) if known[:, i, j].all() else S[i, j] for j, i in np.ndindex(*S.shape)]
         found.append(ca.reshape(ca.vertcat(*entries), *S.shape))
     return found

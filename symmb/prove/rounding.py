@@ -16,15 +16,19 @@ FUNCTION = 16 * U
 tests/bounds/test_interval.py"""
 COMPLEX = 32 * U
 """The same of an operation on complex numbers, over its modulus."""
-_SAFE = 1.0 + 2.0**-30
+_ROUNDING_OF_BOUNDS = 1.0 + 2.0**-30
 """Covers the rounding of a bound, a sum of up to eight million terms that are not negative (Higham 2002, eq. 4.4)."""
-_LEAST = 1e-290
+_UNDERFLOW = 1e-290
 """Covers underflow."""
+LARGEST_ZERO = 1e-250
+"""Bounds up to it are those of 0: they cover underflow only."""
+OF_MODULI = 1e-9
+"""Share of a sum of moduli that covers the rounding of its terms, of centres and of radii."""
 
 
 def above(bound: T) -> T:
     """A number that is not below the exact value of a computed sum of terms that are not negative."""
-    return bound * _SAFE + _LEAST
+    return bound * _ROUNDING_OF_BOUNDS + _UNDERFLOW
 
 
 def of_sum(terms: int) -> float:
@@ -37,13 +41,13 @@ def of_sum(terms: int) -> float:
 
 def grain_of(end: float) -> float:
     """The unit of times of steps over a horizon [s], a power of 2: times of steps are then sums without rounding."""
-    return 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS
+    return 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS_OF_STEPS
 
 
 def fine_grain_of(end: float) -> float:
     """The unit of times that are given: sums of so many are exact as well, with two bits to spare."""
-    return grain_of(end) * _GRAINS / _FINE
+    return grain_of(end) * _GRAINS_OF_STEPS / _GRAINS_OF_TIMES
 
 
-_GRAINS, _FINE = 2.0**30, 2.0**50
+_GRAINS_OF_STEPS, _GRAINS_OF_TIMES = 2.0**30, 2.0**50
 """Units of both kinds in the least power of 2 that is not below a horizon."""

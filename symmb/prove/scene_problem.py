@@ -18,6 +18,7 @@ from symmb.prove.independent_velocities import Equations, equations_of, start_st
 from symmb.prove.modes import LinearStart, with_limits, with_modes
 from symmb.prove.phases import Phase, label
 from symmb.prove.problem import Change, Problem, StartEquations
+from symmb.prove.reactions import RANDOM_POINTS
 from symmb.prove.rounding import U, fine_grain_of
 from symmb.prove.tape import Tape
 from symmb.run.events import kinks
@@ -98,7 +99,7 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
     sampling = dae.sampling
     assert sampling is not None
     instants, begin = sampling.instants(times), float(times[0])
-    instants = instants[np.diff(instants, prepend=-np.inf) > _TOGETHER * min(sampling.periods)]
+    instants = instants[np.diff(instants, prepend=-np.inf) > _SAME_INSTANT * min(sampling.periods)]
     grain = fine_grain_of(float(times[-1] - begin))
     late = grain + 4 * U * float(np.abs(times).max())
 
@@ -111,7 +112,7 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
         for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
             number = round((instants[k] - sampling.begin) / T)
             own = sampling.begin + T * number
-            if abs(own - instants[k]) <= _TOGETHER * T:
+            if abs(own - instants[k]) <= _SAME_INSTANT * T:
                 s[value], s[count] = law(q, v, s, p, own), s[count] + 1
         states = common("states", [x, p, t], [ca.densify(ca.vertcat(x[: x.numel() - dae.n_s], s))])
         time = float(np.round((instants[k] - begin) / grain) * grain)
@@ -120,7 +121,7 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
     return following(0)
 
 
-_TOGETHER = 1e-9
+_SAME_INSTANT = 1e-9
 """Instants that are closer than this share of a period are one."""
 
 
@@ -159,7 +160,7 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
         ) from None
     middle, inner = intervals[0], _points_of(*intervals[:2])
     corners = middle + intervals[1] * np.sign(inner - middle)
-    samples = np.unique(np.vstack([inner[:_INNER], corners[:_CORNERS]]), axis=0)
+    samples = np.unique(np.vstack([inner[:_INNER_SAMPLES], corners[:_CORNER_SAMPLES]]), axis=0)
     followed = values + (high - low) * batch(start.states, start.solve(samples), samples)[0]
     for k in range(len(values)):
         _require_fixed(method, linear, simulator, np.insert(samples, simulator.number, followed[:, k], axis=1))
@@ -174,7 +175,7 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
     Another eigenvalue may become imaginary before. The one that is followed stays simple then.
     """
     low, high = simulator.range
-    is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= _SAME_LIMIT * (high - low)).all(axis=1)
+    is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= _SAME_CRITICAL_VALUE * (high - low)).all(axis=1)
     if is_other.any():
         p = samples[is_other.argmax()]
         where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(simulator.parameters, p, strict=True))
@@ -184,7 +185,7 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
         )
 
 
-_INNER, _CORNERS, _SAME_LIMIT = 4, 8, 1e-6
+_INNER_SAMPLES, _CORNER_SAMPLES, _SAME_CRITICAL_VALUE = 4, 8, 1e-6
 """Samples at which critical values are compared, and the distance over the range up to which they are the same."""
 
 
@@ -217,10 +218,10 @@ def _still_problem(
     arguments = [x, ca.SX.sym("p", len(intervals[0])), ca.SX.sym("t")]
     rates = ca.Function("rates", arguments, [ca.SX.zeros(x.numel())])
     return Problem(rates, common("outputs", arguments, [outputs]), *intervals, np.zeros(1),
-                   _OF_A_MODE * np.ones(x.numel()), start, refused=("",) * outputs.numel())  # fmt: skip
+                   _MOTION_OF_MODE_SHARES * np.ones(x.numel()), start, refused=("",) * outputs.numel())  # fmt: skip
 
 
-_OF_A_MODE = 0.1
+_MOTION_OF_MODE_SHARES = 0.1
 """How far the shares of a mode, of size 1, may move on ellipses: frequencies are roots, which are not smooth at 0."""
 
 
@@ -299,12 +300,13 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     parts = ca.vertsplit(of_bodies, [0, *np.cumsum([part.numel() for part in own]).tolist()])
     f = ca.Function("rows", [x, p, t], [rows(*parts, p, t)])
     middle, radius, _ = _intervals(simulator, box)
-    turned = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in rng.normal(size=(_POINTS, dae.n_v))]
-    X = np.hstack([turned, rng.normal(size=(_POINTS, dae.n_v + dae.n_s))])
+    turns = rng.normal(size=(RANDOM_POINTS, dae.n_v))
+    turned = [dae.retract(form.start.q_nominal, delta).full().ravel() for delta in turns]
+    X = np.hstack([turned, rng.normal(size=(RANDOM_POINTS, dae.n_v + dae.n_s))])
     P = _points_of(middle, radius)
-    instants = rng.uniform(float(simulator.times[0]), float(simulator.times[-1]), (_POINTS, 1))
+    instants = rng.uniform(float(simulator.times[0]), float(simulator.times[-1]), (RANDOM_POINTS, 1))
     residuals = np.abs(batch(f, X, P, instants)[0])
-    binds = residuals.max(axis=0) > _VANISHES * max(1.0, residuals.max())
+    binds = residuals.max(axis=0) > _ROUNDING_OF_ROWS * max(1.0, residuals.max())
     names = system.collected.row_names
     left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
     return ", ".join(_joints(left))
@@ -317,11 +319,11 @@ def _joints(rows: Sequence[str]) -> tuple[str, ...]:
 
 def _points_of(middle: Array, radius: Array) -> Array:
     """Random points (N, n_p) of a box."""
-    return middle + radius * np.random.default_rng(0).uniform(-1, 1, (_POINTS, len(middle)))
+    return middle + radius * np.random.default_rng(0).uniform(-1, 1, (RANDOM_POINTS, len(middle)))
 
 
-_POINTS, _VANISHES = 20, 1e-13
-"""Random points, and rows over the largest one that are rounding there."""
+_ROUNDING_OF_ROWS = 1e-13
+"""Rows over the largest one that are rounding at random points."""
 
 
 def _contradiction(form: Formulation, P: Array) -> str:

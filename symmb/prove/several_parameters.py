@@ -14,12 +14,9 @@ from symmb.prove import chebyshev as ch
 from symmb.prove import taylor_models as tm
 from symmb.prove.curves import TimeStep
 from symmb.prove.patches import cosh_powers
-from symmb.prove.rounding import U, above, of_sum
+from symmb.prove.rounding import OF_MODULI, U, above, of_sum
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import Basis, Model, basis_of
-
-_SUMS = 1e-9
-"""Share of sums of moduli that covers the rounding of values on patches."""
 
 
 def _to_monomials(n: int) -> Array:
@@ -123,7 +120,7 @@ class TimePatches:
             exponents = np.column_stack([np.full(count, m), of_parameters.exponents[:count]])
             found[:, basis.places(exponents)] = np.einsum("pk,qkt->qtp", factor[:, :size], own[..., :count])
             radius = radius + modulus[..., count:].sum(axis=2) @ most[:size]
-        radius = above(radius + _SUMS * (modulus.sum(axis=2) @ sizes))
+        radius = above(radius + OF_MODULI * (modulus.sum(axis=2) @ sizes))
         return [Model(values, np.full(1, r), basis) for values, r in zip(found, radius, strict=True)]
 
 
@@ -139,8 +136,8 @@ def on_step(step: TimeStep, tape: Tape, radius: Array | float = 0.0, rho: float 
 
 def inputs_on_step(step: TimeStep, radius: Array | float, rho: float) -> list[list[Model]]:
     """States, parameters and time there."""
-    basis = basis_of(step.problem.d + 1, _DEGREE)
-    patches, d = TimePatches(rho, _PATCHES, step.degrees[0], basis), step.problem.d
+    basis = basis_of(step.problem.d + 1, _DEGREE_ON_PATCHES)
+    patches, d = TimePatches(rho, _TIME_PATCHES, step.degrees[0], basis), step.problem.d
     x = patches.models(step.x.c, step.x.error_on([rho, *[1.0] * d]) + radius)
     c = np.zeros((1, 2, *(1,) * d))
     c[0, 0], c[0, 1] = step.t0 + 0.5 * step.h, 0.5 * step.h
@@ -148,5 +145,5 @@ def inputs_on_step(step: TimeStep, radius: Array | float, rho: float) -> list[li
     return [x, parameter_models(step, basis), t]
 
 
-_DEGREE, _PATCHES = 2, 16
+_DEGREE_ON_PATCHES, _TIME_PATCHES = 2, 16
 """Degree of Taylor models on patches, and number of the patches."""

@@ -20,23 +20,23 @@ from symmb.prove.ranges import cut
 from symmb.prove.rounding import above, of_sum
 from symmb.prove.several_parameters import equations_at_nodes, on_step, run
 from symmb.prove.tape import Tape
-from symmb.prove.taylor_models import basis_of, reach
+from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, basis_of, reach
 
-_SHARE = 1e-17
+_NEGLIGIBLE = 1e-17
 """Share of a state below which coefficients of its start are cut."""
 
-_NOISE = 1e-15
+_ROUNDING_OF_COEFFICIENTS = 1e-15
 """Coefficients of scaled unknowns that are rounding, and would be large on ellipses."""
-_COUNTS = (1, 8, 32, 128)
+_START_PATCHES = (1, 8, 32, 128)
 """Patches of each variable that are tried: a start solves equations whose pivots nearly cancel, and it is made once."""
-_PARTS, _MOST_PARTS = (1, 8, 32), 1024
+_PARTS_WITH_INVERSE, _MOST_PARTS_WITH_INVERSE = (1, 8, 32), 1024
 """Parts of each variable with an inverse of their own, which are tried, and most of them in all: they take seconds."""
 
 NO_START = "there are parameters for which the scene cannot be started"
 """Why no part of a box can be proved."""
-_SHORT = 1e-9
+_STILL_STEP = 1e-9
 """Length of a step in which nothing moves [s]."""
-_NONE = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
+_NO_FRAME = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """No frame."""
 
 
@@ -60,9 +60,9 @@ def first_front(problem: Problem, order: int) -> Front:
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
 
 
-def still(problem: Problem, t: float, x: Array, h: float = _SHORT) -> TimeStep:
+def still(problem: Problem, t: float, x: Array, h: float = _STILL_STEP) -> TimeStep:
     """A short step from a time, in which states (n, N + 1, ...) stay."""
-    return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NONE, _NONE.c)
+    return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NO_FRAME, _NO_FRAME.c)
 
 
 def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
@@ -79,7 +79,7 @@ def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp:
     c, part = c[:, 0], (slice(None), *(slice(0, terms) for terms in lengths))
     kept, others = ch.graded(c[part], len(lengths)), c.copy()
     others[part] -= kept
-    short, gone = cut(kept, _SHARE * ch.sums(kept, len(lengths)))
+    short, gone = cut(kept, _NEGLIGIBLE * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
     whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
     return whole, above(rest[:, 0] + ch.sums(others, len(lengths)) + gone)
@@ -107,7 +107,7 @@ def _unknowns(problem: Problem, order: int) -> Array:
         return np.zeros((0, *(order + 1,) * d))
     p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
     c = fit(_solutions(problem, p, counts), [order + 1] * d)
-    return np.where(np.abs(c) < _NOISE, 0.0, c)
+    return np.where(np.abs(c) < _ROUNDING_OF_COEFFICIENTS, 0.0, c)
 
 
 def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:
@@ -137,7 +137,7 @@ def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
 def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
     """Coefficients (m, 1, order + 1, ...) of the outputs of a tape at the begin of a step, and their errors (m, 1)."""
     d = step.problem.d
-    basis = basis_of(d, order + _MORE)
+    basis = basis_of(d, order + DEGREES_BEYOND_POLYNOMIALS)
     x, p, _ = equations_at_nodes(step, 1, basis)
     found = run(tape, [x, p, [basis.constant(step.t0)]])[0]
     kept = basis.counts[order]
@@ -147,10 +147,6 @@ def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
         c[(k, 0, *basis.exponents[:kept].T)] = own[:kept]
         rest[k] = above(a.radius + np.abs(own[kept:]).sum() + of_sum(len(own) + 2) * a.norm).max()
     return c, np.where(np.isnan(rest), np.inf, rest)
-
-
-_MORE = 3
-"""Degrees of Taylor models of a start beyond those of the motion."""
 
 
 def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
@@ -169,7 +165,7 @@ def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
 
 def _counts(d: int) -> Iterator[int]:
     """Patches of each of d variables that are tried."""
-    return (count for count in _COUNTS if count**d <= TOO_MANY)
+    return (count for count in _START_PATCHES if count**d <= TOO_MANY)
 
 
 def _distance(step: TimeStep) -> Array:
@@ -190,7 +186,7 @@ def _distance(step: TimeStep) -> Array:
         rho, most = _largest(step, problem.rate_tape)
         c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
-    for count in (count for count in _PARTS if count**d <= _MOST_PARTS):
+    for count in (count for count in _PARTS_WITH_INVERSE if count**d <= _MOST_PARTS_WITH_INVERSE):
         e = _contracted(step, off, _patches(step, [1.0] * (d + 1), count))
         if e is not None:
             return e

@@ -32,9 +32,9 @@ from symmb.prove.rounding import U, above
 from symmb.prove.several_parameters import on_step
 from symmb.prove.tape import Tape
 
-_TRIALS = 12
-"""Candidates for the box of w."""
-_AROUND = 1.5
+MOST_CANDIDATES = 12
+"""Candidates for a bound that proves itself, of w or of the time to a pass, each twice the one before or so."""
+_ELLIPSE_WITHOUT_EQUATIONS = 1.5
 """Ellipses that tell how far states may move, where none are needed for the defects."""
 
 
@@ -52,7 +52,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
     defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects
-        rho = [_AROUND] * len(step.degrees)
+        rho = [_ELLIPSE_WITHOUT_EQUATIONS] * len(step.degrees)
     elif step.problem.d > ch.FEW:
         defect, growth, rho = defects_of_models(step, w0, control)
     else:
@@ -64,7 +64,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
     change = _Curvature(step, rho, patches)
     W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
-    for _ in range(_TRIALS):
+    for _ in range(MOST_CANDIDATES):
         e = above(step.B_largest @ W)
         quadratic = above(step.C_largest @ (change(e) @ e))
         end = above(w0 + step.h * step.solved(above(growth @ W + quadratic + defect)))
@@ -89,7 +89,7 @@ def unshown(step: TimeStep, e: Array) -> int | None:
     tape, first = step.problem.valid_tape, None
     if tape is None:
         return None
-    for patches in _PATCHES:
+    for patches in _PATCHES_OF_CONDITIONS:
         if patches[0] * patches[1] ** step.problem.d > TOO_MANY:
             break
         shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
@@ -99,7 +99,7 @@ def unshown(step: TimeStep, e: Array) -> int | None:
     return first
 
 
-_PATCHES = (8, 1), (40, 1), (40, 8)
+_PATCHES_OF_CONDITIONS = (8, 1), (40, 1), (40, 8)
 """Patches of time and of each parameter on which conditions are tried."""
 
 
@@ -127,7 +127,8 @@ class _Curvature:
     def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
         self._step = step
         d = len(rho) - 1
-        counts = patches[0], max(patches[1], max(count for count in _COUNTS if count**d <= _TOGETHER))
+        least = max(count for count in _JACOBIAN_PATCHES if count**d <= _ABOUT_MOST_PATCHES)
+        counts = patches[0], max(patches[1], least)
         self._patches = patches_on(step, [1.0] * len(rho), counts)  # not made for several parameters
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
@@ -144,7 +145,7 @@ class _Curvature:
         """Take the radii about e with the least change over them: smaller ones until it grows again."""
         largest = max(2.0, 0.5 / float((e / self._room).max()))
         least, self._radius = np.inf, np.zeros(0)
-        for factor in _SHRUNK:
+        for factor in _SHARES_OF_LARGEST_DISCS:
             radius = above(e * max(2.0, factor * largest))
             change = self._changes(radius)
             mean = float((change @ e).max() * (e / radius).max())
@@ -163,7 +164,7 @@ class _Curvature:
         return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
 
 
-_COUNTS, _TOGETHER = (1, 4, 40), 64
+_JACOBIAN_PATCHES, _ABOUT_MOST_PATCHES = (1, 4, 40), 64
 """Patches of each parameter on which the change of the Jacobian is bounded at least, and about the most in all."""
-_SHRUNK = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
+_SHARES_OF_LARGEST_DISCS = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
 """Shares of the largest discs about the states that are tried."""

@@ -26,7 +26,9 @@ from symmb.prove import discs
 from symmb.prove.discs import Disc
 from symmb.prove.rounding import COMPLEX, FUNCTION, U, above
 
-_REAL = 4 * U
+DEGREES_BEYOND_POLYNOMIALS = 3
+"""Degrees of Taylor models of defects, and of a start, beyond those of the polynomials whose errors they bound."""
+_REAL_OPERATION = 4 * U
 """Relative error of an operation on real numbers."""
 
 
@@ -102,7 +104,7 @@ class Pairs:
         self.largest, self._terms, self._parts = int((ends - starts).max()), len(starts), []
         first = 0
         while first < len(starts):
-            last = max(int(np.searchsorted(ends, starts[first] + _TOGETHER)), first + 1)
+            last = max(int(np.searchsorted(ends, starts[first] + _PAIRS_IN_CACHE)), first + 1)
             part = slice(starts[first], ends[last - 1])
             self._parts.append((slice(first, last), i[part], j[part], starts[first:last] - starts[first]))
             first = last
@@ -116,7 +118,7 @@ class Pairs:
         return found
 
 
-_TOGETHER = 2000
+_PAIRS_IN_CACHE = 2000
 """Pairs of monomials that are multiplied together: their products stay in a cache."""
 
 
@@ -211,7 +213,7 @@ def _padded(c: Array, terms: int) -> Array:
 
 
 def _relative(c: Array) -> float:
-    return COMPLEX if np.iscomplexobj(c) else _REAL
+    return COMPLEX if np.iscomplexobj(c) else _REAL_OPERATION
 
 
 def _sum(a: Model, b: Model, sign: float) -> Model:
@@ -297,13 +299,13 @@ def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
     close to 0, as in sqrt(w^2 + small^2), is close to the middle of its range only.
     """
     own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX), a.around
-    if (own < _CLOSE).all() or a.degree == 0:
+    if (own < _CONVERGENT_DISTANCE).all() or a.degree == 0:
         return a.c[0], np.where(own < 1.0, own, np.nan), None
     q = above(around.radius / np.abs(around.centre)) * (1.0 + COMPLEX)
     return around.centre, np.where(q < 1.0, q, np.nan), around.centre
 
 
-_CLOSE = 0.5
+_CONVERGENT_DISTANCE = 0.5
 """Distance from the constant term over its modulus up to which series converge well: 1 / 2^9 is left of degree 8."""
 
 

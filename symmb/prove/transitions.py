@@ -17,9 +17,9 @@ from symmb.prove.start import bounds_of, polynomials, still
 from symmb.prove.tape import Tape
 
 _ROUGH = "sampled values, or other velocities of a loop, cannot be shown to be smooth over the box"
-_ROOM = 1e-9
+_ROOM_OF_ROUNDED_TIME = 1e-9
 """How far states may move between an instant and its rounded time, over their scales."""
-_SHARP = 1e-14
+_ALIASING_OF_MAPS = 1e-14
 """Aliasing of a mapped polynomial over its width."""
 
 
@@ -52,7 +52,7 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     require_known("the law of a sampled value", both)
     step = still(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
     try:
-        x_new, x_lost = polynomials(step, np.arange(m), lengths, _SHARP)
+        x_new, x_lost = polynomials(step, np.arange(m), lengths, _ALIASING_OF_MAPS)
         B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
     except ProofError:
         raise ProofError(_ROUGH) from None
@@ -87,7 +87,7 @@ def require_known(where: str, *functions: ca.Function) -> None:
 
 def drifted(problem: Problem, front: Front, late: float) -> Front:
     """The front with all states that it has within a short time before and after; ProofError if rates are too large."""
-    room = _ROOM * problem.scales
+    room = _ROOM_OF_ROUNDED_TIME * problem.scales
     reach = above(ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error + room
     around = still(problem, front.t - 2 * late, front.x, 4 * late)
     moved = above(late * bounds_of(problem.rate_tape, around, above(reach))[0])

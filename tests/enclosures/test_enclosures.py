@@ -326,7 +326,7 @@ PLANTED = {
     "a defect is left out": {(steps, "defect_of_motion"): lambda step, *rest: np.full(step.problem.n, 1e-15)},
     "aliasing is left out, on as many nodes as there are terms": {
         (defects.ch, "aliasing"): lambda rho, counts: 0.0,
-        (defects, "node_counts"): lambda rho, ratio, most: (20, 1),
+        (defects, "node_counts"): lambda rho, ratio: (20, 1),
     },
     "too few nodes for a polynomial": {(defects, "_grid"): lambda degrees, numbers: (20, 1)},
 }
