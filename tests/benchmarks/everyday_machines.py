@@ -22,8 +22,7 @@ from _true_ranges import true_range
 
 import symmb as mb
 from symmb.bound.bounds.adaptive import runs as adaptive_runs
-from symmb.bound.bounds.adaptive.runs import rms
-from symmb.bound.bounds.time_windows import average_over_window
+from symmb.bound.bounds.time_windows import average_over_window, rms
 from symmb.run.simulation import simulator_of
 
 MACHINES = MACHINES_A | MACHINES_B

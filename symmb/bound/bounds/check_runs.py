@@ -10,7 +10,7 @@ from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.method import parameter_samples
 from symmb.bound.bounds.reductions import failure_records, gathered, which_failed
 from symmb.bound.bounds.result import Bounds
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
 from symmb.bound.nodes import corners
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.connect import Simulator, noise_from_runs
@@ -125,7 +125,7 @@ class _Checks:
         """Root mean squares (n_y,) of errors (2, n_t, n_y) of bounds, and of the width, over the outputs' scale."""
         width = self._bounds.upper / self.scale - self._bounds.lower / self.scale
         size = np.sqrt(np.square(error / self.scale).mean(axis=(0, 1)))
-        return size, np.sqrt(np.square(width).mean(axis=0))
+        return size, rms(width)
 
     def _where(self, error: Array) -> str:
         """Errors (2, n_t, n_y) in words: outputs with large ones, and from when on."""
@@ -186,7 +186,7 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
     points = np.unique(np.round(points, 2), axis=0)
     values = middle + np.tensordot(points - c, slope, axes=1) + np.tensordot(points**2 - c**2, bend, axes=1) / 2
     below, above = seen.min(axis=0), seen.max(axis=0)
-    width = np.sqrt(np.mean(np.square(values.max(axis=0) - values.min(axis=0)), axis=0))
+    width = rms(values.max(axis=0) - values.min(axis=0))
     width = np.where(width > 0, width, np.inf)
     chosen = list[int]()
     for _ in range(_EXTREMES):

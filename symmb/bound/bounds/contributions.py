@@ -14,7 +14,7 @@ from symmb._types import Array, Mask
 from symmb._units import told_names
 from symmb.bound.bounds.regression import fitted
 from symmb.bound.bounds.responses import Responses
-from symmb.bound.bounds.time_windows import ROUNDING
+from symmb.bound.bounds.time_windows import ROUNDING, rms
 from symmb.bound.bounds.worst_case import row_of
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import moments
@@ -241,7 +241,7 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
     """Widths (d, n_t, n_y) by polynomials over lines and faces through the nominal point, the error of their ends,
     and which of them (d, n_y) runs have to tell. Each parameter is free alone, or nominal alone.
     """
-    d, one, whole = len(responses.box), np.ones(len(responses.box)), _rms(responses.upper - responses.lower)
+    d, one, whole = len(responses.box), np.ones(len(responses.box)), rms(responses.upper - responses.lower)
     widths, error = np.zeros((2, d, *responses.lower.shape))
     missing = np.zeros((d, len(responses.names)), dtype=bool)
     largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
@@ -252,8 +252,8 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
         widths[i] = np.maximum(high - low, 0.0)
         missing[i] = ~responses.is_good
         if is_alone and responses.runs is not None:
-            wrong = _rms(np.where(2 * error[i] > ROUNDING * largest, 2 * error[i], 0.0))
-            hides = wrong > np.maximum(_POOR * _rms(widths[i]), _SMALL * whole)
+            wrong = rms(np.where(2 * error[i] > ROUNDING * largest, 2 * error[i], 0.0))
+            hides = wrong > np.maximum(_POOR * rms(widths[i]), _SMALL * whole)
             missing[i] |= hides & (wrong <= _POOR * whole)  # a larger one is noise
     return widths, error, missing
 
@@ -305,7 +305,7 @@ def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, i
         first, total, error = (part.copy() for part in known)
         if surrogate is not None and len(good):
             own = surrogate.part(slice(None), good)
-            residual = np.sqrt(np.square(own.values(points) - Y[..., good]).mean(axis=0))
+            residual = rms(own.values(points) - Y[..., good])
             error[:, good] = np.minimum(error[:, good], _share_error(residual, variance[:, good]) + sampling)
         better = varies & (of_errors < error)
         first, total = np.where(better, of_fit.first, first), np.where(better, of_fit.total, total)
@@ -337,11 +337,6 @@ def _shares_of(surrogate: Piecewise, responses: Responses) -> tuple[Array, Array
     expansion = next(iter(surrogate.expansions))
     exact = moments(expansion, responses.t, names)
     return exact.first, exact.total, exact.variance, 0.0
-
-
-def _rms(values: Array) -> Array:
-    """Root mean square over time of values (n_t, n_y)."""
-    return np.sqrt(np.square(values).mean(axis=0))
 
 
 def _sampled_shares(surrogate: Piecewise, d: int) -> tuple[Array, Array, Array]:

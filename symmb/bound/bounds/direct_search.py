@@ -66,14 +66,7 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
             if len(known) >= most or not -np.inf < fx[0] <= enough:
                 return Found(x[0], float(fx[0]), np.inf)
             basis = np.eye(d) if is_axial else np.linalg.qr(rng.normal(size=(d, d)))[0]
-            polled = np.clip(x[:, None] + step * np.concatenate([basis, -basis]), -1.0, 1.0)
-            gains = values(polled) - fx[:, None]
-            ahead, behind = gains[:, :d], gains[:, d:]
-            with np.errstate(invalid="ignore", divide="ignore"):
-                vertex = np.nan_to_num((ahead - behind) / (-2 * (ahead + behind)), posinf=0.0, neginf=0.0)
-            shift = np.where(np.maximum(ahead, behind) > 0, np.where(ahead >= behind, 1.0, -1.0), vertex)
-            together = np.clip(x + step * shift @ basis, -1.0, 1.0)[:, None]
-            points = np.concatenate([x[:, None], polled, together], axis=1)
+            points = _poll(values, x, fx, step, basis)
             reached = values(points)
             row, before, each = reached.argmax(axis=1), fx[0], np.arange(len(x))
             x, fx = _best(points[each, row], reached[each, row], len(x))
@@ -83,6 +76,21 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
             is_axial = has_gained
         error = SAFETY * float(fx[0] - late)
     return Found(x[0], float(fx[0]), error)
+
+
+def _poll(values: Callable[[Array], Array], x: Array, fx: Array, step: float, basis: Array) -> Array:
+    """Points (k, 2 d + 2, d) of a poll about places x (k, d) with values fx (k,).
+
+    They are the places, those a step ahead and behind along each vector of a basis (d, d), and where all steps together
+    lead: each to its better end, or to the vertex of a parabola through both.
+    """
+    polled = np.clip(x[:, None] + step * np.concatenate([basis, -basis]), -1.0, 1.0)
+    ahead, behind = np.split(values(polled) - fx[:, None], 2, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        vertex = np.nan_to_num((ahead - behind) / (-2 * (ahead + behind)), posinf=0.0, neginf=0.0)
+    shift = np.where(np.maximum(ahead, behind) > 0, np.where(ahead >= behind, 1.0, -1.0), vertex)
+    together = np.clip(x + step * shift @ basis, -1.0, 1.0)[:, None]
+    return np.concatenate([x[:, None], polled, together], axis=1)
 
 
 def _best(x: Array, fx: Array, number: int) -> tuple[Array, Array]:

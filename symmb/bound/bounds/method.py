@@ -83,11 +83,9 @@ class Method(ABC):
             lower, upper = np.clip((lower, upper), *possible_values(simulator, box))
         seconds = time.perf_counter() - start
         attaining = AttainingRuns.of(simulator, attained)
-        details = {"seconds": seconds, "units": units_of(simulator), "box": box, "attaining": attaining}
-        details["figures"] = figures_of(simulator)
-        if result.nominal is None:
-            details["nominal"] = attained.nominal
-        return replace(result, lower=lower, upper=upper, **details)
+        nominal = attained.nominal if result.nominal is None else result.nominal
+        result = replace(result, lower=lower, upper=upper, attaining=attaining, nominal=nominal)
+        return replace(result, seconds=seconds, **_about(simulator, box))
 
     def planned_runs(self, d: int) -> int | None:
         """Number of runs for d uncertain parameters, derivatives included; None where it is not known before."""
@@ -103,8 +101,7 @@ class Method(ABC):
             return None
         inner, text = (attained.lower, attained.upper), f"{self!r}, interrupted"
         bounds = Bounds(simulator.times, simulator.outputs, *inner, "sampled", text, attained.runs, inner=inner)
-        about = {"units": units_of(simulator), "figures": figures_of(simulator)}
-        return replace(bounds, seconds=seconds, box=box, **about)
+        return replace(bounds, seconds=seconds, **_about(simulator, box))
 
     @abstractmethod
     def _bounds(
@@ -128,9 +125,9 @@ def units_of(simulator: Simulator) -> tuple[str, ...]:
     return tuple(getattr(simulator, "units", ()))
 
 
-def figures_of(simulator: Simulator) -> tuple[str, ...]:
-    """Names of the scalar outputs."""
-    return tuple(getattr(simulator, "figures", ()))
+def _about(simulator: Simulator, box: Box) -> dict[str, Any]:
+    """Attributes of Bounds that are the same for all methods."""
+    return {"units": units_of(simulator), "figures": tuple(getattr(simulator, "figures", ())), "box": box}
 
 
 def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:

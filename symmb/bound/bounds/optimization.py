@@ -8,10 +8,9 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._options import constructor_text, require_between, require_whole
 from symmb._types import Array, Executor
-from symmb.bound.bounds.failures import failed_region
 from symmb.bound.bounds.method import Method, parameter_samples, unit_jets
 from symmb.bound.bounds.quadratic_models import Quadratics, quadratics
-from symmb.bound.bounds.reductions import extremes, failure_records, failures, together, which_failed
+from symmb.bound.bounds.reductions import extremes, failure_details, failures, together
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
 from symmb.bound.bounds.time_windows import ROUNDING
@@ -90,8 +89,7 @@ class Optimization(Method):
             runs + len(P),
             estimate=estimate.reshape(2, *shape).max(axis=0),
             inner=(lower, upper),
-            failed=failure_records(simulator, box, P, bad),
-            failed_region=failed_region(box, points, which_failed(bad, len(P))),
+            **failure_details(simulator, box, points, P, bad),
         )
 
     def _descended(

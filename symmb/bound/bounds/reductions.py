@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bound.bounds.failures import Failure, failure_text
+from symmb.bound.bounds.failures import Failure, failed_region, failure_text
 from symmb.connect import Reduction, Samples, Simulator
 from symmb.equations.model import Box
 
@@ -20,9 +20,8 @@ FailedRuns = tuple[tuple[int, float, str], ...]
 def extremes(simulator: Simulator) -> Reduction[tuple[Array, Array]]:
     """Smallest and largest values (n_t, n_y) over the runs that did not fail; inf and -inf without any."""
     shape = len(simulator.times), len(simulator.outputs)
-    return Reduction(
-        partial(_no_extremes, shape), _update_extremes, _merge_extremes, trajectories=False, attained=_itself
-    )
+    none = partial(_no_extremes, shape)
+    return Reduction(none, _update_extremes, _merge_extremes, trajectories=False, attained=_itself)
 
 
 def failures() -> Reduction[FailedRuns]:
@@ -69,6 +68,12 @@ def failure_records(simulator: Simulator, box: Box, P: Array, runs: FailedRuns) 
         Failure({name: float(P[index, order.index(name)]) for name in box.names}, time, message)
         for index, time, message in runs
     )
+
+
+def failure_details(simulator: Simulator, box: Box, points: Array, P: Array, runs: FailedRuns) -> dict[str, Any]:
+    """Attributes of Bounds: the failed runs, and where in the box they lie, of runs at points (N, d) and samples P."""
+    region = failed_region(box, points, which_failed(runs, len(P)))
+    return {"failed": failure_records(simulator, box, P, runs), "failed_region": region}
 
 
 def which_failed(runs: FailedRuns, number: int) -> Mask:

@@ -10,10 +10,9 @@ from symmb._errors import DeclarationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_instance, require_kind, require_whole
 from symmb._types import Array, Executor
-from symmb.bound.bounds.failures import failed_region
 from symmb.bound.bounds.laws import Correlation, Laws, given_once, laws_text
 from symmb.bound.bounds.method import Method, parameter_samples
-from symmb.bound.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
+from symmb.bound.bounds.reductions import extremes, failure_details, failures, require_some, together
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
 from symmb.bound.nodes import Random, Sampler, grid
@@ -161,8 +160,6 @@ def _sampled(
     P = parameter_samples(simulator, box, unit)
     reduction = together(extremes(simulator), failures())
     (lower, upper), bad = simulator.stream(P, reduction, executor, progress)
-    failed = failure_records(simulator, box, P, bad)
-    require_some(method, failed, len(P))
-    region = failed_region(box, unit, which_failed(bad, len(P)))
-    details = {"inner": (lower, upper), "failed": failed, "failed_region": region}
-    return method._result(simulator, lower, upper, len(P), **details)
+    details = failure_details(simulator, box, unit, P, bad)
+    require_some(method, details["failed"], len(P))
+    return method._result(simulator, lower, upper, len(P), inner=(lower, upper), **details)

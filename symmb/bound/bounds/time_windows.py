@@ -19,6 +19,11 @@ LEAST_WIDTH = 0.1
 responses die out. An error below 1 % of the width over all times, the usual tolerance, is never doubtful."""
 
 
+def rms(values: Array) -> Array:
+    """Root mean square over the first axis, mostly that of the times."""
+    return np.sqrt(np.mean(np.square(values), axis=0))
+
+
 def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
     """From which times on (n_t, n_y) an estimated error exceeds a share of the width, and a floor (n_y,).
 

@@ -10,19 +10,12 @@ from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.adaptive.many_parameters import range_of_many
-from symmb.bound.bounds.adaptive.runs import (
-    ROUNDING_OF_VALUES,
-    UNKNOWN_SHARE,
-    OutgrownError,
-    Runs,
-    relative_errors,
-    rms,
-)
+from symmb.bound.bounds.adaptive.runs import ROUNDING_OF_VALUES, UNKNOWN_SHARE, OutgrownError, Runs, relative_errors
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bound.bounds.failures import failed_region
 from symmb.bound.bounds.result import Bounds
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS
 from symmb.connect import Progress, Simulator

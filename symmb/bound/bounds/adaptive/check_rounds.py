@@ -15,9 +15,9 @@ from symmb.bound.bounds.adaptive.continuation import (
     Corrected,
 )
 from symmb.bound.bounds.adaptive.requests import Checks, Places, Steps
-from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms, rms
+from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
 from symmb.bound.nodes import Grid, Index
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise

@@ -12,7 +12,7 @@ from symmb._types import Array
 from symmb.bound.bounds.gaussian_process import EXPECTED_NOISE
 from symmb.bound.nodes import Grid, Index, below
 from symmb.bound.polynomials import Expansion, MultiIndices, basis_values
-from symmb.bound.polynomials.ranges import Exact
+from symmb.bound.polynomials.ranges import RANGE_WORK, Exact
 
 SPARSE_PROBES = 2
 """Quasi-random check points: more take runs, fewer miss products of parameters, which runs along axes do not show."""
@@ -21,9 +21,6 @@ REMAINING_SHARE = 0.1
 and of the estimated error after them: less misses more, more takes more runs."""
 SPARSE_RANGE = 0.02
 """Accuracy of a range, over the tolerance: less takes more time."""
-RANGE_WORK = 200_000
-"""Coefficients in all boxes that the search of a range may take, since many parameters leave it unproved anyway: more
-take time."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.bound.bounds.adaptive.check_runs import PATIENCE, SAFETY, screening_points
 from symmb.bound.bounds.adaptive.requests import Checks, Noise, Request
-from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms, rms
+from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
-from symmb.bound.bounds.time_windows import LEAST_WIDTH
+from symmb.bound.bounds.time_windows import LEAST_WIDTH, rms
 from symmb.bound.nodes import corners
 from symmb.bound.polynomials.ranges import Piecewise
 
@@ -55,22 +55,35 @@ def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array
     least = LEAST_WIDTH * rms(width)
     allowed = MONOTONE_SHARE / 2 * tolerance * np.maximum(width, least)
     bulge = _bulge(lower_half, upper_half)
-    against = bulge.copy()
-
-    def error_of(against: Array) -> Array:
-        return np.maximum(against - 2 * runs.noise, 0.0).sum(axis=0)
 
     def is_too_large(error: Array) -> bool:
         return relative_rms(error, runs.rms_widths()) > tolerance
 
-    if is_too_large(error_of(against)) or not runs.are_ok:
+    if is_too_large(_beyond_noise(runs, bulge)) or not runs.are_ok:
         return None
     if runs.may_hide():
         yield Checks(screening_points(d)[: runs.left // 2])
     signs, own = _corners(slope.reshape(d, -1).T, allowed.ravel(), min(PATIENCE * d, (runs.left - 2 * d) // 2))
-    if not len(signs):
-        error = yield from _error_at_all_corners(runs, bulge)
-        return None if error is None or is_too_large(error) else error
+    if len(signs):
+        error = yield from _error_at_own_corners(runs, slope, bulge, signs, own)
+        if error is None or not is_too_large(error):
+            return error
+    error = yield from _error_at_all_corners(runs, bulge)  # as of products, whose effects change their signs
+    return None if error is None or is_too_large(error) else error
+
+
+def _beyond_noise(runs: OutputRuns, against: Array) -> Array:
+    """The sum (n_t, n_y) of effects (d, n_t, n_y) against the signs, beyond what noise shows."""
+    return np.maximum(against - 2 * runs.noise, 0.0).sum(axis=0)
+
+
+def _error_at_own_corners(
+    runs: OutputRuns, slope: Array, bulge: Array, signs: Array, own: Indices
+) -> Generator[Request, None, Array | None]:
+    """The estimated error (n_t, n_y) of what responses attain at their own ones (m,) of some corners (K, d), from
+    slopes and bulges (d, n_t, n_y) along the axes; None if runs fail.
+    """
+    d, against = len(slope), bulge.copy()
     yield Checks(np.concatenate([signs, -signs, *_uncertain(signs[0], np.abs(slope).reshape(d, -1)[:, own == 0])]))
     values = runs.checked(np.concatenate([signs, -signs]))
     if values is None:
@@ -87,11 +100,7 @@ def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array
             effect = (at_x - at_y) / (x - y)  # of which the part against the slope counts
             against[i] = np.maximum(against[i], np.where(slope[i] < 0, effect, -effect))
     lost = (np.abs(slope).reshape(d, -1) * (np.sign(slope).reshape(d, -1) != signs[own].T)).sum(axis=0)
-    error = error_of(against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
-    if is_too_large(error):  # as of products, whose effects change their signs
-        error = yield from _error_at_all_corners(runs, bulge)
-        return None if error is None or is_too_large(error) else error
-    return error
+    return _beyond_noise(runs, against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
 
 
 def _error_at_all_corners(runs: OutputRuns, bulge: Array) -> Generator[Request, None, Array | None]:
@@ -116,8 +125,7 @@ def _error_at_all_corners(runs: OutputRuns, bulge: Array) -> Generator[Request, 
         if below is None or middle is None or above is None:
             return None
         bulge[i] = np.maximum(bulge[i], _bulge(middle - below, above - middle).max(axis=0))
-    error = np.maximum(bulge - 2 * runs.noise, 0.0).sum(axis=0)
-    return error + SAFETY * runs.beyond(values.min(axis=0), values.max(axis=0))
+    return _beyond_noise(runs, bulge) + SAFETY * runs.beyond(values.min(axis=0), values.max(axis=0))
 
 
 def _uncertain(corner: Array, slopes: Array) -> list[Array]:

@@ -1,6 +1,6 @@
 """Bounds of one output over many parameters: a sparse grid that grows where it varies, and runs that correct it."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 
@@ -26,8 +26,9 @@ from symmb.bound.bounds.adaptive.error_estimate import TruncationError
 from symmb.bound.bounds.adaptive.monotone import corner_range
 from symmb.bound.bounds.adaptive.requests import Checks, Nodes, Noise, Request, Steps
 from symmb.bound.bounds.adaptive.response_surface import surface_range
-from symmb.bound.bounds.adaptive.runs import NOISE_RUNS, OutputRuns, relative_rms, rms
+from symmb.bound.bounds.adaptive.runs import NOISE_RUNS, OutputRuns, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.bounds.time_windows import rms
 from symmb.bound.nodes import Grid, Index, corners
 from symmb.bound.polynomials.ranges import Piecewise
 
@@ -38,9 +39,8 @@ GROWTH = 0.25
 EARLY = 5.0
 """Estimated error over the tolerance at which check runs may show that it is enough: more takes fewer nodes, and more
 check runs for nothing."""
-FEW_NODES, MANY_NODES = 7, 60
-"""Nodes for each parameter from which on the error shows how fast it falls, and beyond which a study that is not
-patient does not go to reach the tolerance: fewer give up what converges later."""
+FEW_NODES = 7
+"""Nodes for each parameter from which on the error shows how fast it falls: fewer give up what converges later."""
 
 
 class OutputStudy:
@@ -55,7 +55,7 @@ class OutputStudy:
     def __init__(self, runs: OutputRuns, tolerance: float, is_patient: bool) -> None:
         self.runs, self.tolerance, self.is_patient, self.grid = runs, tolerance, is_patient, Grid(len(runs.box))
         self._errors = dict[int, float]()
-        self._is_brief = runs.shape[0] <= SURFACE_TIMES
+        self._is_brief, self._has_corners, self._is_screened = runs.shape[0] <= SURFACE_TIMES, False, False
 
     def steps(self) -> Steps:
         """What it asks runs for, until it has the range."""
@@ -63,20 +63,14 @@ class OutputStudy:
         yield from self._grown(self.grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)]))
         self._probes = np.concatenate([quasi_random_points(SPARSE_PROBES, d), evenly_spread_points(runs.probes, d)])
         yield Checks(self._probes)
-        needs_screening, has_corners = True, False
         while True:
-            self._estimate_error()
-            if self._error <= EARLY * tolerance and needs_screening and runs.may_hide():
-                needs_screening = False
-                yield Checks(screening_points(d))
-                self._probes = np.concatenate([self._probes, screening_points(d)])
-                self._estimate_error()
+            yield from self._screened()
             step = largest(self.sizes, min(max(d, int(GROWTH * len(self.grid.row))), self._left))
             is_stalled = self._is_stalled()
-            is_last = not step or runs.clock.is_late or (has_corners and is_stalled)
+            is_last = not step or runs.clock.is_late or (self._has_corners and is_stalled)
             runs.tell(self._error)
             if self._error <= EARLY * tolerance or is_last:
-                found = yield from self._corrected(has_corners)
+                found = yield from self._corrected(self._has_corners)
                 error = relative_rms(found.estimate, runs.rms_widths())
                 if error <= tolerance:
                     return found._replace(is_enough=True)
@@ -84,23 +78,40 @@ class OutputStudy:
                     return found if runs.has_lanes else (yield from self._searched(found))
                 needed = int(len(step) * (error / tolerance - 1))
                 step = largest({a: self.sizes[a] for a in step}, min(max(needed, 1), runs.left))
-            if not has_corners and not runs.has_lanes:
-                has_corners = True
-                if found := (yield from corner_range(runs, tolerance, self._continued)):
-                    return found
-            if self._is_brief and (is_stalled or not runs.has_lanes):
-                known = self._probes if runs.has_lanes else runs.points
-                known = np.concatenate([self.grid.nodes, known])
-                return (yield from self._polled((yield from surface_range(runs, known, tolerance, self.is_patient))))
-            if is_stalled and not has_corners:
-                has_corners = True
+            if found := (yield from self._without_grid(is_stalled)):
+                return found
+            if is_stalled and not self._has_corners:  # then the runs are judged anew before the grid grows
+                self._has_corners = True
                 yield Checks(corner_design(d))
-                continue
-            if not runs.noise_is_known and NOISE_RUNS < self._left:
+            elif not runs.noise_is_known and NOISE_RUNS < self._left:
                 yield Noise()
             else:
                 self._errors[len(self.grid.row)] = self._error
                 yield from self._grown(step)
+
+    def _screened(self) -> Iterator[Request]:
+        """The error of the interpolant is estimated. Before a small one is believed, runs look for more."""
+        self._estimate_error()
+        if self._error <= EARLY * self.tolerance and not self._is_screened and self.runs.may_hide():
+            self._is_screened, points = True, screening_points(len(self.runs.box))
+            yield Checks(points)
+            self._probes = np.concatenate([self._probes, points])
+            self._estimate_error()
+
+    def _without_grid(self, is_stalled: bool) -> Generator[Request, None, EstimatedRange | None]:
+        """The range by other means than a larger grid: of runs at corners, or of a response surface; None without.
+
+        Corners come first where runs do not share their steps. Few times are left to a surface.
+        """
+        runs, tolerance = self.runs, self.tolerance
+        if not self._has_corners and not runs.has_lanes:
+            self._has_corners = True
+            if found := (yield from corner_range(runs, tolerance, self._continued)):
+                return found
+        if not self._is_brief or (runs.has_lanes and not is_stalled):
+            return None
+        known = np.concatenate([self.grid.nodes, self._probes if runs.has_lanes else runs.points])
+        return (yield from self._polled((yield from surface_range(runs, known, tolerance, self.is_patient))))
 
     def _corrected(self, has_corners: bool) -> Steps:
         """The range after check runs at its extremes."""
@@ -169,7 +180,7 @@ class OutputStudy:
         if nodes < (few if self._error < 1 else PATIENCE) * d or self._error <= self.tolerance:
             return False
         factor = self._error / self._error_at(nodes / 2)
-        most = self.runs.left + nodes if self.is_patient else MANY_NODES * d
+        most = self.runs.left + nodes if self.is_patient else 2 * PATIENCE * d
         return factor >= 1 or nodes * 2 ** (np.log(self.tolerance / self._error) / np.log(factor)) > most
 
     def _searched(self, found: EstimatedRange) -> Steps:

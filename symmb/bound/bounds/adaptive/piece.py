@@ -12,7 +12,7 @@ from symmb.bound.bounds.adaptive.error_estimate import SMOOTH_DECAY, TruncationE
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, Runs, relative_errors
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion
-from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, attained_extremes
+from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, RANGE_TOLERANCE, attained_extremes
 
 REFINED_SHARE = 0.25
 """Directions with at least this share of the largest error are refined together: less takes more runs and fewer rounds.
@@ -22,8 +22,6 @@ JUDGED_DEGREE = 16
 smooth responses into pieces, more takes more runs at kinks."""
 _TAIL = 4
 """Last degrees whose coefficients together are the error at kinks, where they fall slowly: more is safer."""
-TENSOR_RANGE = 1e-5
-"""Accuracy of a range, over its width, and half width of pieces at which halving ends: less takes more time."""
 
 Part = tuple[Array, Array, Array]
 """Centre and half width (d,) of a part of the box, and degrees of an interpolant on it."""
@@ -207,7 +205,7 @@ class Piece:
             is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
             higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
-        if self.half[rough] < TENSOR_RANGE:
+        if self.half[rough] < RANGE_TOLERANCE:  # what is narrower changes no range
             return []
         is_along = np.arange(len(degrees)) == rough
         half = np.where(is_along, self.half / 2, self.half)

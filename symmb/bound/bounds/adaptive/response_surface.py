@@ -15,25 +15,23 @@ from symmb._types import Array, Mask
 from symmb.bound.bounds.adaptive.check_runs import PATIENCE, SAFETY, quasi_random_points, screening_corners
 from symmb.bound.bounds.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bound.bounds.adaptive.requests import Checks, Noise, Steps
-from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, OutputRuns, rms
+from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.covariances import Ridge, Sum
 from symmb.bound.bounds.gaussian_process import GaussianProcess, Kernel
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
-RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
-"""Lengths of a ridge of which the most likely one is the start of a search: fewer may find none, more take time."""
+SHORTEST_RIDGE = 0.7
+"""Length of a ridge which, or 2, 4 or 8 times it, is the start of a search: fewer may find none, more take time."""
 REFIT, UNLIKELY = 1.4, 20.0
 """Growth of the runs after which the kernel is chosen anew, and logarithm of the ratio of likelihoods beyond which one
 is given up: less of the first and more of the second take more time, and fewer runs."""
 DEVIATIONS, LATEST = 2.0, 10
 """Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
 show more: more is safer, and takes more runs."""
-OBSERVED_SHARE = 0.6
-"""Share of the error of the latest runs that extremes may have: less misses more, more takes more runs."""
 SPREAD, FEWEST_SPREAD = 4, 12
 """Runs of a round that are spread over the box, and fewest of all rounds: more are safer. So many corners are the first
 of them: what acts for high values of some parameters together is seen nowhere else."""
@@ -83,7 +81,7 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
         is_plateau = _is_plateau(data, attained)
         ends = np.where(is_plateau[:, None], attained[:, None], ends)
-        observed = np.where(is_plateau, 0.0, OBSERVED_SHARE * rms(latest) * width)
+        observed = np.where(is_plateau, 0.0, TRUST * rms(latest) * width)
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
         is_enough = n_spread >= FEWEST_SPREAD and bool((estimate <= np.maximum(tolerance * width, data.noise)).all())
         if is_enough or len(data.points) >= most or not runs.left or runs.clock.is_late:
@@ -238,7 +236,7 @@ def _slope(data: _Responses) -> Array:
 def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
     """A kernel with one more ridge along a direction, of the most likely length."""
     direction = direction / np.linalg.norm(direction)
-    kernels = [kernel.with_term(Ridge(1.0, length * direction)) for length in RIDGE_LENGTHS]
+    kernels = [kernel.with_term(Ridge(1.0, SHORTEST_RIDGE * k * direction)) for k in (1, 2, 4, 8)]
     return min(kernels, key=lambda each: _unlikeliness(GaussianProcess(each, data.points, data.Y)))
 
 

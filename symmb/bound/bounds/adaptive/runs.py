@@ -12,7 +12,7 @@ from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bound.bounds.method import parameter_samples
 from symmb.bound.bounds.reductions import failure_records
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rests_for_a_time
+from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rests_for_a_time, rms
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
 from symmb.connect import Progress, Simulator, noise_from_runs, note_attained, run_blocks
@@ -20,7 +20,8 @@ from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
 TRUST = 0.6
-"""Least share of its estimated error that an interpolant keeps when check runs show less: runs against safety."""
+"""Least share of its estimated error that an interpolant keeps when check runs show less, and share of the error of the
+latest runs that extremes of a surface may have: less misses more, more takes more runs."""
 CHEAP_RUNS = 60
 """Runs up to which doubtful bounds are refined further, and beyond which it is worth a few to measure noise."""
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7
@@ -395,11 +396,6 @@ class OutputRuns:
     def tell(self, error: float) -> None:
         """Tell whoever watches the progress the error that is reached."""
         self._runs.tell(error)
-
-
-def rms(a: Array) -> Array:
-    """Root mean square over the first axis."""
-    return np.sqrt(np.mean(np.square(a), axis=0))
 
 
 def relative_rms(error: Array, widths: Array) -> float:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symmb._types import Array
+from symmb.bound.bounds.time_windows import rms
 from symmb.bound.polynomials.ranges import Piecewise
 
 
@@ -27,7 +28,7 @@ class EstimatedRange(NamedTuple):
 
     def better(self, other: "EstimatedRange", widths: Array, tolerance: float) -> "EstimatedRange":
         """For each output that range with the smaller error over the width (n_y,), and polynomials of this one."""
-        own, its = (np.sqrt(np.square(each.estimate).mean(axis=0)) / widths for each in (self, other))
+        own, its = (rms(each.estimate) / widths for each in (self, other))
         is_other = its < own
         if is_other.all():
             return other
