@@ -342,7 +342,7 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
 
 
 def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
-    """The same, as long as it can be proved with what is adapted so far."""
+    """A proved step of the aimed length, or the longest shorter one that can be proved with what is adapted so far."""
     h = aim = usual = control.h
     reason, change, is_cut = "", problem.change, False
     while h >= _SHORTEST_OF_AIM * aim and h > 4 * grain:

@@ -107,7 +107,7 @@ _FACTORS_OF_ELLIPSES = (1.0, 0.3, 3.0, 10.0)
 def _good_bounds(
     step: TimeStep, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, sharp: float
 ) -> tuple[Array, Array, Array]:
-    """The same of some outputs, which are at most `most` on the ellipses rho of the parameters."""
+    """Bounds of some outputs, which are at most `most` on the ellipses rho of the parameters."""
     d = len(rho)
     degrees = degrees_of_outputs(step)[list(which)]
     c, rest = interpolation(step, times, which, rho, most, of_states, sharp, degrees)

@@ -75,7 +75,7 @@ class Phase:
         return any(f"'{own}'" in text for own in self.labels)
 
     def steep(self, which: int) -> str:
-        """That derivatives may be infinite at a switch, for the end of a sentence."""
+        """The end of a sentence: that derivatives may be infinite at a switch."""
         return (
             f"'{self.labels[which]}' comes to 0, where a law may have infinite derivatives, such as w*abs(w)**0.5. "
             "Round it, as by sqrt(w**2 + small**2) for abs(w)"

@@ -62,7 +62,7 @@ class Problem:
         return self.with_fields(middle=middle, radius=radius, errors=errors)
 
     def with_fields(self, **fields: Any) -> "Problem":
-        """The same equations with another box, or another change."""
+        """The problem of the same equations with another box, or another change."""
         other = replace(self, **fields)
         other.__dict__.update({name: value for name, value in self.__dict__.items() if name in _GRAPHS})
         return other

@@ -89,7 +89,7 @@ def solved_function(
     solvers = [ExplicitSolver(S) for S in _with_whole_numbers(form, at, [P @ P.T for P in directions])]
 
     def solve(f: ca.SX) -> ca.SX:
-        """Of the rows of the formulation and of the joints that carry bodies, for f (n, m)."""
+        """Multipliers of the rows of the formulation, and of joints that carry bodies, for f (n, m)."""
         lam = ca.SX.zeros(G.shape[0], f.shape[1])
         if own:
             lam[own, :] = of_rows(bodies.J.T @ f)

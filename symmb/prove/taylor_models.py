@@ -124,7 +124,7 @@ _PAIRS_IN_CACHE = 2000
 
 @cache
 def basis_of(variables: int, degree: int) -> Basis:
-    """The same basis each time."""
+    """A basis, which is made once."""
     return Basis(variables, degree)
 
 
@@ -186,7 +186,7 @@ class Model:
 
     @property
     def disc(self) -> Disc:
-        """The same as a disc, whose places are the variables."""
+        """The model as a disc, whose places are the variables."""
         v = self.basis.variables
         if self.degree == 0:
             centre, radius = (self.c[0, 0], self.radius[0]) if self.c.size == 1 else (self.c[0], self.radius)

@@ -108,7 +108,7 @@ class Answers(Envelope):
         return [int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())]
 
     def _all_worst(self) -> Sequence[WorstCase]:
-        """Those over all times, for files."""
+        """The worst cases over all times, for files."""
         if self.attaining is None:
             return self.worst_cases
         rows = enumerate(map(self._extreme_rows, range(len(self.names))))
@@ -154,7 +154,7 @@ class Answers(Envelope):
         return found
 
     def _known_contributions(self) -> Contributions | None:
-        """Those that take no further runs, or have taken them."""
+        """The contributions, if they take no further runs, or have taken them."""
         if "_contributions" in self.__dict__:
             return self._contributions
         if not self.range_of and self.study is not None:

@@ -111,7 +111,7 @@ class Contributions(Result, Saved):
         return "\n".join([first, f"  {_WHY}", *(f"  remark  {remark}" for remark in self.remarks)])
 
     def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
-        """Those to output number k at time number i, or where it is widest, the largest first."""
+        """A table of contributions to output k at time i, or where it is widest, with the largest first."""
         i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
         has_times = time_text(self.t, i, self.width[:, k]) != ""

@@ -33,7 +33,7 @@ class Term(ABC):
         return np.log(np.append(self.rates, self.size))
 
     def with_vector(self, vector: Array) -> Self:
-        """With other numbers."""
+        """The term with other numbers in its vector."""
         return replace(self, size=float(np.exp(vector[-1])), rates=np.exp(vector[:-1]))
 
     @property
@@ -59,7 +59,7 @@ class Ridge(Term):
 
     @property
     def vector(self) -> Array:
-        """w and log(a)."""
+        """The numbers (d + 1,) that are searched: w, whose components may have any sign, and log(a)."""
         return np.append(self.rates, np.log(self.size))
 
     def with_vector(self, vector: Array) -> Self:
@@ -67,14 +67,14 @@ class Ridge(Term):
 
     @property
     def prior(self) -> Array:
-        """Of w and log(a)."""
+        """Expected w and log(a), all 0, and their standard deviations (2, d + 1)."""
         return np.array([(0.0, DEVIATION)] * (len(self.rates) + 1)).T
 
     def values(self, a: Array, b: Array) -> Array:
         return self.size * np.exp(-0.5 * np.square(self._differences(a, b)))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """With respect to w and log(a)."""
+        """Gradient of the sum of pulls times values, with respect to w and log(a)."""
         product = pull * values
         rates = -2 * ((product * self._differences(points, points)).sum(axis=1) @ points)
         return np.append(rates, product.sum())
@@ -95,7 +95,7 @@ class Smooth(Term):
         return self.size * np.exp(-0.5 * np.maximum(squares, 0.0))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """With respect to log(w) and log(a)."""
+        """Gradient of the sum of pulls times values, with respect to log(w) and log(a)."""
         own = pull * values
         rates = own.sum(axis=1) @ np.square(points) - (points * (own @ points)).sum(axis=0)
         return np.append(-2 * np.square(self.rates) * rates, own.sum())
@@ -116,7 +116,7 @@ class Sum(Term):
         return self.size / len(self.rates) * sum(((1 + part) * np.exp(-part) for part in z), np.zeros((1, 1)))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """With respect to log(w) and log(a)."""
+        """Gradient of the sum of pulls times values, with respect to log(w) and log(a)."""
         differences = self._differences(points, points)
         slopes = np.array([-(pull * np.square(z) * np.exp(-np.abs(z))).sum() for z in differences])
         return np.append(self.size / len(self.rates) * slopes, (pull * values).sum())

@@ -36,12 +36,12 @@ class Kernel:
         return cls((Smooth(1.0, np.full(d, np.exp(MEAN_RATE))),), 1e-4)
 
     def with_term(self, term: Term) -> "Kernel":
-        """With one more term, which takes most of what the smooth one is."""
+        """The kernel with one more term, which takes most of the variance of the smooth one."""
         smooth, *further = self.terms
         return replace(self, terms=(replace(smooth, size=0.1 * smooth.size), *further, replace(term, size=smooth.size)))
 
     def with_vector(self, vector: Array) -> "Kernel":
-        """With other numbers."""
+        """The kernel with other numbers in its vector."""
         *own, noise = np.split(vector, np.cumsum([len(term.vector) for term in self.terms]))
         terms = (term.with_vector(part) for term, part in zip(self.terms, own, strict=True))
         return Kernel(tuple(terms), float(np.exp(noise[0])))
@@ -99,7 +99,7 @@ class GaussianProcess:
 
     @cached_property
     def _covariances(self) -> list[Array]:
-        """Of the runs, (N, N) of each term."""
+        """The covariances (N, N) of the runs, by each term."""
         return [term.values(self.points, self.points) for term in self.kernel.terms]
 
     @cached_property
@@ -138,7 +138,7 @@ class GaussianProcess:
         return value + 0.5 * float(distance @ distance), gradient + distance / deviation
 
     def most_likely(self) -> "GaussianProcess":
-        """That of the most likely kernel near this one."""
+        """The process with the most likely kernel near its own."""
         from scipy.optimize import minimize
 
         mean, deviation = self.kernel.prior

@@ -47,7 +47,7 @@ class Laws:
 
     @classmethod
     def of(cls, owner: str, laws: object, correlation: object, box: Box) -> "Laws":
-        """From distributions by name, and a matrix of correlations in their order."""
+        """The laws of distributions by name, and of a matrix of correlations in their order."""
         if not isinstance(laws, Mapping) or not laws:
             raise DeclarationError(
                 f'{owner}: distributions must be given by name, such as {{"k": scipy.stats.norm(40, 1.3)}}, '

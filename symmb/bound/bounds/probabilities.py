@@ -284,7 +284,7 @@ def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
 
 
 def _near_limit(samples: "_Samples", limits: tuple[float, float], error: float) -> Array:
-    """The same by runs near the limit."""
+    """The four figures of `_by_samples`, by runs near the limit."""
     from scipy.special import ndtr, ndtri
 
     (bottom, top), columns = limits, samples.columns

@@ -103,7 +103,7 @@ class Responses:
         return np.maximum(low, self.lower), np.minimum(high, self.upper), error
 
     def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
-        """The same by a study in which some parameters (d,) are free and others nominal, and its runs; with a label."""
+        """The range by a study in which some parameters (d,) are free and others nominal, its error, and how many runs."""
         assert self.runs is not None
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]

@@ -37,7 +37,7 @@ class Study:
 
     @property
     def solver(self) -> Solver:
-        """That of the scene."""
+        """The solver of the scene."""
         return self.prepared.solver
 
     @property

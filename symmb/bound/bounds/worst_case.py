@@ -87,7 +87,7 @@ class AttainingRuns:
         return [samples[n] for n in range(len(places))]
 
     def _sample(self, side: str, P: Array, value: float, values: Array | None) -> Sample:
-        """That of samples P (n, d) with values (n,), or the only one, which has attained a value."""
+        """The most extreme of samples P (n, d) with values (n,), or the only one, which has attained a value."""
         if values is None:
             return Sample(value, P, 0)
         if np.isnan(values).all():

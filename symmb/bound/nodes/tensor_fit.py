@@ -100,7 +100,7 @@ def _compiled_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
 
 
 def _array_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
-    """The same without a compiler."""
+    """The coefficients of interpolants, without a compiler."""
     coefficients = np.zeros((len(rows), blocks[0].shape[1]))
     for window in windows(coefficients.shape[1], len(rows)):
         values = np.concatenate([Y[:, window] for Y in blocks])[rows]
@@ -110,7 +110,7 @@ def _array_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: In
 
 
 def _array_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
-    """The same without a compiler."""
+    """The sums of squares of groups, without a compiler."""
     C = coefficients.reshape(len(coefficients), -1)
     sums = np.empty((len(groups), C.shape[1]))
     for each, rows in zip(sums, groups, strict=True):

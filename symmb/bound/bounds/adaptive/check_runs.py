@@ -12,7 +12,8 @@ SAFETY = 2.5
 """Factor on errors that runs show, and on the deviation of noise: those elsewhere may be larger. Less misses more, more
 takes more runs."""
 CANDIDATES = 150
-"""Extremes among which check points are selected: the selection compares all pairs, and fewer miss extremes."""
+"""Extremes among which check points are selected, as all pairs are compared, and points from which searches of
+surfaces start: more take time, fewer miss extremes."""
 WORTHWHILE = 0.3
 """Weight over the largest one from which an output chooses a place beside those of others: less takes more runs."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2

@@ -48,7 +48,7 @@ class Continuation:
 
     @classmethod
     def of(cls, grid: Grid, sizes: dict[Index, float]) -> "Continuation":
-        """From the indices ahead of a grid, with their expected sizes."""
+        """The continuation by the indices ahead of a grid, with their expected sizes."""
         alpha = np.array(list(sizes), dtype=np.intp)
         return cls(alpha, np.array(list(sizes.values())), grid.coefficients(basis_values(alpha, grid.nodes)))
 
@@ -162,7 +162,7 @@ class Corrected:
         return np.concatenate([base - self.continuation.interpolants @ further, further])
 
     def expansion(self) -> Expansion:
-        """With all coefficients."""
+        """The continued expansion, with all coefficients."""
         coefficients = np.empty((len(self.alpha), *self.base.coefficients.shape[1:]))
         for window, part in self.parts():
             coefficients.reshape(len(self.alpha), -1)[:, window] = part

@@ -71,8 +71,7 @@ def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
 
 
 def _joined(runs: Runs, found: list[EstimatedRange]) -> EstimatedRange:
-    """Those of all outputs."""
-
+    """One range of all outputs, from that of each."""
     lower, upper, estimate = (
         _together([getattr(each, name) for each in found], runs.shape[0], 1) for name in ("lower", "upper", "estimate")
     )

@@ -141,7 +141,7 @@ class Runs:
         return Expansion(grid.alpha, coefficients.reshape(len(rows), *self.shape), self.box.names)
 
     def of(self, column: int) -> "OutputRuns":
-        """As one output sees them."""
+        """The runs as one output sees them."""
         return OutputRuns(self, column)
 
     def unknown(self, points: Array) -> int:
@@ -376,7 +376,7 @@ class OutputRuns:
         return self.nodes[self._runs.at(points)]
 
     def known(self, points: Array) -> tuple[Array, Array]:
-        """Those of some points (C, d) that have been check runs and did not fail, and responses there."""
+        """Points among some (C, d) that have been check runs and did not fail, and responses there."""
         row = {key: k for k, key in enumerate(_keys(self.points))}
         rows = [row[key] for key in _keys(points) if key in row]
         return self.points[rows], self.checks[rows]

@@ -80,7 +80,7 @@ class _Union:
         return self.pieces[int(np.argmax([relative_rms(error, widths) for error in self.errors]))]
 
     def polynomials(self) -> Piecewise:
-        """Those of all pieces."""
+        """The interpolants of all pieces, and their error: at least what check runs show."""
         centres, halves = (np.stack([getattr(piece, name) for piece in self.pieces]) for name in ("centre", "half"))
         error = np.max([piece.largest_error for piece in self.pieces], axis=0)
         found = Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error)
@@ -209,7 +209,7 @@ class TensorGrids:
         return len(points)
 
     def _secant_extremes(self) -> tuple[Array, Array]:
-        """Of all runs: where they suspect extremes at kinks, and how far beyond."""
+        """Where secants through all runs suspect extremes at kinks, and how far beyond the runs."""
         runs, ok = self._runs, self._runs.is_attained
         points = np.concatenate([runs.places[ok], runs.points])
         return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
@@ -222,7 +222,7 @@ class TensorGrids:
         return points[: self._runs.left]
 
     def refined(self) -> "TensorGrids":
-        """With the chosen piece refined or halved, or with measured noise."""
+        """The grids with the chosen piece refined or halved, or with measured noise."""
         runs, old = self._runs, self._chosen
         is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
         if not runs.noise_is_known and is_worth_it:

@@ -61,11 +61,11 @@ class Piecewise:
         return cls(np.zeros((1, d)), np.ones((1, d)), (expansion,), error, exact)
 
     def changed(self, change: Callable[[Expansion], Expansion], error: Array) -> "Piecewise":
-        """With other expansions, and another error."""
+        """The same parts with changed expansions, and another error."""
         return replace(self, expansions=tuple(map(change, self.expansions)), error=error)
 
     def part(self, rows: slice | Indices | Sequence[int], outputs: Sequence[int]) -> "Piecewise":
-        """Those of some outputs alone, at some times."""
+        """The polynomials of some outputs alone, at some times."""
 
         def of(values: Array) -> Array:
             return values[..., rows, :][..., outputs]
