@@ -47,7 +47,7 @@ def _tried(step: TimeStep, rho: float, wanted: float) -> _Ellipse:
 
 
 def _adapted(step: TimeStep, control: Control) -> _Ellipse:
-    """The ellipse of the last step or a smaller one, or a neighbour that needs fewer nodes; ProofError if none serves."""
+    """The last step's ellipse, a smaller one, or a neighbour that needs fewer nodes; ProofError if none serves."""
     best = _tried(step, control.rho, control.wanted)
     for _ in range(_MOST_NARROWINGS):
         if np.isfinite(best.nodes) or best.rho <= _NARROWEST_ELLIPSE:

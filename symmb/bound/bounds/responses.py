@@ -103,7 +103,7 @@ class Responses:
         return np.maximum(low, self.lower), np.minimum(high, self.upper), error
 
     def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
-        """The range by a study in which some parameters (d,) are free and others nominal, its error, and how many runs."""
+        """The range by a study in which some parameters (d,) are free and others nominal, its error, and its runs."""
         assert self.runs is not None
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]

@@ -153,7 +153,7 @@ def _of_accuracy(
 
 
 def _of_noise(runs: Runs) -> tuple[str, ...]:
-    """A doubt that names outputs whose measured noise is large. Outputs that are rounding beside others do not count."""
+    """A doubt about outputs whose measured noise is large. Outputs that are rounding beside others do not count."""
     low, high = runs.extremes
     scale = np.maximum(rms(low), rms(high))
     is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), NOISE_OF_SOLVERS * scale)

@@ -151,7 +151,7 @@ class _Responses:
         attained: Array,
         estimate: Array,
     ) -> EstimatedRange:
-        """The range by places (2, m, d) of the mean's extremes, and ends (2, 2, m) of the mean, and of it and deviations.
+        """The range by places (2, m, d) of the mean's extremes, and ends (2, 2, m) of it, and of it and deviations.
 
         The ends are those attained (2, m) where these are doubtful.
         """
