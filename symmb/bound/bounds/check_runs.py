@@ -16,22 +16,22 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box
 
-_RUNS = 13
+_ALLOWED_RUNS = 13
 """Check runs that are always allowed: centre, faces and extremes of four parameters. More are at most as many as the
 method made."""
-_EXTREMES = 4
+_RUNS_AT_EXTREMES = 4
 """Runs at predicted extremes."""
-_SEEN = 256
+_PREDICTED_VALUES = 256
 """Outputs and times whose extremes are predicted: a few times of each output show where they are."""
-_CORNERS, _INSIDE = 64, 64
-"""Most corners of the box, and points inside, at which the range of a surrogate is looked for."""
-_OFF = 0.2, 0.4
+_MOST_CORNERS, _POINTS_INSIDE = 64, 64
+"""Most corners of the box at which something is looked for, and points inside for the range of a surrogate."""
+_OFF_CENTRE = 0.2, 0.4
 """How far the middle of the star is from the centre of the box."""
-_AT_ONCE = 16
+_POINTS_AT_ONCE = 16
 """Points at which a surrogate is evaluated at once: outputs over time of all of them would fill much memory."""
-_NAMED = 3
+_OUTPUTS_NAMED = 3
 """Doubtful outputs that a sentence names."""
-_VALUES = 2**25
+_MOST_NUMBERS = 2**25
 """Most numbers that check runs may fill: 256 MB."""
 
 
@@ -47,19 +47,19 @@ def check_doubts(
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
-    most = min(max(_RUNS, bounds.evaluations), _VALUES // max(bounds.lower.size, 1))
+    most = min(max(_ALLOWED_RUNS, bounds.evaluations), _MOST_NUMBERS // max(bounds.lower.size, 1))
     if not varied.size or most < 3:
         return (), 0
     checks = _Checks(simulator, box, bounds, share, executor)
     candidates = _corners(len(box), varied)
-    if 1 + 2 * len(varied) + _EXTREMES <= most:
+    if 1 + 2 * len(varied) + _RUNS_AT_EXTREMES <= most:
         star = _star(len(box), varied)
         Y = checks.run(star)
         if Y is not None:
             extremes, candidates = _predicted(Y / checks.scale, star[0, varied], varied, candidates)
             checks.run(extremes)
     else:
-        checks.run(candidates[-_INSIDE - most // 2 :][:most])
+        checks.run(candidates[-_POINTS_INSIDE - most // 2 :][:most])
     return checks.doubts(candidates), checks.n
 
 
@@ -135,9 +135,9 @@ class _Checks:
         large = sorted(np.flatnonzero(size), key=lambda k: -share[k])
         shares = [
             f"{names[k]} by {share[k]:.2g} of the width" if width[k] > 0 else f"{names[k]}, which has no width"
-            for k in large[:_NAMED]
+            for k in large[:_OUTPUTS_NAMED]
         ]
-        more = [f"{len(large) - _NAMED} more outputs"] if len(large) > _NAMED else []
+        more = [f"{len(large) - _OUTPUTS_NAMED} more outputs"] if len(large) > _OUTPUTS_NAMED else []
         first = np.argmax((error / self.scale > share * width / 2 + self._floor).any(axis=(0, 2)))
         since = f", from t = {t[first] + 0.0:g} s on" if len(t) > 1 else ""
         return ", ".join([*shares, *more]) + since
@@ -146,10 +146,15 @@ class _Checks:
 def _corners(d: int, varied: Indices) -> Array:
     """Points (N, d): some corners of the box, and points inside."""
     n, random = len(varied), np.random.default_rng(0)
-    ends = random.choice([-1.0, 1.0], (_CORNERS, n)) if 2**n > _CORNERS else corners(n)
-    points = np.zeros((len(ends) + _INSIDE, d))
-    points[:, varied] = np.concatenate([ends, random.uniform(-1.0, 1.0, (_INSIDE, n))])
+    ends = some_corners(n, random)
+    points = np.zeros((len(ends) + _POINTS_INSIDE, d))
+    points[:, varied] = np.concatenate([ends, random.uniform(-1.0, 1.0, (_POINTS_INSIDE, n))])
     return points
+
+
+def some_corners(d: int, random: np.random.Generator) -> Array:
+    """All corners (N, d) of the unit box, or some at random if they are many."""
+    return random.choice([-1.0, 1.0], (_MOST_CORNERS, d)) if 2**d > _MOST_CORNERS else corners(d)
 
 
 def _star(d: int, varied: Indices) -> Array:
@@ -160,20 +165,20 @@ def _star(d: int, varied: Indices) -> Array:
     n = len(varied)
     random = np.random.default_rng(1)
     star = np.zeros((1 + 2 * n, d))
-    star[:, varied] = random.uniform(*_OFF, n) * random.choice([-1.0, 1.0], n)
+    star[:, varied] = random.uniform(*_OFF_CENTRE, n) * random.choice([-1.0, 1.0], n)
     star[1 + np.arange(n), varied] = -1.0
     star[1 + n + np.arange(n), varied] = 1.0
     return star
 
 
 def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[Array, Array]:
-    """Points where parabolas predict new extremes, at most _EXTREMES; and some predicted ones beside the candidates.
+    """Points where parabolas predict new extremes, _RUNS_AT_EXTREMES at most; and the candidates with some of these.
 
     Y (1 + 2 n, n_t, n_y) are the values at the star around c (n,), over the scale of the outputs.
     """
     n, n_t, n_y = len(varied), *Y.shape[1:]
-    outputs = np.linspace(0, n_y - 1, min(n_y, _SEEN)).astype(int)
-    times = np.linspace(0, n_t - 1, min(n_t, max(_SEEN // len(outputs), 1))).astype(int)
+    outputs = np.linspace(0, n_y - 1, min(n_y, _PREDICTED_VALUES)).astype(int)
+    times = np.linspace(0, n_t - 1, min(n_t, max(_PREDICTED_VALUES // len(outputs), 1))).astype(int)
     seen = Y[:, times][:, :, outputs]
     middle, low, high = seen[0], seen[1 : n + 1], seen[n + 1 :]
     at = c[:, None, None]
@@ -189,7 +194,7 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
     width = rms(values.max(axis=0) - values.min(axis=0))
     width = np.where(width > 0, width, np.inf)
     chosen = list[int]()
-    for _ in range(_EXTREMES):
+    for _ in range(_RUNS_AT_EXTREMES):
         beyond = np.maximum(np.maximum(values - above, below - values), 0.0) / width
         gain = np.square(beyond).sum(axis=(1, 2))
         best = int(gain.argmax())
@@ -197,7 +202,7 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
             break
         chosen.append(best)
         below, above = np.minimum(below, values[best]), np.maximum(above, values[best])
-    some = [*chosen, *np.linspace(0, len(points) - 1, min(len(points), _INSIDE)).astype(int)]
+    some = [*chosen, *np.linspace(0, len(points) - 1, min(len(points), _POINTS_INSIDE)).astype(int)]
     predicted = np.zeros((len(some), candidates.shape[1]))
     predicted[:, varied] = points[some]
     return predicted[: len(chosen)], np.concatenate([candidates, predicted])
@@ -205,5 +210,5 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
 
 def _reached(surrogate: Piecewise, points: Array) -> tuple[Array, Array]:
     """Smallest and largest values (n_t, n_y) of a surrogate at points (N, d)."""
-    parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // _AT_ONCE))]
+    parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // _POINTS_AT_ONCE))]
     return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)

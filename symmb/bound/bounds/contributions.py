@@ -26,21 +26,21 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_POOR, _SMALL = 0.5, 0.05
+_POOR_LINE, _SMALL_OF_WIDTH = 0.5, 0.05
 """Error over the width of a parameter alone, and over the whole width, above which it is taken from runs on a line."""
-_FEWEST, _MOST_SHARE_RUNS = 64, 1024
+_FEWEST_SHARE_RUNS, _MOST_SHARE_RUNS = 64, 1024
 """Least and largest number of runs from which shares are taken."""
 _SHARE_ERROR = 0.04
 """Error of shares, in the mean over the variance, at which no further runs are made for them."""
-_SAMPLES = 2048
+_SALTELLI_SAMPLES = 2048
 """Samples of each matrix from which shares of pieces are taken."""
-_SAMPLING = 0.03
+_SALTELLI_ERROR = 0.03
 """Error of such shares: the largest difference from exact ones in 200 random polynomials was 0.02."""
-_WHY = "The widths of single parameters do not sum to the full width, because parameters act together."
+_NO_SUM = "The widths of single parameters do not sum to the full width, because parameters act together."
 
 
-_SERIES = entry(Record.with_nan, "t", "names")
-_EACH = entry(Record.with_nan, "t", "names", "parameters")
+_OF_OUTPUT = entry(Record.with_nan, "t", "names")
+_OF_PARAMETER = entry(Record.with_nan, "t", "names", "parameters")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,14 +92,14 @@ class Contributions(Result, Saved):
     names: tuple[str, ...] = field(metadata=NAMES)
     units: tuple[str, ...]
     parameters: tuple[str, ...] = field(metadata=NAMES)
-    width: Array = field(metadata=_SERIES)
-    alone: Array = field(metadata=_EACH)
-    saved: Array = field(metadata=_EACH)
-    first: Array = field(metadata=_EACH)
-    total: Array = field(metadata=_EACH)
-    estimate: Array = field(metadata=_SERIES)
-    saved_estimate: Array = field(metadata=_SERIES)
-    share_estimate: Array = field(metadata=_SERIES)
+    width: Array = field(metadata=_OF_OUTPUT)
+    alone: Array = field(metadata=_OF_PARAMETER)
+    saved: Array = field(metadata=_OF_PARAMETER)
+    first: Array = field(metadata=_OF_PARAMETER)
+    total: Array = field(metadata=_OF_PARAMETER)
+    estimate: Array = field(metadata=_OF_OUTPUT)
+    saved_estimate: Array = field(metadata=_OF_OUTPUT)
+    share_estimate: Array = field(metadata=_OF_OUTPUT)
     runs: int
     method: str
     remarks: tuple[str, ...] = ()
@@ -108,7 +108,7 @@ class Contributions(Result, Saved):
     def _head(self) -> str:
         source = f"{self.runs} further runs" if self.runs else "no further runs"
         first = f"Contributions to the bounds by {self.method}, {source}"
-        return "\n".join([first, f"  {_WHY}", *(f"  remark  {remark}" for remark in self.remarks)])
+        return "\n".join([first, f"  {_NO_SUM}", *(f"  remark  {remark}" for remark in self.remarks)])
 
     def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
         """A table of contributions to output k at time i, or where it is widest, with the largest first."""
@@ -253,8 +253,8 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
         missing[i] = ~responses.is_good
         if is_alone and responses.runs is not None:
             wrong = rms(np.where(2 * error[i] > ROUNDING * largest, 2 * error[i], 0.0))
-            hides = wrong > np.maximum(_POOR * rms(widths[i]), _SMALL * whole)
-            missing[i] |= hides & (wrong <= _POOR * whole)  # a larger one is noise
+            hides = wrong > np.maximum(_POOR_LINE * rms(widths[i]), _SMALL_OF_WIDTH * whole)
+            missing[i] |= hides & (wrong <= _POOR_LINE * whole)  # a larger one is noise
     return widths, error, missing
 
 
@@ -293,7 +293,7 @@ def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, i
         error[:, good] = _share_error(own.error, variance[:, good]) + sampling
     known = first.copy(), total.copy(), error.copy()
     varies = ~np.isnan(first).all(axis=0) | ~responses.is_good
-    n, most = _FEWEST, 0 if not may_run or responses.runs is None else _MOST_SHARE_RUNS
+    n, most = _FEWEST_SHARE_RUNS, 0 if not may_run or responses.runs is None else _MOST_SHARE_RUNS
     while n <= most and _is_large(error, variance, varies):
         assert responses.runs is not None
         points, Y = responses.runs.sample(n)
@@ -311,7 +311,7 @@ def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, i
         first, total = np.where(better, of_fit.first, first), np.where(better, of_fit.total, total)
         error, n = np.where(better, of_errors, error), 2 * n
     error = np.where(np.isnan(first).all(axis=0), np.nan, np.minimum(error, 1.0))
-    return first, total, error, n // 2 if n > _FEWEST else 0
+    return first, total, error, n // 2 if n > _FEWEST_SHARE_RUNS else 0
 
 
 def _share_error(e: Array, variance: Array) -> Array:
@@ -332,7 +332,7 @@ def _shares_of(surrogate: Piecewise, responses: Responses) -> tuple[Array, Array
     """Indices of polynomials, their variance, and the error of sampling."""
     if len(surrogate.expansions) > 1:
         first, total, variance = _sampled_shares(surrogate, len(responses.box))
-        return first, total, variance, _SAMPLING
+        return first, total, variance, _SALTELLI_ERROR
     names = tuple(name for name, is_good in zip(responses.names, responses.is_good, strict=True) if is_good)
     expansion = next(iter(surrogate.expansions))
     exact = moments(expansion, responses.t, names)
@@ -344,7 +344,7 @@ def _sampled_shares(surrogate: Piecewise, d: int) -> tuple[Array, Array, Array]:
 
     Saltelli and others, Computer Physics Communications 181 (2010): of the first index (b), of the total one (f).
     """
-    A, B = np.split(Sobol().points(_SAMPLES, 2 * d, seed=0), 2, axis=1)
+    A, B = np.split(Sobol().points(_SALTELLI_SAMPLES, 2 * d, seed=0), 2, axis=1)
     first, total = np.empty((2, d, *surrogate.error.shape))
     variance = np.empty(surrogate.error.shape)
     for k in range(surrogate.error.shape[1]):

@@ -9,14 +9,16 @@ from symmb._types import Array
 
 STARTS, LATE_STARTS = 4, 2
 """Starts from which a search goes on, and those with late steps: more take more runs, fewer miss hills."""
-STEPS, ALWAYS = (2.0, 0.5, 0.12, 0.03, 0.008), 3
+STEPS, LEAST_STEPS = (2.0, 0.5, 0.12, 0.03, 0.008), 3
 """The first ones lead from corners to their neighbours. So many are always taken, others where the gain of the last one
 leaves it open whether more is enough."""
-SAFETY = 2.0
+LINE_POINTS = 17
+"""Points on a line along an axis of which the best is looked for: a sine of a period has its extremes within 0.06."""
+SAFETY_OF_GAIN = 2.0
 """How many times the gain of a step may be what the search is short of the largest value."""
-NEAR = 0.12
+SAME_PLACE = 0.12
 """Distance in a parameter below which searches from two places are the same."""
-SUFFICIENT = 1e-4
+SUFFICIENT_GAIN = 1e-4
 """Gain over the range of values at the starts above which a step is tried again: less takes more runs."""
 
 
@@ -54,10 +56,10 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
         return np.array([known[key] for key in keys]).reshape(points.shape[:-1])
 
     x, fx = _best(starts, values(starts), STARTS)
-    sufficient = SUFFICIENT * float(np.ptp([value for value in known.values() if value > -np.inf] or [0.0]))
+    sufficient = SUFFICIENT_GAIN * float(np.ptp([value for value in known.values() if value > -np.inf] or [0.0]))
     error = np.inf
     for i, step in enumerate(STEPS):
-        if i >= ALWAYS and fx[0] + error < enough:
+        if i >= LEAST_STEPS and fx[0] + error < enough:
             break
         number = STARTS if step == STEPS[0] else LATE_STARTS
         x, fx = x[:number], fx[:number]
@@ -74,7 +76,7 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
             if not has_gained and (not is_axial or (np.abs(x) == 1).all()):  # inward of a corner, axes tell enough
                 break
             is_axial = has_gained
-        error = SAFETY * float(fx[0] - late)
+        error = SAFETY_OF_GAIN * float(fx[0] - late)
     return Found(x[0], float(fx[0]), error)
 
 
@@ -97,6 +99,6 @@ def _best(x: Array, fx: Array, number: int) -> tuple[Array, Array]:
     """So many of the best places (k, d) at most that are not close to better ones, and their values."""
     kept = list[int]()
     for i in np.argsort(-fx, kind="stable"):
-        if not kept or (fx[i] > -np.inf and all(np.abs(x[i] - x[j]).max() >= NEAR for j in kept)):
+        if not kept or (fx[i] > -np.inf and all(np.abs(x[i] - x[j]).max() >= SAME_PLACE for j in kept)):
             kept.append(int(i))
     return x[kept[:number]], fx[kept[:number]]

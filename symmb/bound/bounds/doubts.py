@@ -8,7 +8,7 @@ import numpy as np
 from symmb._doubt import Doubt
 from symmb._names import counted
 from symmb._types import Array, Executor
-from symmb.bound.bounds.check_runs import check_doubts
+from symmb.bound.bounds.check_runs import check_doubts, some_corners
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import gathered
 from symmb.bound.bounds.result import Bounds
@@ -68,14 +68,14 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
     if surrogate is None or isinstance(simulator, SceneSimulator):
         return []
     floor = ROUNDING_SCALE * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
-    small = np.maximum(floor, _IDLE * (bounds.upper - bounds.lower).max(axis=0))
+    small = np.maximum(floor, _IDLE_SHARE * (bounds.upper - bounds.lower).max(axis=0))
     idle = np.flatnonzero(~surrogate.acting(small) & varies)
     if not len(idle):
         return []
-    base = Sobol().points(_PAIRS, len(box), seed=2)
+    base = Sobol().points(_EQUAL_PAIRS, len(box), seed=2)
     pairs = np.concatenate([base, *(np.where(np.arange(len(box)) == i, np.roll(base, 1, axis=0), base) for i in idle)])
     Y, _ = gathered(simulator, parameter_samples(simulator, box, pairs), None)
-    first, *others = Y.reshape(len(idle) + 1, _PAIRS, *Y.shape[1:])
+    first, *others = Y.reshape(len(idle) + 1, _EQUAL_PAIRS, *Y.shape[1:])
     names = [box.names[i] for i, own in zip(idle, others, strict=True) if (np.abs(own - first) <= floor).all()]
     if not names:
         return []
@@ -102,7 +102,7 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
     widths = (upper - lower).max(axis=0)
     if beside and (beside_widths := _doubts_of_widths(motion, motion.dae.p_nominal, widths)):
         return (*own, *beside_widths), remarks
-    if first.seconds > bounds.seconds + _PATIENCE:
+    if first.seconds > bounds.seconds + _SECONDS_BEYOND_STUDY:
         left_out = f"No run at a corner was checked by a second method, because one run takes {first.seconds:.0f} s."
         return own, [*remarks, left_out]
     signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends: equal ones may keep a symmetry
@@ -127,9 +127,9 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
     motion = motion_of(simulator)
     if motion is None or motion.theory.scene is None or _nominal_doubts(motion):
         return ()
-    end = time.perf_counter() + seconds + _PATIENCE
+    end = time.perf_counter() + seconds + _SECONDS_BEYOND_STUDY
     d = len(box)
-    unit = corners(d) if d <= _FEW else np.repeat([[-1.0], [1.0]], d, axis=1)
+    unit = corners(d) if d <= _PARAMETERS_OF_ALL_CORNERS else np.repeat([[-1.0], [1.0]], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
         if time.perf_counter() > end:
@@ -149,12 +149,11 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     motion = motion_of(simulator)
     if motion is None:
         return ()
-    d = len(box)
-    unit = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, d)) if 2**d > _CORNERS else corners(d)
-    P = np.vstack([motion.dae.p_nominal, parameter_samples(simulator, box, unit)])
+    corners_of_box = parameter_samples(simulator, box, some_corners(len(box), np.random.default_rng(0)))
+    P = np.vstack([motion.dae.p_nominal, corners_of_box])
     usual, *others = motion.formulation.pulses(motion.times)(P).tolist()
     k = int(np.argmin(others))
-    if others[k] > min(usual / 2, _LONG * float(np.ptp(motion.times))):
+    if others[k] > min(usual / 2, _LONG_PULSE * float(np.ptp(motion.times))):
         return ()
     where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
     return (
@@ -175,15 +174,13 @@ def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
     return (Doubt(text, names),) if names else ()
 
 
-_PATIENCE = 1.0
+_SECONDS_BEYOND_STUDY = 1.0
 """Time beyond that of a study which a second look may take [s]."""
-_LONG = 1e-2
+_LONG_PULSE = 1e-2
 """Share of the horizon above which steps meet a pulse anyway."""
-_CORNERS = 64
-"""Most corners of the box at which laws are searched for pulses."""
-_IDLE = 1e-4
+_IDLE_SHARE = 1e-4
 """Share of the width up to which polynomials, which may smooth, can stand for no effect."""
-_PAIRS = 4
+_EQUAL_PAIRS = 4
 """Pairs of runs, all over the box, that must be equal where a parameter has no effect."""
-_FEW = 3
+_PARAMETERS_OF_ALL_CORNERS = 3
 """Parameters up to which runs at all corners are asked about flexible bodies; of more, at the two extreme ones."""

@@ -10,9 +10,9 @@ from symmb.bound.bounds.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, 
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
 """Expected and least variance of noise, over that of responses: they keep covariances regular; more of them smooths."""
-_LIKELY = 1e-5
+_LIKELIHOOD_TOLERANCE = 1e-5
 """Share of the logarithm of a likelihood, some hundreds, to which its maximum is found: a third of the steps."""
-_LIMIT = 3.0
+_FARTHEST_DEVIATIONS = 3.0
 """Standard deviations from what is expected in which likely numbers are searched: farther ones overflow, nearer ones
 may be those of no response."""
 
@@ -142,7 +142,7 @@ class GaussianProcess:
         from scipy.optimize import minimize
 
         mean, deviation = self.kernel.prior
-        limits = np.stack([mean - _LIMIT * deviation, mean + _LIMIT * deviation], axis=1)
+        limits = np.stack([mean - _FARTHEST_DEVIATIONS * deviation, mean + _FARTHEST_DEVIATIONS * deviation], axis=1)
         limits[-1] = np.log([_LEAST_NOISE, 1.0])  # of the noise
         result = minimize(
             lambda vector: replace(self, kernel=self.kernel.with_vector(vector)).unlikeliness(),
@@ -150,7 +150,7 @@ class GaussianProcess:
             jac=True,
             method="L-BFGS-B",
             bounds=limits,
-            options={"maxiter": 60, "ftol": _LIKELY},  # directions turn slowly
+            options={"maxiter": 60, "ftol": _LIKELIHOOD_TOLERANCE},  # directions turn slowly
         )
         return replace(self, kernel=self.kernel.with_vector(result.x))
 

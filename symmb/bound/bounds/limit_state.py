@@ -12,36 +12,36 @@ from symmb.bound.bounds.gaussian_process import GaussianProcess, Kernel
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import TotalDegree, basis_values
 
-_CHAINS, _MOVES = 3000, 4
+_CHAINS, _MOVES_OF_A_CHAIN = 3000, 4
 """Samples of a level of subset simulation, and how often each moves there."""
 _SMALL_STEP = 0.3
 """Size of moves of runs that have failed to where failures are likely."""
 _FAR_RUNS, _NEAREST, _FARTHEST = 96, 3.0, 7.0
 """Runs in all directions, and their distances from the middle, in standard deviations."""
-_LEVEL = 0.1
+_KEPT_OF_A_LEVEL = 0.1
 """Share of samples that a level keeps."""
-_LEAST = 1e-10
+_LEAST_PROBABILITY = 1e-10
 """Probability below which an event is not looked for."""
-_OPTIMISM = 1.5
+_OPTIMISTIC_ERRORS = 1.5
 """Errors by which a margin may be larger where failures are looked for: fewer miss regions that no run has met."""
-_CLUSTERS, _SPREAD, _DEFENCE = 8, 1.6, 0.05
+_CLUSTERS, _COVARIANCE_FACTOR, _SHARE_OF_LAWS = 8, 1.6, 0.05
 """Normal distributions from which samples are drawn, the factor of their covariances, as tails of what they stand for
 are heavier, and the share that is drawn from the laws themselves."""
-_SETS, _IN_SET = 8, 2048
+_SETS_OF_SAMPLES, _SAMPLES_OF_A_SET = 8, 2048
 """Independent sets of samples, and samples of a set."""
-_POOL = 4096
+_POOL_OF_RUNS = 4096
 """Samples from which the places of runs are chosen."""
-_NEW_RUNS = 48
+_RUNS_OF_A_ROUND = 48
 """Runs of a round, at samples that are most likely to be on the wrong side: they correct the probability."""
-_OF_FAILURES = 0.25
+_RUNS_OVER_FAILURES = 0.25
 """Share of them that is spread over all failures."""
-_MOST_FITTED = 400
+_MOST_FITTED_RUNS = 400
 """Most runs of rounds in a fit, those nearest to the limit: the time is that of their number cubed."""
-_REFITTED = 1.25
+_REFIT_GROWTH = 1.25
 """Growth of the number of runs at which the kernel is fitted again."""
-_UNSEEN = 3.0
+_EXPECTED_IF_NONE = 3.0
 """Expected number of wrong samples of which none is seen in one of 20 rounds."""
-_DEVIATIONS = 3.0
+_STANDARD_ERRORS = 3.0
 """Standard errors that are told."""
 
 Normal = Callable[[Array], Array]
@@ -89,23 +89,23 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
     first = len(z)
     process, rounds, failures = None, list[tuple[float, float]](), list[tuple[Array, Mask]]()
     value, error, n = 0.0, np.inf, 0
-    while error > max(aim * value, _LEAST) and len(z) - len(known[0]) + _NEW_RUNS <= most:
+    while error > max(aim * value, _LEAST_PROBABILITY) and len(z) - len(known[0]) + _RUNS_OF_A_ROUND <= most:
         with one_thread():
             some = _fitted_runs(m, first)
             process = _Margin.of(points_of(z[some]), m[some], process)
             samples, weights, of_process, scatter = _sampled(process, points_of, z[m > 0], n_l, rng)
-            pool = rng.choice(len(samples), _POOL, replace=False)
-            at, share = points_of(samples[pool]), weights[pool] / _POOL
+            pool = rng.choice(len(samples), _POOL_OF_RUNS, replace=False)
+            at, share = points_of(samples[pool]), weights[pool] / _POOL_OF_RUNS
             s = process.mean(at)
             doubt = np.exp(-0.5 * np.square(s / process.deviation(at)))  # of the sign
         uncertain, failing = _normalized(share * np.sqrt(doubt)), _normalized(share * (s > 0))
-        density = _normalized((1 - _OF_FAILURES) * uncertain + _OF_FAILURES * failing)
-        chosen = rng.choice(_POOL, _NEW_RUNS, p=density)
+        density = _normalized((1 - _RUNS_OVER_FAILURES) * uncertain + _RUNS_OVER_FAILURES * failing)
+        chosen = rng.choice(_POOL_OF_RUNS, _RUNS_OF_A_ROUND, p=density)
         Y = margins(samples[pool][chosen])
         fails, each = Y.max(axis=1) > 0, share[chosen] / density[chosen]
         wrong = (fails.astype(float) - (s[chosen] > 0)) * each
-        unseen = _UNSEEN / _NEW_RUNS * float((share * doubt).sum())
-        of_wrong = max(_DEVIATIONS * float(wrong.std(ddof=1)) / np.sqrt(_NEW_RUNS), unseen)
+        unseen = _EXPECTED_IF_NONE / _RUNS_OF_A_ROUND * float((share * doubt).sum())
+        of_wrong = max(_STANDARD_ERRORS * float(wrong.std(ddof=1)) / np.sqrt(_RUNS_OF_A_ROUND), unseen)
         rounds.append((of_process + float(wrong.mean()), scatter + of_wrong))
         failures.append((each[fails], Y[fails] > 0))
         value, error, n = _mean_of_last(rounds)
@@ -121,19 +121,20 @@ def _mean_of_last(rounds: list[tuple[float, float]]) -> tuple[float, float, int]
     All count alike: weights by errors would prefer small probabilities, whose errors are small.
     """
     values, errors = np.array(rounds[len(rounds) // 2 :]).T
-    return float(values.mean()), max(float(np.sqrt(np.square(errors).sum())) / len(values), _LEAST), len(values)
+    error = float(np.sqrt(np.square(errors).sum())) / len(values)
+    return float(values.mean()), max(error, _LEAST_PROBABILITY), len(values)
 
 
 def _directions(n_l: int) -> Array:
     """Standard normal numbers (N, n_l) in all directions, far from the middle: they meet regions that fail rarely."""
-    normal = ndtri((Sobol().points(_FAR_RUNS, n_l + 1, seed=_SETS) + 1) / 2)
+    normal = ndtri((Sobol().points(_FAR_RUNS, n_l + 1, seed=_SETS_OF_SAMPLES) + 1) / 2)
     radius = _NEAREST + (_FARTHEST - _NEAREST) * ndtr(normal[:, :1])
     return radius * normal[:, 1:] / np.linalg.norm(normal[:, 1:], axis=1, keepdims=True)
 
 
 def _fitted_runs(m: Array, first: int) -> Indices:
     """Numbers of the first runs, which are spread over all that may fail, and of later ones near the limit."""
-    near = first + np.argsort(np.abs(m[first:]))[:_MOST_FITTED]
+    near = first + np.argsort(np.abs(m[first:]))[:_MOST_FITTED_RUNS]
     return np.concatenate([np.arange(first), near])
 
 
@@ -178,7 +179,7 @@ class _Margin:
         size = max(float(rest.std()), 1e-9 * float(np.abs(m).max(initial=0.0)), np.finfo(float).tiny)
         kernel, of_kernel = (Kernel.of(x.shape[1]), 0) if before is None else (before.process.kernel, before.of_kernel)
         process = GaussianProcess(kernel, own, rest[:, None] / size)
-        if len(x) > _REFITTED * of_kernel:
+        if len(x) > _REFIT_GROWTH * of_kernel:
             process, of_kernel = process.most_likely(), len(x)
         factor = max(1.0, float(np.sqrt(np.square(process.left_out_deviations()).mean())))
         return cls(trend, process, centre, scale, size, of_kernel, factor)
@@ -198,7 +199,8 @@ class _Margin:
         """Margins (N,) that are larger by the error of left-out runs: the deviation of each takes a hundred times as
         long.
         """
-        return self.mean(x) + _OPTIMISM * self.size * float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
+        error = float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
+        return self.mean(x) + _OPTIMISTIC_ERRORS * self.size * error
 
 
 def _sampled(
@@ -213,12 +215,13 @@ def _sampled(
     if len(failed):  # no region that a run has met is lost
         near = failed[rng.choice(len(failed), _CHAINS)]
         moved = near, np.maximum(margin(near), 0.0)
-        for _ in range(_MOVES):
+        for _ in range(_MOVES_OF_A_CHAIN):
             moved = _moved(margin, 0.0, *moved, _SMALL_STEP, rng)
         z = np.concatenate([z, moved[0]])
     centres, roots = _clusters(z, rng)
-    shares = np.append(_DEFENCE, np.full(len(centres) - 1, (1 - _DEFENCE) / (len(centres) - 1)))
-    uniform = (np.concatenate([Sobol().points(_IN_SET, n_l + 1, seed) for seed in range(_SETS)]) + 1) / 2
+    shares = np.append(_SHARE_OF_LAWS, np.full(len(centres) - 1, (1 - _SHARE_OF_LAWS) / (len(centres) - 1)))
+    sets = [Sobol().points(_SAMPLES_OF_A_SET, n_l + 1, seed) for seed in range(_SETS_OF_SAMPLES)]
+    uniform = (np.concatenate(sets) + 1) / 2
     which = np.searchsorted(np.cumsum(shares)[:-1], uniform[:, 0], side="right")
     normal = ndtri(np.clip(uniform[:, 1:], 1e-15, 1 - 1e-15))
     samples = centres[which] + np.einsum("nij,nj->ni", roots[which], normal)
@@ -227,9 +230,9 @@ def _sampled(
         inner = np.square(np.linalg.solve(root, (samples - centre).T)).sum(axis=0)
         density += share * np.exp(0.5 * (squares - inner)) / np.prod(np.diag(root))
     weights = 1 / density
-    means = np.concatenate([process.mean(points_of(part)) for part in np.array_split(samples, _SETS)])
-    sets = (weights * (means > 0)).reshape(_SETS, -1).mean(axis=1)
-    return samples, weights, float(sets.mean()), float(_DEVIATIONS * sets.std(ddof=1) / np.sqrt(_SETS))
+    means = np.concatenate([process.mean(points_of(part)) for part in np.array_split(samples, _SETS_OF_SAMPLES)])
+    sets = (weights * (means > 0)).reshape(_SETS_OF_SAMPLES, -1).mean(axis=1)
+    return samples, weights, float(sets.mean()), float(_STANDARD_ERRORS * sets.std(ddof=1) / np.sqrt(_SETS_OF_SAMPLES))
 
 
 def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:
@@ -239,9 +242,9 @@ def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:
     """
     z = rng.standard_normal((_CHAINS, n_l))
     m, step, probability = margin(z), 0.6, 1.0
-    while (level := min(float(np.quantile(m, 1 - _LEVEL)), 0.0)) < 0 and probability > _LEAST:
+    while (level := min(float(np.quantile(m, 1 - _KEPT_OF_A_LEVEL)), 0.0)) < 0 and probability > _LEAST_PROBABILITY:
         z, m = _moved(margin, level, z, m, step, rng)
-        probability *= _LEVEL
+        probability *= _KEPT_OF_A_LEVEL
         step = max(0.85 * step, 0.2)
     return _moved(margin, level, z, m, step, rng)[0]
 
@@ -252,7 +255,7 @@ def _moved(
     """Samples that are beyond a level, as many, after moves that keep their distribution there."""
     start = rng.choice(np.flatnonzero(m >= level), len(z))
     z, m = z[start], m[start]
-    for _ in range(_MOVES):
+    for _ in range(_MOVES_OF_A_CHAIN):
         new = np.sqrt(1 - step**2) * z + step * rng.standard_normal(z.shape)
         of_new = margin(new)
         kept = of_new >= level
@@ -272,6 +275,6 @@ def _clusters(z: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     groups = [z, *(z[which == k] for k in np.unique(which))]
     groups = [own for own in groups if len(own) > 2 * n_l]
     centres = [np.zeros(n_l), *(own.mean(axis=0) for own in groups)]
-    covariances = [_SPREAD * np.cov(own.T).reshape(n_l, n_l) + 1e-3 * np.eye(n_l) for own in groups]
+    covariances = [_COVARIANCE_FACTOR * np.cov(own.T).reshape(n_l, n_l) + 1e-3 * np.eye(n_l) for own in groups]
     roots: Array = np.array([np.eye(n_l), *map(np.linalg.cholesky, covariances)], dtype=float)
     return np.array(centres), roots

@@ -16,7 +16,7 @@ from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
 from symmb._types import Array, Indices
 from symmb._units import number_in, told_units, typeset
-from symmb.bound.bounds.direct_search import direct_search
+from symmb.bound.bounds.direct_search import LINE_POINTS, direct_search
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.time_windows import ROUNDING
 from symmb.bound.bounds.worst_case import SIDES, WorstCase
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
 
 Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
 """Limits (low, high) of outputs by name, of which one may be None, in their units or others, as ("75 deg/s", None)."""
-_SAFETY = 2.0
+_UNCERTAIN_ERRORS = 2.0
 """How many times an estimated error counts within which further runs decide."""
-_FURTHER = 600
+_MOST_FURTHER_RUNS = 600
 """Further runs of a scene, of which many cost little; of other simulators, as many as the study took, or less."""
-_NEAR = 0.5
+_NEAR_LIMIT = 0.5
 """Distance of a limit, over the width of bounds of a scene, within which further runs look for what the study has not
 seen, as corners that differ in two parameters from the best one: less misses more, more takes runs for far limits."""
-_SPREAD, _PEAKS = 16, 3
+_SPREAD_STARTS, _START_TIMES = 16, 3
 """Points that are spread over the box, and times at which runs of the study are, where a search in a scene starts."""
-_CLOSE, _LINE = 0.03, 17
-"""Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search, and
-points on each: a peak that passes output times makes many hills. Less misses more, more takes more runs."""
+_CLOSE_TO_LIMIT = 0.03
+"""Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search: a
+peak that passes output times makes many hills. Less misses more, more takes more runs."""
 WARNED = "See the warnings"
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
 
@@ -326,9 +326,9 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
     estimate, rounding, further = bounds.estimate[:, k], _rounding(bounds, k), None
     unit = _unit_told(bounds, k)
-    near = _SAFETY * estimate
+    near = _UNCERTAIN_ERRORS * estimate
     if bounds.study is not None and bounds.study.has_lanes:
-        near = near + _NEAR * (bounds.upper - bounds.lower)[:, k].max()
+        near = near + _NEAR_LIMIT * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = _closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"))
         inside, error = -further.beyond, max(further.error, rounding)
@@ -377,7 +377,7 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
             best = float(excess[i]), points[i], Y[i, :, k]
         return excess
 
-    peaks = _PEAKS if study.has_lanes else 1
+    peaks = _START_TIMES if study.has_lanes else 1
     starts, some = [np.zeros((1, len(box)))], rows[:peaks]
     if bounds.attaining is not None:
         numbers = bounds.attaining.at[side][rows, k]
@@ -387,18 +387,18 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
         starts = [box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))]
     if study.has_lanes:
         pairs = 1.0 - 2.0 * np.array([np.isin(np.arange(len(box)), pair) for pair in combinations(range(len(box)), 2)])
-        starts += [pairs.reshape(-1, len(box)) * starts[0][0], Sobol().points(_SPREAD, len(box), seed=0)]
+        starts += [pairs.reshape(-1, len(box)) * starts[0][0], Sobol().points(_SPREAD_STARTS, len(box), seed=0)]
     if bounds.surrogate is not None:
         one = np.ones(len(box))
         starts.append(bounds.surrogate.part(some, [k]).range(-one, one)[2][SIDES.index(side), :, 0])
     points = np.clip(np.concatenate(starts).round(9), -1.0, 1.0)  # corners are 1 to the last digit
     points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
-    most = max(_FURTHER, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
+    most = max(_MOST_FURTHER_RUNS, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
     enough = _rounding(bounds, k)
     found = direct_search(beyond, points, most, enough)
-    if study.has_lanes and 0 <= -best[0] < _CLOSE * (bounds.upper - bounds.lower)[:, k].max():
-        lines = np.tile(best[1], (len(box), _LINE, 1))
-        lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, _LINE)
+    if study.has_lanes and 0 <= -best[0] < _CLOSE_TO_LIMIT * (bounds.upper - bounds.lower)[:, k].max():
+        lines = np.tile(best[1], (len(box), LINE_POINTS, 1))
+        lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
         found = direct_search(beyond, np.concatenate([best[1][None], *lines]), most, enough)
     return FurtherRun(side, best[1], best[2], best[0], found.error, runs, failed)
 

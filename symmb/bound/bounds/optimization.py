@@ -20,9 +20,9 @@ from symmb.equations.model import Box
 
 _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
 """A response and its negative are minimised."""
-_BATCH = 8
+_RUNS_BETWEEN_FITS = 8
 """Runs with derivatives between two fits. Fewer would use each run better, but each fit takes time."""
-_NARROW = 1e-2
+_LEAST_WIDTH_SHARE = 1e-2
 """Share of an output's largest width that counts as its width at the times where it is narrower."""
 
 
@@ -122,7 +122,7 @@ class Optimization(Method):
             least = self.tolerance * np.tile(_widths(Y, G).ravel(), 2)
             before = attained if predicted is None else predicted
             predicted = attained - models.gain
-            new = models.promising(least, min(_BATCH, most - len(X)))
+            new = models.promising(least, min(_RUNS_BETWEEN_FITS, most - len(X)))
             if not len(new):
                 return models, attained, least, before, len(X) * cost
 
@@ -136,6 +136,6 @@ def _widths(Y: Array, G: Array) -> Array:
     The width of a single run is that of its tangent. It is inf where an output is 0 throughout.
     """
     width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
-    least = np.maximum(_NARROW * width.max(axis=0), ROUNDING * np.abs(Y).max(axis=(0, 1)))
+    least = np.maximum(_LEAST_WIDTH_SHARE * width.max(axis=0), ROUNDING * np.abs(Y).max(axis=(0, 1)))
     widths = np.maximum(width, least)
     return np.where(widths > 0, widths, np.inf)

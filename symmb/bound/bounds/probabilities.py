@@ -23,31 +23,31 @@ from symmb.bound.nodes import Random, Sobol, corners
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.run.simulation import Sweep
 
-_REPLICATES = 8
+_SETS = 8
 """Independent sets of samples: their scatter is the sampling error."""
-_SAMPLES, _FEWER, _FEWEST = 512, 128, 32
+_SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, _SAMPLES_BEFORE_RUNS = 512, 128, 32
 """Samples of a set from polynomials, where each takes a search for extremes or a run, and where runs near a limit may
 follow: more take more time."""
-_AT_ONCE = 2**20
+_VALUES_IN_CACHE = 2**20
 """Values that are computed at once: what the cache of a processor holds."""
-_NEAR = 2.0
+_SAMPLES_NOT_TOLD_APART = 2.0
 """Samples next to a quantile that are not told from it."""
-_FEW = 8
+_FEW_BEYOND = 8
 """Samples beyond a quantile below which it is told that these are few."""
-_NONE = 3.0
+_EXPECTED_IF_NONE = 3.0
 """Expected number of events of which none is seen in one of 20 samples: the least sampling error of a probability."""
-_CHECKS = 32
+_VERIFYING_RUNS = 32
 """Runs, spread by the distributions, that verify polynomials where their values count, and not only their range."""
-_MISSED = 2.0
+_SAFETY_OF_RUNS = 2.0
 """Largest error over the largest one at these runs, and over the rms of errors of ranges."""
-_FITTED, _INSIDE, _FEW_INTERVALS = 256, 32, 5
+_FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
 """Runs of a fit where polynomials are not good enough, points inside of the intervals, and intervals of which all
 corners are taken."""
-_MOST_RUNS = 1000
+_MOST_RUNS_NEAR_LIMIT = 1000
 """Most runs near a limit."""
 _MOST_VALUES = 2**24
 """Most values of polynomials that a probability takes: some seconds."""
-_DEVIATIONS = 3.5
+_STANDARD_ERRORS = 3.5
 """Standard errors of the mean of the sets that are told as sampling error: 99 % of Student's t with 7 degrees."""
 
 
@@ -204,7 +204,7 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     sets.sort(axis=2)  # np.quantile takes five times as long
     whole = sets.reshape(len(sets), -1).copy()
     whole.sort(axis=1)
-    near = _NEAR / whole.shape[1]
+    near = _SAMPLES_NOT_TOLD_APART / whole.shape[1]
     quantiles, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
     scatter = _scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
     return quantiles, np.maximum(scatter, np.maximum(above - quantiles, quantiles - below))
@@ -238,10 +238,10 @@ def probability_of(
     if not is_finite_number(error) or not 0 < error < 1:
         raise DeclarationError(f"{owner}: error must be above 0 and below 1, got {shown(error)}.")
     limits = -np.inf if below is None else ends[0], np.inf if above is None else ends[-1]
-    samples = _Samples(owner, responses, k, laws, correlation, _FEWEST)
+    samples = _Samples(owner, responses, k, laws, correlation, _SAMPLES_BEFORE_RUNS)
     found = _by_samples(samples, limits)
     while _is_short(found, error) and samples.may_grow() and found[3, -1] < error / 2 * found[0, -1]:
-        samples.spread(4 * samples.number // _REPLICATES)
+        samples.spread(4 * samples.number // _SETS)
         found = _by_samples(samples, limits)
     if _is_short(found, error) and responses.runs is not None and not samples.free.any():
         own = _near_limit(samples, limits, error)
@@ -268,7 +268,7 @@ def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
     event at any time.
     """
     responses, k, (bottom, top) = samples.responses, samples.column, limits
-    at_times, ever = [], np.zeros((4, _REPLICATES, samples.number // _REPLICATES), dtype=bool)
+    at_times, ever = [], np.zeros((4, _SETS, samples.number // _SETS), dtype=bool)
     for window, low, high in samples.over_time():
         lowest, highest, e = responses.lower[window, k], responses.upper[window, k], samples.error[window]
         low, high = np.clip((low, high), lowest, highest)
@@ -278,7 +278,7 @@ def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
         ever |= beyond.any(axis=3)
     sets = np.concatenate([*at_times, ever.mean(axis=2)[..., None]], axis=2)  # (4, replicates, n_t + 1)
     lower, upper, lowest, highest = sets.mean(axis=1)
-    sampling = np.maximum(np.maximum(_scatter(sets[0]), _scatter(sets[1])), _NONE / samples.number)
+    sampling = np.maximum(np.maximum(_scatter(sets[0]), _scatter(sets[1])), _EXPECTED_IF_NONE / samples.number)
     of_polynomials = np.maximum(lower - lowest, highest - upper)
     return np.array([lower, upper, sampling + of_polynomials, of_polynomials])
 
@@ -298,11 +298,12 @@ def _near_limit(samples: "_Samples", limits: tuple[float, float], error: float) 
         lambda z: margins(samples.by_runs(samples.unit_points(ndtr(z)))),
         (ndtri(uniform), margins(Y)),
         error,
-        _MOST_RUNS,
+        _MOST_RUNS_NEAR_LIMIT,
     )
     samples.runs += found.runs
     share, n = np.clip(found.shares, 0.0, 1.0), max(found.failures, 1)
-    of_share = np.minimum(_DEVIATIONS * np.sqrt(share * (1 - share) / n) + np.where(share < 1, _NONE / n, 0.0), 1.0)
+    unseen = np.where(share < 1, _EXPECTED_IF_NONE / n, 0.0)
+    of_share = np.minimum(_STANDARD_ERRORS * np.sqrt(share * (1 - share) / n) + unseen, 1.0)
     probability = found.probability * np.append(share, 1.0)
     estimate = found.error * np.append(share, 1.0) + found.probability * np.append(of_share, 0.0)
     return np.array([probability, probability, estimate, estimate])
@@ -339,8 +340,8 @@ def _values(responses: Responses, points: Array) -> Array:
     if surrogate is not None and responses.is_good.all():
         if runs is None:
             return surrogate.values(points)
-        some = points[:_CHECKS]
-        error = _MISSED * np.abs(surrogate.values(some) - runs.values(some)).max(axis=0)
+        some = points[:_VERIFYING_RUNS]
+        error = _SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)).max(axis=0)
         if responses.are_good(error, range(len(responses.names))).all():
             return surrogate.values(points)
     assert runs is not None
@@ -360,7 +361,7 @@ class _Samples:
     """
 
     def __init__(
-        self, owner: str, responses: Responses, k: int, laws: object, correlation: object, n: int = _FEWER
+        self, owner: str, responses: Responses, k: int, laws: object, correlation: object, n: int = _SAMPLES_WITH_SEARCH
     ) -> None:
         self.responses, self.column, self._laws = responses, k, Laws.of(owner, laws, correlation, responses.box)
         self.columns = self._laws.columns
@@ -371,17 +372,17 @@ class _Samples:
         if self.surrogate is not None:
             self.error = self.surrogate.error[:, 0]
             if responses.runs is not None:
-                self.runs += _CHECKS
+                self.runs += _VERIFYING_RUNS
                 residual = np.abs(
                     self.surrogate.values(self.unit_points(self.checks[0]))[:, :, 0] - self.checks[1]
                 ).max(axis=0)
-                self.error = _MISSED * residual
+                self.error = _SAFETY_OF_RUNS * residual
                 if not responses.are_good(self.error[:, None], [k])[0]:
                     self.surrogate = None
         if self.surrogate is None and self.free.any():
             self._fit()
         if self.surrogate is not None:
-            n = _FEWER if self.free.any() else _SAMPLES
+            n = _SAMPLES_WITH_SEARCH if self.free.any() else _SAMPLES_OF_POLYNOMIALS
         self.spread(n)
 
     @cached_property
@@ -389,7 +390,7 @@ class _Samples:
         """Even numbers (N, n_l + n_free) of runs that are spread by the laws, and evenly where there are none, and
         responses (N, n_t).
         """
-        u = (Sobol().points(_CHECKS, len(self.columns) + self.free.sum(), seed=_REPLICATES) + 1) / 2
+        u = (Sobol().points(_VERIFYING_RUNS, len(self.columns) + self.free.sum(), seed=_SETS) + 1) / 2
         return u, self.by_runs(self.unit_points(u))
 
     def known(self) -> tuple[Array, Array]:
@@ -402,8 +403,8 @@ class _Samples:
 
     def spread(self, n: int) -> None:
         """Take n samples in each set."""
-        self.number = _REPLICATES * n
-        sets = [Sobol().points(n, len(self.columns), seed) for seed in range(_REPLICATES)]
+        self.number = _SETS * n
+        sets = [Sobol().points(n, len(self.columns), seed) for seed in range(_SETS)]
         self._uniform = (np.concatenate(sets) + 1) / 2
         self._points = self.unit_points(self._uniform)
 
@@ -426,18 +427,19 @@ class _Samples:
         """
         responses, free = self.responses, np.flatnonzero(self.free)
         assert responses.runs is not None
-        points, Y = responses.runs.sample(_FITTED)
+        points, Y = responses.runs.sample(_FITTED_RUNS)
         self.surrogate = fitted(points, Y[:, :, [self.column]], responses.box.names)
-        ends = corners(len(free)) if len(free) <= _FEW_INTERVALS else Random().points(_INSIDE, len(free), 0).round()
-        self._around = np.concatenate([ends, Sobol().points(_INSIDE, len(free), seed=0)])
-        few = len(ends) + _INSIDE // 4
+        n, has_few = len(free), len(free) <= _INTERVALS_OF_ALL_CORNERS
+        ends = corners(n) if has_few else Random().points(_POINTS_INSIDE, n, 0).round()
+        self._around = np.concatenate([ends, Sobol().points(_POINTS_INSIDE, n, seed=0)])
+        few = len(ends) + _POINTS_INSIDE // 4
         outer = self.unit_points(self.checks[0])
         with_free = outer[:, None].repeat(few, axis=1)
         with_free[:, :, free] = self._around[:few]
         runs = self.by_runs(with_free.reshape(-1, outer.shape[1])).reshape(len(outer), few, -1)
         low, high = self._ranges(self.surrogate, outer)
         residual = np.square([low[:, :, 0] - runs.min(axis=1), high[:, :, 0] - runs.max(axis=1)])
-        self.error = _MISSED * np.sqrt(residual.mean(axis=1).max(axis=0))
+        self.error = _SAFETY_OF_RUNS * np.sqrt(residual.mean(axis=1).max(axis=0))
         self.runs += len(points) + runs.shape[0] * few
 
     def _ranges(self, own: Piecewise, points: Array) -> tuple[Array, Array]:
@@ -456,7 +458,7 @@ class _Samples:
         surrogate, n_t = self.surrogate, len(self.responses.t)
         step = n_t
         if surrogate is not None:  # each window computes all terms at the points again
-            step = max(_AT_ONCE // self.number, *(len(own.alpha) for own in surrogate.expansions))
+            step = max(_VALUES_IN_CACHE // self.number, *(len(own.alpha) for own in surrogate.expansions))
         for start in range(0, n_t, step):
             window = slice(start, min(start + step, n_t))
             if surrogate is None:
@@ -465,7 +467,7 @@ class _Samples:
                 low, high = self._ranges(surrogate.part(window, [0]), self._points)
             else:
                 low = high = surrogate.part(window, [0]).values(self._points)
-            shape = _REPLICATES, -1, low.shape[1]
+            shape = _SETS, -1, low.shape[1]
             sets = low.reshape(shape)
             yield window, sets, sets if low is high else high.reshape(shape)
 
@@ -482,7 +484,7 @@ class _Samples:
         responses = self.responses
         intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
         remarks = (*responses.remarks, *self._laws.remarks)
-        if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < _FEW).any():
+        if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < _FEW_BEYOND).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
             remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
         unit = responses.units[self.column] if responses.units else ""
@@ -492,4 +494,4 @@ class _Samples:
 
 def _scatter(sets: Array) -> Array:
     """Sampling error of the mean of figures of all sets (replicates, ...)."""
-    return _DEVIATIONS * sets.std(axis=0, ddof=1) / np.sqrt(_REPLICATES)
+    return _STANDARD_ERRORS * sets.std(axis=0, ddof=1) / np.sqrt(_SETS)

@@ -8,9 +8,9 @@ from symmb._types import Array
 
 _SWEEPS = 10
 """Passes over the coordinates."""
-_NEAR = 4
+_NEAREST_POINTS = 4
 """Nearest points that determine a curvature, over d + 1: points farther away hardly change it."""
-_RANK = 1e-10
+_ZERO_SINGULAR_VALUE = 1e-10
 """Share of the largest singular value below which the points do not determine a curvature."""
 
 
@@ -69,7 +69,7 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
     half[np.diag_indices(N)] = np.inf
     for k in np.unique(lowest):
         own = np.flatnonzero(lowest == k)
-        near = half[k].argsort()[: min(N - 1, _NEAR * (d + 1))]
+        near = half[k].argsort()[: min(N - 1, _NEAREST_POINTS * (d + 1))]
         offset = X[near] - X[k]
         g = G[k][:, own]
         rise = F[np.ix_(near, own)] - F[k, own] - offset @ g
@@ -99,7 +99,7 @@ def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
     right = np.concatenate([turn, (rise / length[:, None])[:, None]], axis=1)
     weight = length[:, None, None] ** -3
     H = np.empty((d, d, rise.shape[1]))
-    solve = np.linalg.pinv((weight * system).reshape(N * (d + 1), len(i)), _RANK)
+    solve = np.linalg.pinv((weight * system).reshape(N * (d + 1), len(i)), _ZERO_SINGULAR_VALUE)
     H[i, j] = H[j, i] = solve @ (weight * right).reshape(N * (d + 1), rise.shape[1])
     return H
 

@@ -9,14 +9,14 @@ from symmb._types import Array
 from symmb.bound.polynomials import Expansion, HyperbolicCross, MultiIndices, basis_values
 from symmb.bound.polynomials.ranges import Piecewise
 
-_SHAPES = 1.0, 0.75, 0.5
+_CROSS_EXPONENTS = 1.0, 0.75, 0.5
 """Exponents of hyperbolic crosses: the first is the total degree, others favour terms of few parameters."""
-_HIGHEST = 16
+_HIGHEST_DEGREE = 16
 """Highest degree: runs for more of them are rare."""
 _RUNS_PER_TERM = 2
 """Least number of runs for each term: fewer leave coefficients to chance."""
 
-_LEAST_REST = 1e-6
+_LEAST_OWN_RESIDUAL = 1e-6
 """Least share of a run that its own residual keeps: a run that determines a term alone has none but rounding."""
 
 
@@ -32,7 +32,7 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
     with one_thread():
         for alpha in _bases(points.shape[1], len(points) // _RUNS_PER_TERM):
             q, r = np.linalg.qr(basis_values(alpha, points))
-            rest = np.maximum(1.0 - np.square(q).sum(axis=1), _LEAST_REST)
+            rest = np.maximum(1.0 - np.square(q).sum(axis=1), _LEAST_OWN_RESIDUAL)
             projected = q.T @ values
             left_out = np.square((values - q @ projected) / rest[:, None]).mean(axis=0)
             better = left_out < squares
@@ -52,8 +52,8 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
 def _bases(d: int, most: int) -> Iterator[MultiIndices]:
     """Sets of degrees of at most so many terms, each once."""
     sizes = set[int]()
-    for q in _SHAPES:
-        for degree in range(1, _HIGHEST + 1):
+    for q in _CROSS_EXPONENTS:
+        for degree in range(1, _HIGHEST_DEGREE + 1):
             alpha = HyperbolicCross(q).indices(d, degree)
             if len(alpha) > most:
                 break

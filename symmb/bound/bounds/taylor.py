@@ -22,7 +22,7 @@ from symmb.equations.model import Box
 
 _MOST_EVALUATIONS = 100_000
 """Evaluations of all parts: at 0.1 to 1 ms each they take up to two minutes."""
-_KEPT = 2**25
+_MOST_KEPT_NUMBERS = 2**25
 """Most coefficients that are kept for check runs: 256 MB."""
 _MOST_DIRECTIONS = 2000
 """Directions of derivatives: their system of equations takes ten seconds to solve."""
@@ -100,7 +100,7 @@ class Taylor(Method):
         upper = -lower
         kinked = simulator if isinstance(simulator, Kinked) else None
         kinks: list[tuple[float, str]] = []
-        kept = self.planned_runs(d) * outputs <= _KEPT
+        kept = self.planned_runs(d) * outputs <= _MOST_KEPT_NUMBERS
         parts = list[list[Array]]()
         for done, center in enumerate(centers, start=1):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)

@@ -19,13 +19,13 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 from symmb.prove import EXTRA_NODES, NO_START, SINGULAR, Enclosure, enclose, problem_of
 
-_HIGHEST = 60
+_HIGHEST_ORDER = 60
 """Highest order: coefficients of smooth motions are rounding long before, and their number grows with its powers."""
-_TERMS = 20_000
+_MOST_TERMS = 20_000
 """Most terms of a polynomial of the parameters. A step then takes a minute, and gigabytes with some ten states."""
-_NODES = 1_000_000
+_MOST_NODES = 1_000_000
 """The same of interpolations of expressions: they take half a minute."""
-_PARTS = 1000
+_PARTS_OF_PROGRESS = 1000
 """Parts of the horizon in which progress is told."""
 
 
@@ -93,19 +93,19 @@ class TaylorModel(Method):
     unit_of_work: ClassVar[str] = "parts of the time"
 
     def __post_init__(self) -> None:
-        require_whole(self, "order", 1, _HIGHEST)
+        require_whole(self, "order", 1, _HIGHEST_ORDER)
         require_whole(self, "boxes", 1)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
-        self._require_room(problem.d, *((_TERMS, 1) if problem.n else (_NODES, EXTRA_NODES + 1)))
+        self._require_room(problem.d, *((_MOST_TERMS, 1) if problem.n else (_MOST_NODES, EXTRA_NODES + 1)))
 
         outlook = _Outlook(self)
 
         def tell(share: float) -> None:
             outlook.note(share)
             if progress is not None:
-                progress(min(int(share * _PARTS), _PARTS), _PARTS)
+                progress(min(int(share * _PARTS_OF_PROGRESS), _PARTS_OF_PROGRESS), _PARTS_OF_PROGRESS)
 
         require_runs(self, self.boxes, "Use fewer boxes.")
         found = enclose(problem, self.order, self.boxes, tell)
@@ -145,7 +145,7 @@ class _Outlook:
         """Note the share of the horizon that is proved."""
         (before, last), now = self._last, time.monotonic()
         self._last = now, share
-        if not self._is_open or now < self._begin + _SHORT or not last < share < 1.0:
+        if not self._is_open or now < self._begin + _SECONDS_UNTOLD or not last < share < 1.0:
             return
         self._is_open = False
         minutes = (1.0 - share) * min((now - before) / (share - last), (now - self._begin) / share) / 60.0
@@ -158,7 +158,7 @@ class _Outlook:
             )
 
 
-_SHORT = 8.0
+_SECONDS_UNTOLD = 8.0
 """Time after which a proof tells how long it takes [s]."""
 
 

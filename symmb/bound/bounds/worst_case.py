@@ -19,14 +19,14 @@ from symmb.equations.model import Scene
 from symmb.results.files import NOT_KEPT, Record
 from symmb.run.simulation import SceneSimulator, Trajectory, simulate
 
-_TOGETHER = 64
+_RUNS_TOGETHER = 64
 """Samples of a block that is repeated: a multiple of those that share their steps."""
 SIDES: tuple[str, str] = ("lower", "upper")
 Place = tuple[str, int, int]
 """A side, the number of a time, and that of an output."""
-_SEVERAL = 2
+_SEVERAL_TIMES = 2
 """Output times of bounds where their number is not known."""
-_SHARE = 1e-3
+_VISIBLE_SHARE = 1e-3
 """Share of the width by which a run may miss a bound without a word: pictures do not show it."""
 
 
@@ -93,8 +93,8 @@ class AttainingRuns:
         if np.isnan(values).all():
             raise SimulationError(f"{self.simulator!r}: the run that attained a bound fails when it is made again.")
         index = int(np.nanargmin(values) if side == "lower" else np.nanargmax(values))
-        begin = index // _TOGETHER * _TOGETHER
-        return Sample(float(values[index]), P[begin : begin + _TOGETHER], index - begin)
+        begin = index // _RUNS_TOGETHER * _RUNS_TOGETHER
+        return Sample(float(values[index]), P[begin : begin + _RUNS_TOGETHER], index - begin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class WorstCase:
     attained: float
     width: float
     varied: tuple[str, ...]
-    times: int = _SEVERAL
+    times: int = _SEVERAL_TIMES
     unit: str = ""
     simulator: Simulator | None = field(default=None, metadata=NOT_KEPT)
 
@@ -144,7 +144,7 @@ class WorstCase:
     @property
     def is_short(self) -> bool:
         """Whether the run misses the bound by more than pictures show."""
-        return self.shortfall > _SHARE * self.width
+        return self.shortfall > _VISIBLE_SHARE * self.width
 
     @property
     def scene(self) -> Scene:
@@ -192,7 +192,7 @@ class WorstCase:
         value, time, attained, width = (record.number(name) for name in ("value", "time", "attained", "width"))
         side, parameters = record.text("side", *SIDES), record.numbers("parameters")
         varied = record.texts("varied", default=tuple(parameters))
-        times = record.whole("times", default=_SEVERAL)
+        times = record.whole("times", default=_SEVERAL_TIMES)
         unit = record.text("unit") if "unit" in record else ""
         return cls(record.text("output"), side, value, time, parameters, attained, width, varied, times, unit)
 

@@ -15,7 +15,7 @@ from symmb.bound.polynomials import homogeneous
 
 MOST_ORDER = 1000
 """Highest degree of a rule: the nodes of a higher one take longer than a second to find."""
-_HALVINGS = 60
+_MOST_HALVINGS = 60
 """Halvings of an interval of at most unit length: more than the binary digits of a number."""
 
 
@@ -283,7 +283,7 @@ def _farthest(nodes: Array) -> float:
     """
     ends = np.sort(nodes[nodes >= 0])
     low, high = ends[:-1], ends[1:]
-    for _ in range(_HALVINGS):
+    for _ in range(_MOST_HALVINGS):
         middle = 0.5 * (low + high)
         rises = 0.5 / middle + (1.0 / np.subtract.outer(middle, nodes)).sum(axis=1) > 0
         low, high = np.where(rises, middle, low), np.where(rises, high, middle)

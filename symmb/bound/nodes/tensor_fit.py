@@ -15,11 +15,11 @@ from symmb.run.codegen import c_source, load, on_threads, with_compiler
 Tensor = tuple[Indices, list[Array], int]
 """Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of its interpolant in the sum."""
 
-_FEW = 2**16
+_FEW_NUMBERS = 2**16
 """Values, or coefficients that are squared, up to which a compiled loop is not worth its build."""
 
 
-_SECONDS = 1e-7
+_SECONDS_PER_COEFFICIENT = 1e-7
 """Time that a coefficient takes, at most. Higher degrees than 64 would take more."""
 
 
@@ -38,7 +38,7 @@ class _Tensors(ctypes.Structure):
 def interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
     """Coefficients (N, m) from blocks of values (.., m), of which rows (N,), counted through, are at the nodes."""
     in_arrays = partial(_array_interpolants, tensors, blocks, rows)
-    if blocks[0].shape[1] * len(rows) <= _FEW:
+    if blocks[0].shape[1] * len(rows) <= _FEW_NUMBERS:
         return in_arrays()
     return with_compiler(partial(_compiled_interpolants, tensors, blocks, rows), in_arrays)
 
@@ -46,7 +46,7 @@ def interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) 
 def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
     """Sums of squares (k, ...) of coefficients (N, ...) over each of k groups of rows."""
     in_arrays = partial(_array_squares, coefficients, groups)
-    if coefficients.size <= _FEW:
+    if coefficients.size <= _FEW_NUMBERS:
         return in_arrays()
     return with_compiler(partial(_compiled_squares, coefficients, groups), in_arrays)
 
@@ -64,7 +64,7 @@ def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows:
         if not library.fit(ctypes.byref(basis), ctypes.byref(next_response), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to fit an expansion")
 
-    on_threads(work, m, _SECONDS * C.size)
+    on_threads(work, m, _SECONDS_PER_COEFFICIENT * C.size)
     return C
 
 

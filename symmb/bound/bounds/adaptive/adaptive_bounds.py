@@ -167,7 +167,7 @@ def _of_noise(runs: Runs) -> tuple[str, ...]:
 def _listed(runs: Runs, which: Mask) -> str:
     """Names of outputs (n_y,)."""
     names = [name for name, is_one in zip(runs.simulator.outputs, which, strict=True) if is_one]
-    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    return ", ".join(names[:_OUTPUTS_NAMED]) + (", ..." if len(names) > _OUTPUTS_NAMED else "")
 
 
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
@@ -192,7 +192,7 @@ _CUT = (
 """What is doubtful where there was no time, if the tolerance is far."""
 _SHORT = "The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width."
 """A remark on runs that are too few, and on noise and rounding that are too large."""
-_NAMED = 4
+_OUTPUTS_NAMED = 4
 """Outputs that a sentence names."""
 
 

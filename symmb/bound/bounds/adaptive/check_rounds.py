@@ -22,12 +22,12 @@ from symmb.bound.nodes import Grid, Index
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
-ROUNDS = 2
+LEAST_ROUNDS = 2
 """Fewest rounds, and the last ones that show what runs attain beyond those before: fewer miss more, more take runs."""
-NEAR_VALUES = 4, 12
+FITTED_VALUES = 4, 12
 """Runs with the lowest or highest values to which parabolas are fitted, over their coefficients: few show what is near
 an extreme, many what is not near those that are known."""
-NEAR_TIMES = 4
+NEIGHBOURING_TIMES = 4
 """Output times before and after a time between whose extremes others are looked for: more take longer, fewer miss
 peaks that move by more from run to run."""
 
@@ -113,7 +113,7 @@ class CheckRounds:
         self._typical = rms(few.expected_error(self._places).ravel())
         share = self._remaining_share(self._places)
         self._observed = self._remaining = self.estimate
-        self._gains, before = [np.full(runs.shape, np.inf)] * ROUNDS, np.inf
+        self._gains, before = [np.full(runs.shape, np.inf)] * LEAST_ROUNDS, np.inf
         n_rounds = n_worse = 0
         while True:
             n_known, extremes, former = len(runs.points), runs.extremes, self._corrected
@@ -144,7 +144,7 @@ class CheckRounds:
             is_cheap = runs.has_lanes and error > DOUBTFUL  # more of cheap runs may still decide what is doubtful
             is_done = error <= self.tolerance or (n_worse > self.has_corners and not is_cheap)
             n_rounds += 1
-            if (is_done and n_rounds >= ROUNDS) or runs.clock.is_late:
+            if (is_done and n_rounds >= LEAST_ROUNDS) or runs.clock.is_late:
                 break
             before = error
         return self._better()
@@ -169,9 +169,9 @@ class CheckRounds:
         """Errors (n_t, 1) of the range and, where corners have been run, of what runs attain."""
         foreseen, exceeding, (lowest, highest) = self._foreseen, self._unattained().max(axis=0), self.runs.extremes
         errors = [(self._remaining, self._upper - self._lower, min(foreseen.attained, foreseen.unconfirmed))]
-        if self.has_corners and len(self._gains) > 2 * ROUNDS - 1:
+        if self.has_corners and len(self._gains) > 2 * LEAST_ROUNDS - 1:
             gaps = self._between.share(self._between.attained) * between_times(self.runs)[1].max(axis=0)
-            gained = np.max([*self._gains[-ROUNDS:], growth_inside(self.runs), gaps], axis=0)
+            gained = np.max([*self._gains[-LEAST_ROUNDS:], growth_inside(self.runs), gaps], axis=0)
             errors.append((gained, highest - lowest, foreseen.attained))
         return [
             np.maximum(spread_over_times(error, width) if spread else error, foreseen.share(part) * exceeding)
@@ -217,7 +217,7 @@ def between_times(runs: OutputRuns) -> tuple[Array, Array]:
     k, values = np.arange(runs.shape[0]), np.stack([-Y.min(axis=0), Y.max(axis=0)])[..., 0]
     at = points[np.stack([Y.argmin(axis=0), Y.argmax(axis=0)])[..., 0]]
     gaps, places = np.zeros(values.shape), at.copy()
-    for before, after in np.ndindex(NEAR_TIMES, NEAR_TIMES):
+    for before, after in np.ndindex(NEIGHBOURING_TIMES, NEIGHBOURING_TIMES):
         first, last = np.maximum(k - before - 1, 0), np.minimum(k + after + 1, len(k) - 1)
         share = (before + 1) / (before + after + 2)
         gap = (1 - share) * values[:, first] + share * values[:, last] - values
@@ -250,7 +250,7 @@ def separable_extremes(points: Array, Y: Array) -> Array:
     d, places = points.shape[1], list[Array]()
     terms = np.concatenate([np.ones((len(points), 1)), points, np.square(points)], axis=1)
     for time in np.unique(np.linspace(0, Y.shape[1] - 1, 2 * d).astype(int)):
-        for sign, near in product((1, -1), NEAR_VALUES):
+        for sign, near in product((1, -1), FITTED_VALUES):
             y = sign * Y[:, time, 0]
             rows = np.argsort(y, kind="stable")[: near * terms.shape[1]]
             _, slope, bend = np.split(np.linalg.lstsq(terms[rows], y[rows])[0], [1, d + 1])

@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache, reduce
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -34,18 +35,21 @@ class TruncationError:
 
     where p < 1 allows for a slower decay than before. On sparse grids lines differ too much for the largest ratio.
 
-    On a tensor grid the error vanishes at the nodes, where (1 - x^2) U(x) = 0, but for a share NODE_SHARE. Products
-    that a sparse grid lacks do not count: check runs show them.
+    On a tensor grid the error vanishes at the nodes, where (1 - x^2) U(x) = 0, but for a share NODE_SHARE. The grid may
+    lack products with direction i. They are expected to be as large, relative to their factors, as the products that it
+    has: their size is `mixed`.
 
     Attributes
     ----------
     directions : (d, n_t, n_y)      largest error from each direction, e_i
     slow : (d, n_t, n_y)            whether r of each direction exceeds SMOOTH_DECAY
+    mixed : (n_t, n_y)              error from products that are missing
     degrees : (d,) or None          of a tensor grid; None for other grids, whose errors are the same everywhere
     """
 
     directions: Array
     slow: Mask
+    mixed: Array
     degrees: Indices | None
 
     @classmethod
@@ -58,16 +62,21 @@ class TruncationError:
         tensor = len(alpha) == int(np.prod(degrees + 1))
         directions = np.zeros((alpha.shape[1], *coefficients.shape[1:]))
         slow = np.zeros(directions.shape, dtype=bool)
-        every = _degree_shells(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)
-        parts = [list(itertools.chain(*every))] if tensor else every  # of many directions one at a time: memory
+        mixed = np.zeros(coefficients.shape[1:])
+        groups = _groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)
+        each_rows = [each.rows for each in groups]
+        parts = [list(itertools.chain(*each_rows))] if tensor else each_rows  # of many directions one at a time: memory
         sizes = itertools.chain.from_iterable(_sizes(coefficients, noise, rows) for rows in parts)
-        for i, rows in enumerate(every):
-            shells = list(itertools.islice(sizes, len(rows)))
+        for i, each in enumerate(groups):
+            shells = list(itertools.islice(sizes, len(each.shells)))
             ratios = [_ratio(a, b) for a, b in itertools.pairwise(shells)]
             decay = reduce(np.maximum, ratios) if tensor else ratios[0]
             power = np.maximum(1 - decay / FAST_DECAY, DECAY_POWER) if tensor else DECAY_POWER
             directions[i], slow[i] = shells[0] * decay**power, decay > SMOOTH_DECAY
-        return cls(directions, slow, degrees if tensor else None)
+            if each.unmixed.size:
+                product, factor, unmixed = itertools.islice(sizes, 3)
+                mixed += np.square(unmixed * _ratio(product, factor))
+        return cls(directions, slow, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
         """Expected error (..., n_t, n_y) at points x (..., n_t, n_y, d), or (..., 1, 1, d) for all times."""
@@ -80,7 +89,7 @@ class TruncationError:
     def least(self) -> Array:
         """Expected error (n_t, n_y) wherever the extremes are."""
         if self.degrees is None:
-            return self.directions.sum(axis=0)
+            return self.directions.sum(axis=0) + self.mixed
         return np.tensordot(NODE_SHARE / np.clip(self.degrees, 1, 4), self.directions, axes=1)
 
 
@@ -115,15 +124,34 @@ def _sizes(coefficients: Array, noise: Array | float, groups: list[Indices]) -> 
     return np.sqrt(sizes, out=sizes)
 
 
+class _Groups(NamedTuple):
+    """Rows of the coefficients of one direction.
+
+    Attributes
+    ----------
+    shells : rows of the two highest degrees in this direction, of the two below, and so on
+    unmixed : rows that have no product with this direction
+    products : rows of products of x_i with others, and of these others
+    """
+
+    shells: list[Indices]
+    unmixed: Indices
+    products: tuple[Indices, Indices]
+
+    @property
+    def rows(self) -> list[Indices]:
+        """The shells and, unless all is mixed, products, factors and what is unmixed."""
+        return [*self.shells, *self.products, self.unmixed] if self.unmixed.size else self.shells
+
+
 @lru_cache(maxsize=32)
-def _degree_shells(indices: tuple[tuple[int, ...], ...], least: int) -> list[list[Indices]]:
-    """Rows of each direction's two highest degrees, of the two below, and so on; none of degrees below the least."""
+def _groups(indices: tuple[tuple[int, ...], ...], least: int) -> list[_Groups]:
+    """The groups of each direction; shells have no degrees below the least."""
     alpha = np.array(indices)
-    return [_shells_along(alpha, i, least) for i in range(alpha.shape[1])]
+    return [_Groups(*_degree_shells(alpha, i, least), _products(alpha, i)) for i in range(alpha.shape[1])]
 
 
-def _shells_along(alpha: MultiIndices, i: int, least: int) -> list[Indices]:
-    """The shells of direction i. The highest degree is that of the line of indices which differ in this direction."""
+def _degree_shells(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indices], Indices]:
     _, line = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
     line = line.ravel()
     top = np.zeros(int(line.max()) + 1, dtype=np.intp)
@@ -131,7 +159,21 @@ def _shells_along(alpha: MultiIndices, i: int, least: int) -> list[Indices]:
     thickness = np.where(top[line] > 2, 2, 1)  # with degree 2 only one coefficient is above the slope
     shell = (top[line] - alpha[:, i]) // thickness
     rows = (np.flatnonzero((top[line] > 0) & (alpha[:, i] >= least) & (shell == k)) for k in range(SHELLS))
-    return [some for some in rows if some.size]
+    return [some for some in rows if some.size], np.flatnonzero((top[line] == 0) & (alpha.sum(axis=1) > 0))
+
+
+def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
+    """Rows of products of x_i with others, and of these others; of x_i and all x_j if there are no products."""
+    rows = {cast(tuple[int, ...], tuple(a)): k for k, a in enumerate(alpha.tolist())}
+    first, base = [], []
+    for a, k in rows.items():
+        if a[i] == 1 and sum(a) > 1:
+            first.append(k)
+            base.append(rows[(*a[:i], 0, *a[i + 1 :])])
+    if not first:
+        base = np.flatnonzero(alpha.sum(axis=1) == 1).tolist()
+        first = [k for k in base if alpha[k, i]]
+    return np.array(first, dtype=np.intp), np.array(base, dtype=np.intp)
 
 
 def decay_ratios(expansion: Expansion, widths: Array, least: int) -> Array:

@@ -36,7 +36,7 @@ SURFACE_TIMES = 8
 """Most times of an output that is left to a response surface: each extreme of each takes a search."""
 GROWTH = 0.25
 """Share by which the grid grows at a time: less takes more searches, more takes more runs."""
-EARLY = 5.0
+EARLY_CHECK = 5.0
 """Estimated error over the tolerance at which check runs may show that it is enough: more takes fewer nodes, and more
 check runs for nothing."""
 FEW_NODES = 7
@@ -69,7 +69,7 @@ class OutputStudy:
             is_stalled = self._is_stalled()
             is_last = not step or runs.clock.is_late or (self._has_corners and is_stalled)
             runs.tell(self._error)
-            if self._error <= EARLY * tolerance or is_last:
+            if self._error <= EARLY_CHECK * tolerance or is_last:
                 found = yield from self._corrected(self._has_corners)
                 error = relative_rms(found.estimate, runs.rms_widths())
                 if error <= tolerance:
@@ -92,7 +92,7 @@ class OutputStudy:
     def _screened(self) -> Iterator[Request]:
         """The error of the interpolant is estimated. Before a small one is believed, runs look for more."""
         self._estimate_error()
-        if self._error <= EARLY * self.tolerance and not self._is_screened and self.runs.may_hide():
+        if self._error <= EARLY_CHECK * self.tolerance and not self._is_screened and self.runs.may_hide():
             self._is_screened, points = True, screening_points(len(self.runs.box))
             yield Checks(points)
             self._probes = np.concatenate([self._probes, points])

@@ -20,7 +20,7 @@ So much of the error is left after a rough piece was halved along every paramete
 JUDGED_DEGREE = 16
 """Least degree at which smoothness is judged, twice that on halves, one of which is expected to be rough: less cuts
 smooth responses into pieces, more takes more runs at kinks."""
-_TAIL = 4
+_DEGREES_OF_TAIL = 4
 """Last degrees whose coefficients together are the error at kinks, where they fall slowly: more is safer."""
 
 Part = tuple[Array, Array, Array]
@@ -181,7 +181,7 @@ class Piece:
             before, last = (size[of_direction == n - k].sum(axis=0) for k in (1, 0))
             ratio = np.divide(last, before, out=np.ones_like(last), where=before > last)
             error = np.maximum(error, last * np.minimum(ratio / np.maximum(1 - ratio, ratio), 1.0))
-        tail = size[(alpha > np.maximum(highest - _TAIL, highest / 2)).any(axis=1)].sum(axis=0)
+        tail = size[(alpha > np.maximum(highest - _DEGREES_OF_TAIL, highest / 2)).any(axis=1)].sum(axis=0)
         error = np.where(self.truncation.slow.any(axis=0), np.maximum(tail, error), error)
         return error if self.jumps is None else np.where(self.jumps, np.ptp(self.Y, axis=0), error)
 

@@ -18,6 +18,7 @@ from symmb.bound.bounds.adaptive.requests import Checks, Noise, Steps
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.covariances import Ridge, Sum
+from symmb.bound.bounds.direct_search import LINE_POINTS
 from symmb.bound.bounds.gaussian_process import GaussianProcess, Kernel
 from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
 from symmb.bound.nodes import Grid
@@ -26,22 +27,20 @@ from symmb.bound.polynomials.ranges import Piecewise
 
 SHORTEST_RIDGE = 0.7
 """Length of a ridge which, or 2, 4 or 8 times it, is the start of a search: fewer may find none, more take time."""
-REFIT = 1.4
+REFIT_GROWTH = 1.4
 """Growth of the runs after which the kernel is chosen anew: less takes more time, and fewer runs."""
-DEVIATIONS, LATEST = 2.0, 10
+DEVIATIONS, LATEST_RUNS = 2.0, 10
 """Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
 show more: more is safer, and takes more runs."""
-SPREAD, FEWEST_SPREAD = 4, 12
+SPREAD_RUNS, FEWEST_SPREAD = 4, 12
 """Runs of a round that are spread over the box, and fewest of all rounds: more are safer. So many corners are the first
 of them: what acts for high values of some parameters together is seen nowhere else."""
-STEP = 0.15
+SLOPE_STEP = 0.15
 """Distance from the middle at which slopes are taken, and in each parameter from an extreme of the surface at which a
 run shows whether the response is flat there: less shows less, more shows the slope elsewhere."""
 SEARCH_STARTS = 3
 """Best ones of CANDIDATES points of the box, and of as many corners, from which searches start: more take time, fewer
 miss extremes."""
-SEARCH_LINE = 17
-"""Values of a parameter of which the best is looked for: a sine of a period has its extremes within 0.06 of them."""
 _NAME = "a response surface"
 
 
@@ -63,20 +62,20 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
     d = len(runs.box)
     most = runs.most if is_patient else PATIENCE * d
     latest, kernel, n_spread, n_fit = np.zeros(1), None, 0, 0
-    corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
-    slopes = STEP * np.eye(d)
+    corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD_RUNS)
+    slopes = SLOPE_STEP * np.eye(d)
     yield Checks(slopes)
     points = np.concatenate([points, slopes])
     while True:
         data = _Responses.of(*runs.attained(points), runs)
         if not data.varies.any():
             return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, _NAME, is_enough=True)
-        if kernel is None or len(data.points) >= REFIT * n_fit:
+        if kernel is None or len(data.points) >= REFIT_GROWTH * n_fit:
             kernel, n_fit = _likely_kernel(kernel, data), len(data.points)
         surface = GaussianProcess(kernel, data.points, data.Y)
         # At an extreme the errors of all kinks of a sum have one sign.
         factor = DEVIATIONS * (d**0.5 if kernel.is_sum else 1.0)
-        places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST:]))))
+        places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST_RUNS:]))))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
         is_plateau = _is_plateau(data, attained)
@@ -93,8 +92,8 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
             yield Noise()
             kernel = None  # noise of one response spoils that of all
             continue
-        spread = corners.pop() if corners else quasi_random_points(n_spread + SPREAD, d)[-SPREAD:]
-        n_spread += SPREAD
+        spread = corners.pop() if corners else quasi_random_points(n_spread + SPREAD_RUNS, d)[-SPREAD_RUNS:]
+        n_spread += SPREAD_RUNS
         beside = _beside(places[:, 0].reshape(-1, d), n_spread)
         n_known = len(runs.points)
         new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)
@@ -219,7 +218,7 @@ def _unlikeliness(process: GaussianProcess) -> float:
 
 def _slope(data: _Responses) -> Array:
     """Slope (d,) in the middle of the response for which it is largest."""
-    is_near = (data.points == STEP).any(axis=1) & (np.count_nonzero(data.points, axis=1) == 1)
+    is_near = (data.points == SLOPE_STEP).any(axis=1) & (np.count_nonzero(data.points, axis=1) == 1)
     middle = data.Y[(data.points == 0).all(axis=1)]
     if not len(middle):
         return np.zeros(data.points.shape[1])
@@ -258,7 +257,7 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
 
 def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float, factor: float, x: Array) -> Array:
     """A point (d,) of the values on lines through x (d,) where sign times a response less deviations is smallest."""
-    values = np.linspace(-1, 1, SEARCH_LINE)
+    values = np.linspace(-1, 1, LINE_POINTS)
     points = np.where(np.eye(len(x), dtype=bool)[:, None], values[:, None], x).reshape(-1, len(x))
     objective = sign * surface.mean(points)[:, response] - (factor * surface.deviation(points) if factor else 0.0)
     return values[objective.reshape(len(x), -1).argmin(axis=1)]
@@ -270,7 +269,7 @@ def _beside(places: Array, number: int) -> Array:
     Directions depend on the number of the round.
     """
     directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
-    return np.clip(places + STEP * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
+    return np.clip(places + SLOPE_STEP * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
 
 
 def _distinct(points: list[Array], known: Array) -> Array:

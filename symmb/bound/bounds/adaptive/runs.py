@@ -33,7 +33,7 @@ numbers have."""
 UNKNOWN_SHARE = 1.2 * DOUBTFUL
 """Least error over the width near failed runs, and of what searches attain: nothing tells how large it is. Less misses
 silently, more doubts needlessly."""
-_ORDINARY = 300
+_ORDINARY_POWER = 300
 """Powers of two, 1e90, by which numbers may grow: they are squared. Half of it is not scaled by a power of two."""
 
 
@@ -286,10 +286,10 @@ class Runs:
         self._largest = np.maximum(self._largest, largest)
         largest = np.maximum(largest, 0.0 if self._told is None else self._told)
         new = np.maximum(np.where(largest > 0, np.frexp(largest)[1], self.power), self._least_power)
-        if (too_large := varies & (new - self.power > _ORDINARY)).any():
+        if (too_large := varies & (new - self.power > _ORDINARY_POWER)).any():
             self._least_power = np.where(too_large, new, self._least_power)
             raise OutgrownError
-        self.power = np.where(varies | (np.abs(new) < _ORDINARY / 2), self.power, new)
+        self.power = np.where(varies | (np.abs(new) < _ORDINARY_POWER / 2), self.power, new)
 
 
 class OutputRuns:

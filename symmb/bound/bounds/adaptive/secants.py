@@ -6,7 +6,7 @@ from symmb._limits import windows
 from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_runs import SAFETY
 
-LEAST_SHARE = 0.2
+LEAST_SHARE_BESIDE_CUSP = 0.2
 """Least share of an interval between a vertex and its ends where slopes grow towards it, as at cusps."""
 
 
@@ -48,7 +48,7 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
     bends[[0, -1]] = False
     is_valley = bends & (left < 0) & (right > 0)
     crossing = np.divide(slope - right, left - right, out=np.full_like(slope, 0.5), where=is_valley)
-    least = np.minimum(np.maximum(growth_before, growth_after) - 1, LEAST_SHARE)
+    least = np.minimum(np.maximum(growth_before, growth_after) - 1, LEAST_SHARE_BESIDE_CUSP)
     u = np.where(is_valley, np.clip(crossing, least, 1 - least), 0.5)
     of_left, of_right = h * np.where(is_valley, [u, 1 - u], 1.0)
     value = np.minimum(y[:-1] + np.minimum(left, 0.0) * of_left, y[1:] - np.maximum(right, 0.0) * of_right)

@@ -12,9 +12,9 @@ from symmb._options import require_whole
 from symmb._types import Array
 from symmb.bound.polynomials.legendre import MultiIndices
 
-CHUNK = 2**18
+NUMBERS_AT_ONCE = 2**18
 """Coefficients of a part: 2 MB, the size of a core's cache."""
-MOST = 2**24
+MOST_NUMBERS = 2**24
 """Most coefficients of a polynomial: they take 128 MB."""
 
 
@@ -62,13 +62,13 @@ class Bernstein:
         """Lower and upper bounds, each (m,), of polynomials with Legendre coefficients (n_b, m)."""
         shape = tuple(alpha.max(axis=0) + 1)
         size = math.prod(self.boxes * int(n) for n in shape)
-        if size > MOST:
+        if size > MOST_NUMBERS:
             raise DeclarationError(
                 f"{self!r}: {len(shape)} parameters of orders {max(shape) - 1} and less have {size:.1e} Bernstein "
-                f"coefficients, more than {MOST:.1e}. Use Exact() or ChebyshevInclusion()."
+                f"coefficients, more than {MOST_NUMBERS:.1e}. Use Exact() or ChebyshevInclusion()."
             )
         changes = [_on_boxes(n - 1, self.boxes) for n in shape]
-        m, step = coefficients.shape[1], max(1, CHUNK // size)
+        m, step = coefficients.shape[1], max(1, NUMBERS_AT_ONCE // size)
         lower, upper = np.empty(m), np.empty(m)
         for start in range(0, m, step):
             part = slice(start, start + step)

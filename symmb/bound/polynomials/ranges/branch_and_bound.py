@@ -8,12 +8,12 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bound.polynomials.chebyshev import LowerSet, halving
-from symmb.bound.polynomials.ranges.terms import FEW, LANES, Terms, terms_of
+from symmb.bound.polynomials.ranges.terms import FEW_TERMS, LANES, Terms, terms_of
 from symmb.run.codegen import c_source, load, on_threads
 
-_SECONDS = 2.5e-5
+_SECONDS_PER_COEFFICIENT = 2.5e-5
 """Time that a coefficient takes, of many parameters, with a budget of thousands of boxes."""
-_LEVELS = 64
+_MOST_LEVELS = 64
 """Halvings of a parameter after which a box is as small as rounding allows."""
 
 
@@ -61,9 +61,9 @@ def compiled_ranges(
     tables = _tables(terms.products)
     b, (n_given, m) = tables.basis, legendre.shape
     # The basis is changed in C: the threads of NumPy's matrix product would wait actively beside those below.
-    change = terms.change if n_given <= FEW else None
+    change = terms.change if n_given <= FEW_TERMS else None
     C = terms.coefficients(legendre) if change is None else np.ascontiguousarray(legendre, dtype=float)
-    depth = _LEVELS * b.d
+    depth = _MOST_LEVELS * b.d
     ranges, points, gaps = np.empty((2, m)), np.empty((2, m, b.d)), np.empty((2, m))
     of, to, *rest = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (C, change, ranges, points, gaps))
     library = load(_SOURCE, "ranges")
@@ -76,7 +76,7 @@ def compiled_ranges(
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, proves, *addresses)
         library.ranges(ctypes.byref(search), ctypes.c_long(m), of, to, ctypes.c_long(n_given), *rest)
 
-    on_threads(work, m, _SECONDS * legendre.size)
+    on_threads(work, m, _SECONDS_PER_COEFFICIENT * legendre.size)
     return *ranges, *points, *gaps
 
 

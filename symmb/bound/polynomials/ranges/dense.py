@@ -13,14 +13,14 @@ from symmb.run.codegen import c_number, c_source, load, on_threads
 MOST_PARAMETERS = 3
 """Parameters up to which the grid is small enough: its size grows with their power. DIRECTIONS of the C."""
 HIGHEST_DEGREE = int(c_number("dense_search", "ORDERS")) - 1
-_SAMPLES = 4
+_SAMPLES_PER_DEGREE = 4
 """Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
-_FEWEST = 12
+_FEWEST_SAMPLES = 12
 """Least number of intervals between samples: low degrees cost nothing."""
-_WAVY = 8
+_WAVY_DEGREE = 8
 """Degree above which the valleys along a parameter may all be alike. This parameter gets twice as many samples, and
 Newton's method starts in each of `_PIECES` pieces. tests/polynomials/test_ranges.py"""
-_SECONDS = 2e-7
+_SECONDS_PER_COEFFICIENT = 2e-7
 """Time that a coefficient takes, at most: that of one parameter at the highest degree."""
 _PIECES = int(c_number("dense_search", "PIECES"))
 
@@ -50,9 +50,9 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     degrees = alpha.max(axis=0)
     order = np.argsort(degrees, kind="stable")
     rows = np.ascontiguousarray(np.lexsort(alpha[:, order[::-1]].T), dtype=np.int32)
-    wavy = degrees.max() > _WAVY
-    per_degree = [_SAMPLES] * (d - 1) + [2 * _SAMPLES if wavy else _SAMPLES]
-    tables = [_samples(1, _SAMPLES)] * (MOST_PARAMETERS - d)
+    wavy = degrees.max() > _WAVY_DEGREE
+    per_degree = [_SAMPLES_PER_DEGREE] * (d - 1) + [2 * _SAMPLES_PER_DEGREE if wavy else _SAMPLES_PER_DEGREE]
+    tables = [_samples(1, _SAMPLES_PER_DEGREE)] * (MOST_PARAMETERS - d)
     tables += [_samples(int(degrees[k]) + 1, s) for k, s in zip(order, per_degree, strict=True)]
     grid = _Grid(pieces=_PIECES if wavy else 1, reach=_reach(per_degree))
     for k, (x, values, single) in enumerate(tables):
@@ -77,7 +77,7 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
         if not library.dense(ctypes.byref(grid), ctypes.byref(next_polynomial), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to search ranges")
 
-    on_threads(work, m, _SECONDS * C.size)
+    on_threads(work, m, _SECONDS_PER_COEFFICIENT * C.size)
     return extremes, points
 
 
@@ -95,7 +95,7 @@ def _reach(per_degree: list[int]) -> float:
 @cache
 def _samples(n: int, per_degree: int) -> tuple[Array, Array, np.ndarray]:
     """Samples of one parameter and the n Legendre polynomials there, also in single precision."""
-    intervals = max(per_degree * (n - 1), _FEWEST)
+    intervals = max(per_degree * (n - 1), _FEWEST_SAMPLES)
     x: Array = np.cos(np.pi * np.arange(intervals + 1) / intervals) if n > 1 else np.zeros(1)
     values = np.ascontiguousarray(np.polynomial.legendre.legvander(x, n - 1), dtype=float)
     return x, values, values.astype(np.float32)

@@ -7,9 +7,9 @@ from symmb._limits import windows
 from symmb._types import Array
 from symmb.bound.polynomials.legendre import MultiIndices
 
-_SAMPLES = 4
+_SAMPLES_PER_DEGREE = 4
 """Samples along a parameter for each degree: enough to start from the deepest of several valleys."""
-_OTHERS = 3
+_OTHER_STARTS = 3
 """Searches from points of no meaning: they find most valleys that the others miss."""
 _SWEEPS, _GAIN = 30, 1e-9
 """Most searches along each parameter, and the gain over the largest coefficient below which they end."""
@@ -29,7 +29,7 @@ def _minima(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
     for k in range(d):
         slopes[:, k] = coefficients[(alpha.sum(axis=1) == 1) & (alpha[:, k] == 1)].sum(axis=0)
     corner = np.where(slopes > 0, -1.0, 1.0)
-    others = np.broadcast_to(np.random.default_rng(0).uniform(-1, 1, (_OTHERS, 1, d)), (_OTHERS, m, d))
+    others = np.broadcast_to(np.random.default_rng(0).uniform(-1, 1, (_OTHER_STARTS, 1, d)), (_OTHER_STARTS, m, d))
     values, points = np.full(m, np.nan), np.zeros((m, d))
     for window in windows(m, 4 * len(alpha)):
         for start in (np.zeros((m, d)), corner, -corner, *others):
@@ -60,7 +60,7 @@ def _descended(alpha: MultiIndices, coefficients: Array, x: Array) -> tuple[Arra
 def _least(c: Array) -> tuple[Array, Array]:
     """Points and values (m,) of the minima of polynomials with Legendre coefficients (n, m) of one parameter."""
     n, every = len(c), np.arange(c.shape[1])
-    samples = np.cos(np.pi * np.arange(_SAMPLES * n + 1) / (_SAMPLES * n))
+    samples = np.cos(np.pi * np.arange(_SAMPLES_PER_DEGREE * n + 1) / (_SAMPLES_PER_DEGREE * n))
     values: Array = np.asarray(legendre.legval(samples, c), dtype=float)
     best = values.argmin(axis=1)
     x, value = samples[best], values[every, best]

@@ -11,7 +11,7 @@ from symmb.run.codegen import c_number
 
 LANES = int(c_number("polynomial_ranges", "W"))
 """Coefficients are padded to multiples of it, with at least one zero, which stands for all products outside the set."""
-FEW = 64
+FEW_TERMS = 64
 """Coefficients up to which one full matrix is the fastest change of basis."""
 
 
@@ -41,7 +41,7 @@ class Terms:
 
     def coefficients(self, legendre: Array) -> Array:
         """Padded Chebyshev coefficients (m, n_padded) of polynomials with Legendre coefficients (n_b, m)."""
-        if len(legendre) <= FEW:
+        if len(legendre) <= FEW_TERMS:
             return legendre.T @ self.change
         C = np.zeros((legendre.shape[1], self.padded))
         C[:, : len(self.products.alpha)] = self.products.from_legendre(legendre).T
