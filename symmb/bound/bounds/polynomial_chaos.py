@@ -158,7 +158,9 @@ class PolynomialChaos(Method):
             coefficients, inner, ok, failed = self._streamed(fit, P, simulator, box, executor, progress)
         shape = len(simulator.times), len(simulator.outputs)
         noise = noise_from_runs(simulator)
-        is_noise = np.zeros(shape[1], dtype=bool) if noise is None else _width(*inner) <= 2 * noise
+        with np.errstate(over="ignore"):
+            widest = (inner[1] - inner[0]).max(axis=0)
+        is_noise = np.zeros(shape[1], dtype=bool) if noise is None else widest <= 2 * noise
         expansion = Expansion(fit.alpha, coefficients.reshape(-1, *shape), box.names)
         expansion = expansion.without(box.lower == box.upper, is_noise)
         lower, upper = (np.reshape(bound, shape) for bound in self._range(expansion))
@@ -237,9 +239,3 @@ class PolynomialChaos(Method):
                 options.append("lockstep=True")
             return f"PolynomialChaos.paper({', '.join(options)})"
         return constructor_text(self, order)
-
-
-def _width(lower: Array, upper: Array) -> Array:
-    """Largest widths (n_y,) over time."""
-    with np.errstate(over="ignore"):
-        return (upper - lower).max(axis=0)

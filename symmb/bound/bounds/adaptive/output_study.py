@@ -166,10 +166,6 @@ class OutputStudy:
             sizes = {index: max(size, least) for index, size in sizes.items()}
         self.sizes, self.estimate, self._error = sizes, estimate, relative_rms(estimate, widths)
 
-    def _error_at(self, nodes: float) -> float:
-        """The least error that the grid had with so many nodes, infinite if it has not had so few."""
-        return min((error for n, error in self._errors.items() if n <= nodes), default=np.inf)
-
     def _is_stalled(self) -> bool:
         """Whether the error falls so slowly, as at kinks, that it would take too many nodes to reach the tolerance.
 
@@ -179,7 +175,7 @@ class OutputStudy:
         few = FEW_NODES if self._is_brief else 2 * FEW_NODES
         if nodes < (few if self._error < 1 else PATIENCE) * d or self._error <= self.tolerance:
             return False
-        factor = self._error / self._error_at(nodes / 2)
+        factor = self._error / min((error for n, error in self._errors.items() if 2 * n <= nodes), default=np.inf)
         most = self.runs.left + nodes if self.is_patient else 2 * PATIENCE * d
         return factor >= 1 or nodes * 2 ** (np.log(self.tolerance / self._error) / np.log(factor)) > most
 

@@ -122,18 +122,13 @@ class Runs:
 
     def shapes(self) -> int:
         """How many shapes of time the responses are made of."""
-        deviations = self._some_deviations()
+        deviations = _some_deviations(self._blocks, self.rms_widths())
         return int(count_shapes(deviations.reshape(len(deviations), -1)))
 
     def shapes_of_outputs(self) -> Indices:
         """How many each output that varies is made of."""
-        return count_shapes(self._some_deviations()[..., np.isfinite(self.rms_widths())].transpose(2, 0, 1))
-
-    def _some_deviations(self) -> Array:
-        """(SHAPE_RUNS at most, n_s, n_y) deviations of first nodes from their mean at some times, over the widths."""
-        some = slice(None, None, max(1, self.shape[0] // (2 * SHAPE_RUNS)))
-        Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in self._blocks])[:SHAPE_RUNS]
-        return (Y - Y.mean(axis=0)) / self.rms_widths()
+        deviations = _some_deviations(self._blocks, self.rms_widths())
+        return count_shapes(deviations[..., np.isfinite(self.rms_widths())].transpose(2, 0, 1))
 
     def interpolant(self, grid: Grid, rows: Indices) -> Expansion:
         """Through the responses at nodes of these rows (N,), in named parameters."""
@@ -182,11 +177,6 @@ class Runs:
         Y, points = Y[ok], points[ok]
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
         return points, Y
-
-    def _progress(self, before: int) -> Progress | None:
-        """Progress that counts the runs before."""
-        progress = self.progress
-        return progress and (lambda done, n: progress(before + done, before + n))
 
     def tell(self, error: float) -> None:
         """Tell whoever watches the progress the error that is reached."""
@@ -254,7 +244,9 @@ class Runs:
             return Y, ok, events
         P = parameter_samples(self.simulator, self.box, points)
         with self.clock.of_runs():
-            ensemble = run_blocks(self.simulator, P, self.executor, self._progress(len(self)))
+            progress, before = self.progress, len(self)
+            counted = progress and (lambda done, n: progress(before + done, before + n))
+            ensemble = run_blocks(self.simulator, P, self.executor, counted)
         self.tried, self.ok = np.concatenate([self.tried, points]), np.concatenate([self.ok, ensemble.ok])
         bad = np.flatnonzero(~ensemble.ok)
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
@@ -388,9 +380,7 @@ class OutputRuns:
 
     def may_hide(self) -> bool:
         """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
-        some = slice(None, None, max(1, self.shape[0] // (2 * SHAPE_RUNS)))
-        Y = self.nodes[:SHAPE_RUNS, some]
-        Y = (Y - Y.mean(axis=0)) / self.rms_widths()
+        Y = _some_deviations([self.nodes], self.rms_widths())
         return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 
     def tell(self, error: float) -> None:
@@ -412,6 +402,13 @@ def typical_error(error: Array, widths: Array) -> float:
 def relative_errors(error: Array, widths: Array) -> Array:
     """Root mean square over time of errors (..., n_t, n_y) over the rms width (n_y,) of each output."""
     return np.asarray(np.sqrt(np.square(error).mean(axis=-2)) / widths)
+
+
+def _some_deviations(blocks: list[Array], widths: Array) -> Array:
+    """(SHAPE_RUNS at most, n_s, n_y) deviations of first runs from their mean at some times, over the widths (n_y,)."""
+    some = slice(None, None, max(1, blocks[0].shape[1] // (2 * SHAPE_RUNS)))
+    Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in blocks])[:SHAPE_RUNS]
+    return (Y - Y.mean(axis=0)) / widths
 
 
 def _quadratic(points: Array, Y: Array) -> Callable[[Array], Array]:

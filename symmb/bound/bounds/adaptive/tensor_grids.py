@@ -88,10 +88,6 @@ class _Union:
         seen = np.abs(found.values(runs.points) - runs.checks).max(axis=0, initial=0.0)
         return replace(found, error=np.maximum(error, SAFETY * seen))
 
-    def piece_at(self, point: Array) -> Piece:
-        """A piece that holds the point."""
-        return min(self.pieces, key=lambda piece: float((np.abs(point - piece.centre) / piece.half).max()))
-
 
 class TensorGrids:
     """Interpolants on tensor grids, whose degrees rise in the directions with the largest errors.
@@ -303,9 +299,10 @@ class TensorGrids:
         rows = np.arange(len(runs.points))
         if len(union.pieces) > 1:  # near a jump, former check runs say nothing about the pieces that lie there now
             rows = rows[(rows < len(probes)) | (rows >= n_known)]
-        home = [union.piece_at(point) for point in runs.points[rows]]
-        for piece in union.pieces:
-            own = rows[[each is piece for each in home]]
+        distances = [(np.abs(runs.points[rows] - piece.centre) / piece.half).max(axis=1) for piece in union.pieces]
+        home = np.argmin(distances, axis=0)  # the first piece that holds a point
+        for k, piece in enumerate(union.pieces):
+            own = rows[home == k]
             points, errors = runs.points[own], piece.observed_errors(runs.points[own], runs.checks[own])
             largest_expected = piece.errors.max(axis=0)
             for point, error in zip(points, np.maximum(np.square(errors) - np.square(runs.noise), 0.0), strict=True):
