@@ -12,7 +12,7 @@ from symmb.bound.bounds.adaptive.error_estimate import SMOOTH_DECAY, TruncationE
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, Runs, relative_errors
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion
-from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, RANGE_TOLERANCE, attained_extremes
+from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, RANGE_ERROR, attained_extremes
 
 REFINED_SHARE = 0.25
 """Directions with at least this share of the largest error are refined together: less takes more runs and fewer rounds.
@@ -205,7 +205,7 @@ class Piece:
             is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
             higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
-        if self.half[rough] < RANGE_TOLERANCE:  # what is narrower changes no range
+        if self.half[rough] < RANGE_ERROR:  # what is narrower changes no range
             return []
         is_along = np.arange(len(degrees)) == rough
         half = np.where(is_along, self.half / 2, self.half)

@@ -22,7 +22,7 @@ from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs
 from symmb.bound.bounds.adaptive.secants import secant_extremes
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, average_over_window, is_doubtful, is_doubtful_in_window
-from symmb.bound.polynomials.ranges import RANGE_TOLERANCE, Piecewise
+from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
 
 MANY_VALUES = 1000
 """Values of a run from which they are a field: a mean over fewer says little, and misses more with fewer runs."""
@@ -154,8 +154,8 @@ class TensorGrids:
             return None
         n = len(union.pieces)
         name = "an interpolant on a tensor grid" if n == 1 else f"interpolants on {n} tensor grids"
-        is_enough = max(error, RANGE_TOLERANCE) <= tolerance
-        estimate = estimate + RANGE_TOLERANCE * width
+        is_enough = max(error, RANGE_ERROR) <= tolerance
+        estimate = estimate + RANGE_ERROR * width
         return EstimatedRange(union.lower, union.upper, estimate, union.polynomials, name, union.places, is_enough)
 
     def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
@@ -176,7 +176,7 @@ class TensorGrids:
             if size <= tolerance:
                 (is_lowest, is_highest), (lowest, highest) = beyond < of_range, runs.extremes
                 lower, upper = np.where(is_lowest, lowest, union.lower), np.where(is_highest, highest, union.upper)
-                error = errors.max(axis=0) + RANGE_TOLERANCE * (upper - lower)
+                error = errors.max(axis=0) + RANGE_ERROR * (upper - lower)
                 return EstimatedRange(lower, upper, error, union.polynomials, "runs near kinks", is_enough=True)
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)

@@ -7,7 +7,7 @@ from symmb.bound.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS
 from symmb.bound.polynomials.ranges.exact import Exact
 from symmb.bound.polynomials.ranges.inclusion import LegendreInclusion, Range
 from symmb.bound.polynomials.ranges.piecewise import (
-    RANGE_TOLERANCE,
+    RANGE_ERROR,
     RANGE_WORK,
     Piecewise,
     attained_extremes,

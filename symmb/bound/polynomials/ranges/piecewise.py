@@ -13,7 +13,7 @@ from symmb.bound.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS
 from symmb.bound.polynomials.ranges.exact import Exact
 from symmb.run.codegen import with_compiler
 
-RANGE_TOLERANCE = 1e-5
+RANGE_ERROR = 1e-5
 """Accuracy of a range over its width, by branch and bound."""
 RANGE_WORK = 200_000
 """Coefficients in all boxes that such a search may take, as ranges over many parameters stay unproved anyway. The best
@@ -28,7 +28,7 @@ def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, 
         return coefficients[0], coefficients[0], point, point
 
     def searched() -> tuple[Array, Array, Array, Array]:
-        found = Exact(RANGE_TOLERANCE, min(300, RANGE_WORK // len(alpha) + 1)).attained(alpha, coefficients)
+        found = Exact(RANGE_ERROR, min(300, RANGE_WORK // len(alpha) + 1)).attained(alpha, coefficients)
         return found.lower, found.upper, found.at_lower, found.at_upper
 
     if d > MOST_PARAMETERS or degrees.max() > HIGHEST_DEGREE or len(alpha) < np.prod(degrees + 1):
