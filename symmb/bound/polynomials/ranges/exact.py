@@ -16,6 +16,11 @@ from symmb.bound.polynomials.ranges.line_search import searched_extremes
 from symmb.bound.polynomials.ranges.terms import terms_of
 from symmb.run.codegen import with_compiler
 
+RANGE_ERROR = 1e-5
+"""Accuracy of a range over its width, by branch and bound."""
+RANGE_WORK = 200_000
+"""Coefficients in all boxes that such a search may take, as ranges over many parameters stay unproved anyway. The best
+values that were found count then."""
 _MOST_COEFFICIENTS = 2**14
 """Most Bernstein coefficients of a polynomial that is bounded without a C compiler."""
 

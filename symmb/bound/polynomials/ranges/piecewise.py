@@ -10,14 +10,8 @@ from symmb._types import Array, Indices, Mask
 from symmb.bound.polynomials.expansion import Expansion
 from symmb.bound.polynomials.legendre import MultiIndices, basis_values
 from symmb.bound.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS, dense_extremes
-from symmb.bound.polynomials.ranges.exact import Exact
+from symmb.bound.polynomials.ranges.exact import RANGE_ERROR, RANGE_WORK, Exact
 from symmb.run.codegen import with_compiler
-
-RANGE_ERROR = 1e-5
-"""Accuracy of a range over its width, by branch and bound."""
-RANGE_WORK = 200_000
-"""Coefficients in all boxes that such a search may take, as ranges over many parameters stay unproved anyway. The best
-values that were found count then."""
 
 
 def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
