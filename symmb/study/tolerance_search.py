@@ -223,7 +223,10 @@ class Search:
             wide = np.minimum(_WIDER * factors, self._most)
             surrogate = self._polynomials(wide)
             if surrogate is None:
-                raise PropagationError(f"{OWNER}: no polynomials are good enough for an allocation. Leave costs out.")
+                raise PropagationError(
+                    f"{OWNER}: costs need polynomials, and those of {', '.join(self._limits)} are not "
+                    "accurate enough in a wider box. Give limits of fewer outputs, a smaller box, or no costs."
+                )
             start = self._factor_on(surrogate, wide, factors) * factors
             factors = self._allocated(surrogate, wide, start, cost)
             is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= self._most * (1 - _SETTLED))

@@ -85,7 +85,9 @@ class Tolerances(Counted, Result):
         lines += [f"  remark    {remark}" for remark in self.remarks]
         if self.check.kept is None:
             lines.append("  undecided whether it keeps the limits: see why below")
-        if self.binding is None:
+        if self.binding is None and self.check.kept is None:
+            lines.append("  binding   not known")
+        elif self.binding is None:
             lines.append(f"  binding   no limit up to {max(self.factors.values()):.4g} times the tolerances")
         else:
             lines.append(f"  binding   {self.check[self.binding.output].text}; {self.binding}")

@@ -257,3 +257,36 @@ def test_what_is_no_limit_is_told(limits, why):
     bounds = mb.propagate(waves(), mb.Scanning(5), BOX)
     with pytest.raises(mb.DeclarationError, match=why):
         bounds.check(limits)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_limits_that_curves_pass_between_output_times_are_told(seed):
+    """The least value of a cos(w t) is -a, and outputs at few times miss it."""
+    rng = np.random.default_rng(seed)
+    w, n = rng.uniform(2.0, 6.0), int(rng.integers(8, 15))
+    t = np.linspace(0.0, 2 * np.pi / w * rng.uniform(1.0, 1.3), n)
+    bounds = mb.propagate(
+        mb.FunctionSimulator(lambda a: a * np.cos(w * t), {"a": 1.0}, t, ["x"]), box=mb.Box(a=(0.9, 1.1))
+    )
+    least = float(bounds.lower.min())
+    check = bounds.check({"x": (0.5 * (least - 1.1), None)})
+    assert check.kept and (least < -1.0995 or "Between two output times x may come closer" in str(check))
+    for low in (-2.0, -1.4):
+        assert not bounds.check({"x": (low, None)}).remarks
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_a_parameter_without_effect_leaves_limits_decided():
+    scene = particle(
+        lambda p, mass: -p.k * mass.x, np.linspace(0, 1, 41), {"mass.x": 1.0}, k=(1.9, 2.1), ghost=(1.0, 2.0)
+    )
+    check = mb.propagate(scene).check({"x": (None, 1.1)})
+    assert check.kept and any("ghost" in doubt for doubt in mb.propagate(scene).doubts)
+
+
+@pytest.mark.parametrize(
+    ("interval", "is_far"), [((340, 360), True), ((0.34, 0.36), False), ((0.351, 0.36), False), ((0.37, 0.38), True)]
+)
+def test_nominal_values_far_outside_of_their_interval_are_told(interval, is_far):
+    f = mb.FunctionSimulator(lambda load: load * T, {"load": 0.35}, T, ["y"])
+    assert ("far outside" in str(mb.propagate(f, box=mb.Box(load=interval)))) == is_far

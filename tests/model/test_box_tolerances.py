@@ -83,6 +83,14 @@ def test_what_is_no_tolerance_is_told(tolerance, why):
         mb.Box.plus_minus({"bore": 0.04}, bore=tolerance)
 
 
+@pytest.mark.parametrize("text", ["120 mm", "12 cm", "0.12 m"])
+def test_a_nominal_value_in_the_place_of_a_tolerance_is_refused(text):
+    p = mb.Parameters(arm=(120, "mm"))
+    with told_in_a_line("is the nominal value of 'arm'. Write a tolerance"):
+        mb.Box.plus_minus(p, arm=text)
+    assert mb.Box.plus_minus(p, arm=f"±{text}").lower == pytest.approx([0.0], abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("text", "lower", "upper"),
     [

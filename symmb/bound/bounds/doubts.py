@@ -8,6 +8,7 @@ import numpy as np
 from symmb._doubt import Doubt
 from symmb._names import counted
 from symmb._types import Array, Executor
+from symmb._units import with_units
 from symmb.bound.bounds.check_runs import check_doubts, some_corners
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import gathered
@@ -21,7 +22,8 @@ from symmb.run.simulation import DAESimulator, SceneSimulator, motion_of
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
-    bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *_unused_doubts(simulator, box)))
+    unused, far = _unused_doubts(simulator, box), _far_nominal_values(simulator, box)
+    bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *unused), remarks=(*bounds.remarks, *far))
     if bounds.kind == "enclosure":
         if not isinstance(simulator, DAESimulator):
             return bounds
@@ -53,10 +55,23 @@ def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
         return ()
     varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
     return tuple(
-        f"{name} is in the box, but nothing in the scene depends on it. "
-        f'p["{name}"] is a number; p.{name} is the symbol.'
+        Doubt(
+            f"{name} is in the box, but nothing in the scene depends on it. "
+            f'p["{name}"] is a number; p.{name} is the symbol.'
+        )
         for name in unused_parameters(simulator.scene, varied)
     )
+
+
+def _far_nominal_values(simulator: Simulator, box: Box) -> list[str]:
+    """Remarks on nominal values far from their interval, mostly because its unit is another one."""
+    remarks = []
+    for name, (low, high) in zip(box.names, box.bounds, strict=True):
+        value = float(simulator.parameters[name])
+        if max(low - value, value - high) > high - low > 0:
+            (told,) = with_units({name: f"{value:.6g}"}, simulator.parameters)
+            remarks.append(f"The nominal value {told} is far outside of its interval from {low:.6g} to {high:.6g}.")
+    return remarks
 
 
 def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]:

@@ -41,6 +41,11 @@ _SPREAD_STARTS, _START_TIMES = 16, 3
 _CLOSE_TO_LIMIT = 0.03
 """Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search: a
 peak that passes output times makes many hills. Less misses more, more takes more runs."""
+_RISE_SAFETY = 2.0
+"""How many times the rise of a parabola between output times counts: with few times the curve may rise more."""
+_MISSED_HILL = 1e-3
+"""Distance over the width of bounds that a search may miss if it ends inside the box: beside the highest hill that it
+knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
 WARNED = "See the warnings"
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
 
@@ -225,6 +230,38 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return Labelled(coordinates, variables, {"method": self.method}, units)
 
 
+def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
+    """Remarks on limits that are kept at the output times, and that bounds may pass between two of them.
+
+    Parabolas through three neighbours tell how far the bounds go there. Scalar outputs have no times.
+    """
+    remarks = []
+    for limit in limits:
+        k = bounds.names.index(limit.output)
+        if limit.kept is False or limit.output in bounds.figures or len(bounds.t) < 3:
+            continue
+        margins = bounds.lower[:, k] - limit.low, limit.high - bounds.upper[:, k]
+        rises = [(_rise(bounds.t, -own), own[1:-1]) for own in margins if np.isfinite(own).all()]
+        if passed := [
+            rise[rise > own / _RISE_SAFETY].max() for rise, own in rises if (rise > own / _RISE_SAFETY).any()
+        ]:
+            remarks.append(
+                f"Between two output times {limit.output} may come closer to its limit by about {max(passed):.2g}"
+                f"{_unit_told(bounds, k)}, and pass it. Give more times, or bound mb.maximum or mb.minimum of it."
+            )
+    return remarks
+
+
+def _rise(t: Array, y: Array) -> Array:
+    """How much higher (n_t - 2,) parabolas through each value and its neighbours get, where it is the highest."""
+    left, right = np.diff(y)[:-1] / np.diff(t)[:-1], np.diff(y)[1:] / np.diff(t)[1:]
+    before, after = np.diff(t)[:-1], np.diff(t)[1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (left * after + right * before) / (before + after)
+        rise = slope**2 * (before + after) / (4 * (left - right))
+    return np.where((left >= 0) & (right <= 0) & (left > right), rise, 0.0)
+
+
 def closest(limits: Sequence[KeptLimit]) -> KeptLimit:
     """The limit with the smallest margin over the width of its bounds."""
     return min(limits, key=lambda limit: limit.share)
@@ -400,7 +437,11 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
         lines = np.tile(best[1], (len(box), LINE_POINTS, 1))
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
         found = direct_search(beyond, np.concatenate([best[1][None], *lines]), most, enough)
-    return FurtherRun(side, best[1], best[2], best[0], found.error, runs, failed)
+    error = found.error
+    if study.has_lanes and bounds.estimate is not None and (np.abs(best[1]) < 1.0).any():
+        width = (bounds.upper - bounds.lower)[:, k].max()
+        error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * width))
+    return FurtherRun(side, best[1], best[2], best[0], error, runs, failed)
 
 
 def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]:

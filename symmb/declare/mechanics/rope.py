@@ -26,7 +26,7 @@ _TOUCHING = SLIGHT
 
 @dataclass(frozen=True, eq=False)
 class Rope(ForceElement):
-    """A rope that pulls k (l - length) + c l' where its way l is longer than it is, and never pushes.
+    """A rope that pulls k (l - length) + c (l' - length') if its way l is longer than its length, and never pushes.
 
     It slides without friction over the points between its ends, and round pulleys in the xy plane. Its pull is the same
     everywhere. A slack rope has no force. It leaves a pulley when it would have to pull the pulley, and is then

@@ -150,6 +150,10 @@ def _in_unit(owner: str, name: str, nominal: float, text: str, told: _Told, own:
     ratio = ratio_of(owner, f"parameter {name!r}", told.unit or own, own)
     low, high = (scaled(end, ratio) for end in told.ends)
     if told.size is None:
+        if nominal and high == -low and abs(high - abs(nominal)) <= SAME * abs(nominal) and not _SIGN.match(text):
+            raise DeclarationError(
+                f"{owner}: {text!r} is the nominal value of {name!r}. Write a tolerance, such as '±1%'."
+            )
         return nominal + low, nominal + high
     if abs(nominal - scaled(told.size, ratio)) > SAME * abs(nominal):
         raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")

@@ -84,13 +84,19 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -ROUNDING * abs(end)]
     excess = {limit: max(_nominal_excess(bounds, limit), _least_excess(bounds, limit)[0]) for limit in beyond}
     lost = [limit for limit in beyond if excess[limit] > 0]
+    met = [limit for limit in beyond if limit not in lost and excess[limit] >= -ROUNDING * abs(ends[limit])]
+    if met:
+        names = _listed([limit.output for limit in met])
+        texts.append(
+            f"The nominal values reach the limit of {names}: no tolerance keeps it. Change them, or the limit."
+        )
     if lost:
         words = [f"{limit.output} by {_text(excess[limit], limit.unit)}" for limit in lost[:_MANY]]
         more = [f"{len(lost) - _MANY} other outputs"] * (len(lost) > _MANY)
         is_nominal = np.isfinite(_nominal_excess(bounds, lost[0]))
         who, change = ("The nominal values", "them") if is_nominal else ("All cases", "the intervals")
         texts.append(f"{who} violate the limit of {_listed([*words, *more])}: change {change}, or the limit.")
-    texts += _tighten(bounds, [limit for limit in beyond if limit not in lost])
+    texts += _tighten(bounds, [limit for limit in beyond if limit not in (*lost, *met)])
     idle = "No tolerance has to be tightened." if limits else "Give limits of outputs, and this page checks them."
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
 
@@ -223,6 +229,8 @@ def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | Non
 def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
     """Which tolerances keep limits that the nominal values keep, by the polynomials of the study."""
     columns, box = [_column(bounds, limit) for limit in limits], bounds.box
+    if limits and bounds._left_out:
+        return ["Intervals that hold the nominal values are needed to find tolerances that keep the limits."]
     if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
         return [_SEARCH] * bool(limits)
     nominal = [bounds.nominal_parameters.get(name, middle) for name, middle in zip(box.names, box.center, strict=True)]
