@@ -23,7 +23,7 @@ system = mb.System(rod, hinge, spring, mb.Gravity(0, -9.81), parameters=p)
 print(system.joint_space().equations(), end="\n\n")
 scene = mb.Scene(
     system,
-    start={"rod.theta": 0.0},  # the rest follows from the joints
+    start={"rod.theta": 0.0},  # the joints determine the other coordinates
     times=np.linspace(0, 2, 201),
     outputs={"tip_y": tip.y},
     box=mb.Box.plus_minus(p, length="2%", stiffness="10%"),
@@ -33,8 +33,8 @@ run = mb.simulate(scene)  # one run: run["tip_y"] is an array over time
 bounds = mb.propagate(scene, mb.PolynomialChaos())  # bounds["tip_y"] is lower and upper
 limits = {"tip_y": (None, 0.18)}
 print(bounds.check(limits))  # does the tip stay below 0.18 m?
-factor = mb.tolerances(scene, limits).factor  # the widest tolerances that keep it there
-print(f"{factor:.2f} times these tolerances keep it.")
+factor = mb.tolerances(scene, limits).factor  # the largest that satisfies the limit
+print(f"With {factor:.2f} times these tolerances the limit is satisfied.")
 
 corners = mb.propagate(scene, mb.Vertex())
 lower, upper = bounds["tip_y"]
