@@ -15,7 +15,7 @@ GONE = {
     "warning, uncertain": r"(?<![\w.`])doubt(?:s|ed|ful|fully)?\b(?![`(]| :)",
     "scalar output": r"(?<!new )(?<!matplotlib )(?<!the )\bfigures? (?:of|is|are|has|have|needs?)\b|one number a run",
     "distribution": r"\blaws? of (?:a )?parameters?\b|\bwithout a law\b|\bhave (?:no )?laws?\b|(?<![\w`])laws=",
-    "lowest, smallest": r"(?<!at )(?<!At )\bleast\b(?! squares)",
+    "lowest, smallest": r"(?<!at )(?<!At )\bleast\b(?![ -]squares)",
     "highest, largest": r"\bgreatest\b",
     "reported, stated, said": r"\btold\b",
     "left out": r"\b(?:fell|falls?) away\b",
