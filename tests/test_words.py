@@ -23,6 +23,11 @@ GONE = {
 }
 """What is written now, and what it has replaced. Attributes such as `doubts` are code: they keep their names."""
 FOUND = re.compile("|".join(GONE.values()))
+GONE_FROM_PAGES = {
+    "is not a": r"\bis no (?!longer|more)",
+    "after, beyond": r"\bbehind\b",
+}
+"""What README and the guide say now, and what it has replaced there."""
 WORDS = "doubt figure law least greatest told fell fall run times whole thought".split()
 LITERAL = re.compile(r'"((?:[^"\\]|\\.)*)"')
 
@@ -61,6 +66,12 @@ def pages() -> Iterator[tuple[str, str]]:
 def test_texts_hold_no_word_that_another_one_replaced(texts):
     found = {(place, match[0]) for place, text in texts() for match in FOUND.finditer(text)}
     assert not found, f"write one of {[*GONE]} in the place of {sorted(found)}"
+
+
+def test_pages_are_plain():
+    gone = re.compile("|".join(GONE_FROM_PAGES.values()))
+    found = {(place, match[0]) for place, text in pages() for match in gone.finditer(text)}
+    assert not found, f"write one of {[*GONE_FROM_PAGES]} in the place of {sorted(found)}"
 
 
 @pytest.mark.parametrize(
