@@ -23,10 +23,7 @@ GONE = {
 }
 """What is written now, and what it has replaced. Attributes such as `doubts` are code: they keep their names."""
 FOUND = re.compile("|".join(GONE.values()))
-GONE_FROM_PAGES = {
-    "is not a": r"\bis no (?!longer|more)",
-    "after, beyond": r"\bbehind\b",
-}
+GONE_FROM_PAGES = {"is not a": r"\bis no (?!longer|more)", "after, beyond": r"\bbehind\b"}
 """What README and the guide say now, and what it has replaced there."""
 WORDS = "doubt figure law least greatest told fell fall run times whole thought".split()
 LITERAL = re.compile(r'"((?:[^"\\]|\\.)*)"')
