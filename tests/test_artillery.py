@@ -54,7 +54,7 @@ def test_recoil_length(scene):
 
 
 def test_nothing_moves_before_the_shot(shot):
-    dae, x = shot.simulator.dae, shot.x[0]
+    dae, x = shot.program.bodies.dae, shot.x[0]
     at = dae.arguments(x, dae.p_nominal, 0.0)
     _, lam = dae.forward(*at, dae.gamma(*at))
     left = dae.Q(*at) - dae.G(*at).T @ lam
@@ -101,7 +101,7 @@ def test_frequencies_of_all_finite_elements(shot, structure):
 
 def frequencies(run):
     """Of small motions about the start of a run [Hz], rising."""
-    dae = run.simulator.dae
+    dae = run.program.bodies.dae
     at = q, v, s, p, t = dae.arguments(run.x[0], dae.p_nominal, 0.0)
     lam = dae.forward(*at, dae.gamma(*at))[1]
     delta = ca.SX.sym("delta", dae.n_v)

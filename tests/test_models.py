@@ -32,7 +32,7 @@ def test_energy_balances(run):
 
 
 def test_mass_matrix_is_positive_definite(run):
-    dae = run.simulator.dae
+    dae = run.program.bodies.dae
     M = dae.M(*dae.arguments(run.x[-1], dae.p_nominal, run.t[-1])).full()
     assert np.array_equal(M, M.T)
     assert np.linalg.eigvalsh(M).min() > 0
@@ -40,7 +40,7 @@ def test_mass_matrix_is_positive_definite(run):
 
 def test_listed_start_holds(run):
     for name, value in run.scene.start.items():
-        if name in run.simulator.dae.q_names and isinstance(value, float):
+        if name in run.program.bodies.dae.q_names and isinstance(value, float):
             assert run[name][0] == pytest.approx(value, rel=2e-16, abs=1e-15)  # sums of what joints do are rounded
 
 

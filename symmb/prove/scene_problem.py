@@ -22,9 +22,9 @@ from symmb.prove.reactions import RANDOM_POINTS
 from symmb.prove.rounding import U, fine_grain_of
 from symmb.prove.tape import Tape
 from symmb.run.events import kinks
-from symmb.run.formulations import Formulation
+from symmb.run.formulations import Formulation, program_of
 from symmb.run.linear import CriticalSimulator, ModalSimulator
-from symmb.run.simulation import DAESimulator, prepare_equations
+from symmb.run.simulation import DAESimulator, simulator_with
 
 
 def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
@@ -191,7 +191,7 @@ _INNER_SAMPLES, _CORNER_SAMPLES, _SAME_CRITICAL_VALUE = 4, 8, 1e-6
 
 def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:
     """Start and Jacobian of the scene of a simulator."""
-    runs = prepare_equations(simulator.scene)
+    runs = simulator_with(simulator.scene, program_of(simulator.scene).solver)
     form, t = _formulation(method, runs, box), float(runs.times[0])
     equations = equations_of(form, runs.scene.system, runs.times[:1])
     return LinearStart(_start(form, equations), equations, form.dae.state_sizes[equations.kept], t)
@@ -269,7 +269,7 @@ def _intervals(simulator: Simulator, box: Box) -> tuple[Array, Array, tuple[int,
 
 def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulation:
     """The formulation of a scene with the fewest rows of constraints, if its motion is smooth."""
-    form = simulator.least_constrained
+    form = simulator.program.forms.least_constrained
     if rows := _rows_that_may_bind(simulator, form, box):
         raise PropagationError(
             f"{method!r}: rows of constraints depend on others ({rows}), which is not proved. Use PolynomialChaos()."

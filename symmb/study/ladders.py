@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from symmb.equations.model import Scene
+from symmb.run.formulations import program_of
 from symmb.run.integrate import (
     CVODES,
     NSTIFFSI2,
@@ -13,7 +14,6 @@ from symmb.run.integrate import (
     StabilizedIndex2,
     stiffness,
 )
-from symmb.run.simulation import prepare_equations
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
 """Relative tolerances that are tried: coarse, usual and fine."""
@@ -79,7 +79,7 @@ def finer_steps(scene: Scene, longest: float) -> Ladder:
 
 def start_rate(scene: Scene) -> float:
     """Rate of the fastest motion of the equations linearised at the start [rad/s, 1/s]."""
-    simulator = prepare_equations(scene)
-    p = simulator.dae.p_nominal
-    states, _ = simulator.start.states(p[None])
-    return stiffness(simulator.dae, states, p, simulator.times[:1]).rate
+    program = program_of(scene)
+    dae, p = program.bodies.dae, program.bodies.dae.p_nominal
+    states, _ = program.bodies.start.states(p[None])
+    return stiffness(dae, states, p, program.times[:1]).rate

@@ -20,8 +20,9 @@ from symmb.equations.model import Box, Scene
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.run.codegen import compiler_advice, has_compiler
+from symmb.run.formulations import program_of
 from symmb.run.integrate import Stiffness, stiffness
-from symmb.run.simulation import prepare_equations, scene_of, simulator_with
+from symmb.run.simulation import scene_of, simulator_with
 from symmb.run.verification import linear_theory_doubts
 from symmb.study.advice import advice
 from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
@@ -247,12 +248,12 @@ class _StabilityStudy:
                 f"{scene.name} has impacts, or joints that open or close, which only EventDriven() locates: no solvers "
                 "to compare."
             )
-        self._simulator = prepare_equations(scene)
-        if len(scene.times) < 2 or not self._simulator.dae.n_v:
+        self._bodies, self._units = program_of(scene).bodies, scene.curve_units
+        if len(scene.times) < 2 or not self._bodies.dae.n_v:
             raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
         self.scene, self.done, self._order = scene.with_times(self.times), [], []
         own = {family: ladder[0][1] for family, ladder in ladders(1.0, 1.0).items() if not has_compiler()}
-        self.untried = [name for name, s in own.items() if s.needs_compiler and s.runs_in_lanes(self._simulator.dae)]
+        self.untried = [name for name, s in own.items() if s.needs_compiler and s.runs_in_lanes(self._bodies.dae)]
         self.total = sum(len(job.solvers) for job in self.jobs(references()))
 
     def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:
@@ -274,20 +275,20 @@ class _StabilityStudy:
 
     def fastest(self) -> Stiffness:
         """The fastest rates along a run that finished, or at the start if there is none."""
-        dae, states = self._simulator.dae, self._states()
+        dae, states = self._bodies.dae, self._states()
         some = slice(None, None, max(1, len(states) // 10))
         return stiffness(dae, states[some], dae.p_nominal, self.times[: len(states)][some])
 
     def doubts(self) -> tuple[str, ...]:
         """What was not tried, and what no solver can cure: flexible bodies that leave the theory of their modes."""
-        dae, states = self._simulator.dae, self._states()
+        dae, states = self._bodies.dae, self._states()
         untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {compiler_advice()}"
         theory = linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
         return (*([untried] if self.untried else []), *theory)
 
     def _states(self) -> Array:
         """States (m, n_x) of a run that finished, or the start if there is none."""
-        states, _ = self._simulator.start.states(self._simulator.dae.p_nominal[None])
+        states, _ = self._bodies.start.states(self._bodies.dae.p_nominal[None])
         return next((trial.states for trial in reversed(self.done) if not trial.reason), states)
 
     def result(
@@ -301,7 +302,7 @@ class _StabilityStudy:
         rest = sorted(rest, key=lambda t: self._order.index((t.scene, t.family)))  # stable
         trials, stress = _parted(rest)
         standards = {
-            name: standard_of([t for t in (*known, *stress) if t.scene == name], self._simulator.units)
+            name: standard_of([t for t in (*known, *stress) if t.scene == name], self._units)
             for name in dict.fromkeys(t.scene for t in (*known, *stress))
         }
         errors = {trial.key: standards[trial.scene].error(trial) for trial in rest}

@@ -22,8 +22,8 @@ RESULTS = {
 }  # fmt: skip
 """What symmb makes and nobody else does; its methods are called."""
 BETWEEN_ROOMS = {
-    "another_way", "around", "at_times", "bounds", "carried", "course", "crossings", "engine", "get", "good_surrogate", "inertial", "integration", "joint_space", "keeping", "kink", "march", "measured", "nearest", "number", "planned_runs", "position_rows", "positive", "pressure", "remembered", "response", "retract",
-    "round", "run_seconds", "shortest_equations", "sizes", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_inputs", "with_mass", "with_nominal", "with_output_function", "with_states", "without",
+    "around", "bounds", "carried", "course", "crossings", "engine", "get", "good_surrogate", "inertial", "integration", "joint_space", "keeping", "kink", "march", "measured", "nearest", "number", "planned_runs", "position_rows", "positive", "pressure", "remembered", "response", "retract",
+    "round", "run_seconds", "sizes", "solve", "sign_faults", "solved_by", "tighter", "turns", "velocity_rows", "with_elements", "with_inputs", "with_mass", "with_nominal", "with_states", "without",
 }  # fmt: skip
 """Methods that one room calls of another; the guide and the docstrings of public names do not mention them."""
 OPTIONAL = {"jax_function": "jax", "torch_function": "torch", "load_mjcf": "mujoco"}

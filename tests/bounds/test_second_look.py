@@ -1,7 +1,5 @@
 """Studies look at their nominal run and at one corner of the box in another way."""
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -17,12 +15,10 @@ TIMES = np.linspace(0.0, 2.0, 41)
 def wrong_simulator(at_nominal):
     """Outputs in coordinates of joints that are wrong at the nominal parameters, or at all others only."""
     simulator = DAESimulator(double_pendulum.scene().with_times(TIMES))
-    form = simulator._joints
+    form = simulator.program.forms.joints
     x, p, t = (ca.SX.sym(name, form.y.numel_in(k)) for k, name in enumerate(("x", "p", "t")))
     y = form.y(x, p, t) + t * (1 if at_nominal else p[0] - simulator.dae.p_nominal[0])
-    faulty = simulator._with(_joints=replace(form, y=ca.Function("y", [x, p, t], [y])))
-    faulty._use(simulator.solver)
-    return faulty
+    return simulator._by(simulator.program.with_outputs(ca.Function("y", [x, p, t], [y])))
 
 
 @pytest.mark.parametrize("method", [mb.Vertex(), mb.PolynomialChaos(), mb.Taylor(2), mb.MonteCarlo(20)], ids=repr)

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
 from symmb.bound.bounds.reductions import failures
-from symmb.run.simulation.ensembles import NAMED_SAMPLES
+from symmb.run.formulations.ensembles import NAMED_SAMPLES
 
 ADAPTIVE = [s for s in ALL_SOLVERS if isinstance(s, mb.IDAS | mb.CVODES)]
 

@@ -12,7 +12,7 @@ from numpy.testing import assert_array_equal
 from small_scenes import particle
 
 import symmb as mb
-from symmb.run.formulations import formulation
+from symmb.run.formulations import Program, formulation
 
 
 def rod(length=1.0):
@@ -87,7 +87,7 @@ def test_runs_with_other_pulses_take_other_steps():
 
 def test_solvers_are_chosen_when_a_simulator_is_made(monkeypatch):
     simulator = mb.DAESimulator(rod())
-    monkeypatch.setattr(mb.DAESimulator, "run", lambda *_: pytest.fail("a run is made"))
+    monkeypatch.setattr(Program, "runs", lambda *_: pytest.fail("a run is made"))
     assert repr(simulator) == "DAESimulator('rod', DormandPrince())"
     assert simulator.solver == mb.DormandPrince() and "a pilot run took" in simulator.reason
     assert simulator.setup_seconds > 0
@@ -96,7 +96,7 @@ def test_solvers_are_chosen_when_a_simulator_is_made(monkeypatch):
 
 def test_what_is_prepared_has_taken_its_second_look(monkeypatch):
     prepared = mb.prepare(rod())
-    monkeypatch.setattr(mb.DAESimulator, "run", lambda *_: pytest.fail("a run is made"))
+    monkeypatch.setattr(Program, "runs", lambda *_: pytest.fail("a run is made"))
     prepared.second_look()
     assert prepared.noise.shape == (1,) and 0 < prepared.noise[0] < 1e-6 and not prepared.doubts
     assert_array_equal(pickle.loads(pickle.dumps(prepared)).noise, prepared.noise)

@@ -354,7 +354,7 @@ def test_a_bar_whose_frame_is_its_hinge_is_as_large_as_its_lever_arm(solver, len
     times = np.linspace(0, 2, 9)
     scene = mb.Scene(mb.System(bar, hinge, pull), {}, times, {"angle": bar.theta}, guess={"bar.theta": 1.0})
     run = mb.simulate(scene, solver)
-    assert run.simulator.dae.scales.length == pytest.approx(length, rel=0.1)
+    assert run.program.bodies.dae.scales.length == pytest.approx(length, rel=0.1)
     assert_allclose(run["angle"], np.arccos(0.5 + 0.1 * times), rtol=1e-8)
 
 

@@ -13,6 +13,7 @@ from small_scenes import particle
 import symmb as mb
 from models import double_pendulum, four_bar, slider_crank
 from symmb.run.simulation import DAESimulator
+from symmb.run.verification import other_way
 from symmb.run.verification.two_ways import changes_of_outputs
 
 
@@ -22,12 +23,10 @@ def oscillator(times, k=4.0):
 
 def wrong_by(simulator, shift):
     """The simulator with outputs in coordinates of joints that grow away from the right ones."""
-    form = simulator._joints
+    form = simulator.program.forms.joints
     x, p, t = (ca.SX.sym(name, form.y.numel_in(k)) for k, name in enumerate(("x", "p", "t")))
     y = ca.Function("y", [x, p, t], [form.y(x, p, t) + shift * t])
-    faulty = simulator._with(_joints=replace(form, y=y))
-    faulty._use(simulator.solver)
-    return faulty
+    return simulator._by(simulator.program.with_outputs(y))
 
 
 def test_differences_of_any_two_states_are_rounding_where_they_are_small():
@@ -63,7 +62,7 @@ def test_fault_in_one_of_two_coordinates_is_a_doubt_with_both_values(model):
 @pytest.mark.parametrize("solver", [s for s in ALL_SOLVERS if not isinstance(s, mb.EventDriven)], ids=repr)
 def test_the_other_way_is_another_solver(solver):
     simulator = DAESimulator(oscillator(np.linspace(0, 2, 11)), solver)
-    other = simulator.another_way(simulator.times).solver
+    other = other_way(simulator.program, simulator.times).solver
     of_sundials = mb.CVODES, mb.IDAS, mb.StabilizedIndex2
     assert isinstance(other, of_sundials) != isinstance(solver, of_sundials)
 
@@ -87,7 +86,7 @@ def test_second_way_that_breaks_down_is_told():
     """Explicit steps creep into a singularity of the force, in which no way goes on."""
     law = lambda p, mass: -p.k / mass.x**3  # noqa: E731
     simulator = DAESimulator(particle(law, np.linspace(0, 0.9, 10), {"mass.x": 1.0}, k=(1.0, 1.0)))
-    ways = simulator.two_ways(np.array([1.0]))
+    ways = simulator.ways.two(np.array([1.0]))
     assert not ways.unchecked and not ways.doubts
-    ways = simulator.two_ways(np.array([2.0]))  # x = sqrt(1 - k t^2) ends at 0.707 s
+    ways = simulator.ways.two(np.array([2.0]))  # x = sqrt(1 - k t^2) ends at 0.707 s
     assert "A second run by CVODES" in ways.unchecked and "with k = 2, breaks down at t = 0.7" in ways.unchecked

@@ -109,7 +109,7 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
     beside = motion is simulator  # widths of figures are not those of their curves
     if motion is None:
         return own, []
-    first = motion.two_ways(motion.dae.p_nominal)
+    first = motion.ways.two(motion.dae.p_nominal)
     remarks = [first.unchecked] if first.unchecked else []
     if first.doubts:
         return own, remarks
@@ -122,16 +122,16 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
         return own, [*remarks, left_out]
     signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends: equal ones may keep a symmetry
     p = parameter_samples(simulator, box, signs[None])[0]
-    corner = motion.two_ways(p)
+    corner = motion.ways.two(p)
     doubts = corner.doubts or (_doubts_of_widths(motion, p, widths) if beside else ())
     return (*own, *doubts), [*remarks, *filter(None, [corner.unchecked])]
 
 
 def _doubts_of_widths(simulator: DAESimulator, p: Array, widths: Array) -> tuple[str, ...]:
     """Whether errors of a run are large beside the widths (n_y,) of bounds, by the more accurate of two other ways."""
-    if not simulator.two_ways(p).is_large_beside(widths):
+    if not simulator.ways.two(p).is_large_beside(widths):
         return ()
-    return simulator.two_ways(p, finest=True).doubts_of_widths(widths)
+    return simulator.ways.two(p, finest=True).doubts_of_widths(widths)
 
 
 def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
     No further run begins when they have taken as long as the study and a second.
     """
     motion = motion_of(simulator)
-    if motion is None or motion.theory.scene is None or _nominal_doubts(motion):
+    if motion is None or motion.ways.flexible is None or _nominal_doubts(motion):
         return ()
     end = time.perf_counter() + seconds + _SECONDS_BEYOND_STUDY
     d = len(box)
@@ -149,14 +149,14 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
         if time.perf_counter() > end:
             break
-        if doubts := motion.theory.doubts(p):
+        if doubts := motion.ways.theory_doubts(p):
             return tuple(f"At {where}: {doubt}" for doubt in doubts)
     return ()
 
 
 def _nominal_doubts(simulator: DAESimulator) -> tuple[str, ...]:
     """What the run at the nominal parameters asks of flexible bodies."""
-    return simulator.theory.doubts(simulator.dae.p_nominal)
+    return simulator.ways.theory_doubts(simulator.dae.p_nominal)
 
 
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:

@@ -17,8 +17,9 @@ from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.study import Study
 from symmb.connect import Noisy, Progress, Simulator
 from symmb.equations.model import Box, Scene
+from symmb.run.formulations import program_of
 from symmb.run.integrate import Solver
-from symmb.run.simulation import SceneSimulator, prepare_equations, simulator_of
+from symmb.run.simulation import SceneSimulator, simulator_of
 
 
 def propagate(
@@ -74,7 +75,7 @@ def propagate(
         except PropagationError as error:
             if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # as in a copy from a pickle
                 raise
-            doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may say why runs fail
+            doubts = program_of(replace(simulator.scene, box=box)).bodies.start.doubts  # they may say why runs fail
             raise PropagationError("\n".join((str(error), *doubts))) from error
         bounds = finished(method, simulator, bounds, executor)
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")

@@ -4,5 +4,5 @@ The solvers that use this are in `integrate`.
 """
 
 from symmb.run.events.impulses import Event, event_doubts, events_of
-from symmb.run.events.switches import Kinks, Pulses, broken, kinks, longest_step, time_switches
+from symmb.run.events.switches import Break, Kinks, Pulses, broken, kinks, longest_step, time_switches
 from symmb.run.events.time_switches import TimeSwitches

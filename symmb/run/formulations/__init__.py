@@ -1,4 +1,9 @@
-"""The formulation in which a scene runs: equations, start and outputs in the same coordinates."""
+"""In which coordinates a scene runs, and its program: what runs its samples by a solver.
 
-from symmb.run.formulations.formulation import Formulation, formulations
+A Formulation has equations, start and outputs in the same coordinates. A Program is made of them once.
+"""
+
+from symmb.run.formulations.ensembles import LOCK, CompiledEnsemble, block_size
+from symmb.run.formulations.formulation import Formulation, Formulations, formulations
 from symmb.run.formulations.output_functions import jet_outputs, output_function, outputs_along
+from symmb.run.formulations.program import Program, program_of

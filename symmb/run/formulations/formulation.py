@@ -16,7 +16,7 @@ from symmb.equations.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.equations.start import Singularity, Start, prepare_start, singularity, start_in_joints, with_gated_rows
 from symmb.run.events import Kinks, Pulses, kinks
 from symmb.run.formulations.output_functions import declared_function, joint_output_function, output_function
-from symmb.run.integrate import Run
+from symmb.run.integrate import Run, Solver
 
 _STAGE = 8
 """Operations of a stage of an explicit step for each state: sums of slopes."""
@@ -138,6 +138,19 @@ class Formulations(NamedTuple):
     bodies: Formulation
     joints: Formulation | None
     spare: Formulation | None
+
+    def of(self, solver: Solver) -> Formulation:
+        """The one in which a solver runs."""
+        return self.joints if self.joints is not None and solver.takes_any_coordinates else self.bodies
+
+    @property
+    def least_constrained(self) -> Formulation:
+        """The one in the coordinates that the fewest rows of constraints bind."""
+        return min(filter(None, self), key=lambda form: form.dae.n_r)
+
+    def around(self, p: Array) -> "Formulations":
+        """The same for runs with parameters p (n_p,)."""
+        return Formulations(self.bodies.around(p), *(form and form.around(p) for form in self[1:]))
 
 
 def formulations(scene: Scene) -> Formulations:

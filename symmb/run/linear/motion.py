@@ -10,10 +10,10 @@ from symmb._types import Array
 from symmb.declare.mechanics import FlexibleBody
 from symmb.declare.symbolic import batch, common
 from symmb.equations.model import Scene
-from symmb.run.formulations import Formulation
+from symmb.run.formulations import Formulation, program_of
 from symmb.run.integrate import project
 from symmb.run.linear.point import LinearizationPoint
-from symmb.run.simulation import Trajectory, prepare_equations
+from symmb.run.simulation import Trajectory
 
 _PERIODS, _PICTURES = 3, 36
 """Oscillations of the motion, and its output times in each."""
@@ -53,7 +53,7 @@ class Origin:
         scene = self.scene.curves.with_name(label).with_times(self.point.t + phase / rate)
         run = Trajectory(
             scene=scene,
-            simulator=prepare_equations(scene),
+            program=program_of(scene),
             parameters=dict(zip(self.scene.system.parameters, p.tolist(), strict=True)),
             solver="linearize",
             reason="",

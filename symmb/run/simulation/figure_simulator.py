@@ -1,6 +1,5 @@
 """Runs of a scene with figures of its motion, from runs at times between which curves are exact polynomials."""
 
-import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar, cast
@@ -15,8 +14,8 @@ from symmb._types import Array, Executor, Indices, Mask
 from symmb.connect import Ensemble, Progress, Reduction, Samples, checked_samples, digest, stream
 from symmb.declare.symbolic import common
 from symmb.equations.model import Scene
+from symmb.run.formulations import LOCK, CompiledEnsemble, Program
 from symmb.run.simulation.dae_simulator import DAESimulator
-from symmb.run.simulation.ensembles import LOCK, CompiledEnsemble
 from symmb.run.simulation.figure_values import TOUCHED, Curves, Rule
 from symmb.run.simulation.panels import Panels
 
@@ -74,7 +73,6 @@ class FigureSimulator(WithWarnings):
             self._rules.append(Rule(name, f.kind, expression, margin, f.is_strict, f.window, f.per_second))
             n += f.margin is not None
         self._with_rates = _with_rates(curves)
-        self._count = 0
         self.doubts: tuple[str, ...] = curves.start.doubts
         self.noise: Array | None = None
         self.nominal: Array | None = None
@@ -83,8 +81,8 @@ class FigureSimulator(WithWarnings):
         return f"FigureSimulator({self.name!r}, {self.solver!r})"
 
     def __getstate__(self) -> dict[str, Any]:
-        self._first_times()
-        return self.__dict__ | {"scene": None}
+        _ = self._count
+        return self.__dict__ | {"scene": None, "threads": 1}
 
     @property
     def figures(self) -> tuple[str, ...]:
@@ -94,21 +92,18 @@ class FigureSimulator(WithWarnings):
     @property
     def setup_seconds(self) -> float:
         """Time for deriving, compiling and starting so far [s]."""
-        return self.curves.setup_seconds + self._with_rates.setup_seconds
+        return self.curves.setup_seconds + self._with_rates.compiled.seconds
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
         self._with_rates.prepare()
 
-    def solved_by(self, curves: DAESimulator) -> "FigureSimulator":
-        """The same figures of curves by another solver."""
-        other = copy.copy(self)
-        vars(other).update(curves=curves, solver=curves.solver, _with_rates=_with_rates(curves), scene=self.scene)
-        return other
-
     def tighter(self) -> "FigureSimulator":
         """The same simulator with a solver ten times more accurate, or more if its steps would be the same."""
-        return self.solved_by(self.curves.tighter())
+        _, other, curves = self._count, FigureSimulator.__new__(FigureSimulator), self.curves.tighter()
+        own = {"curves": curves, "solver": curves.solver, "_with_rates": _with_rates(curves)}
+        vars(other).update(vars(self) | own)
+        return other
 
     def second_look(self) -> None:
         """Run the nominal parameters in two ways, at the first time. `warnings` and `noise` say what is seen."""
@@ -177,7 +172,7 @@ class FigureSimulator(WithWarnings):
 
     def _values(self, P: Array) -> "tuple[_Traces, Array]":
         """Curves of samples, and outputs (N, n_t, n_y): nan of figures whose condition never holds."""
-        times, grid = self._first_times()
+        times, grid = self._times_of(self._count)
         traces = self._traces(times, P)
         Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
         at = np.searchsorted(times, self.curves.times - _SAME * self._span)
@@ -192,24 +187,23 @@ class FigureSimulator(WithWarnings):
             Y[:, :, self.outputs.index(rule.name)] = curves.figure(rule)[:, None]
         return traces, Y
 
-    def _first_times(self) -> tuple[Array, Array]:
-        """Times of runs at first, and the ends of their panels: as many as the nominal run needs."""
-        P, count = np.array([list(self.parameters.values())]), self._least_count() if not self._count else 0
-        while not self._count:
+    @cached_property
+    def _count(self) -> int:
+        """Panels of runs at first: as many as the nominal run needs."""
+        P, count = np.array([list(self.parameters.values())]), self._least_count()
+        while True:
             times, grid = self._times_of(count)
             traces = self._traces(times, P)
             if not traces.ok.all():
-                self._count = _MOST // 4
-                break
+                return _MOST // 4
             zeros = np.zeros(len(grid) - 1, dtype=np.intp)
             panels = _panels(traces, zeros, grid[:-1], grid[1:])
             sizes = self._sizes(traces)
             off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
             off &= ~_with_stop(panels, traces.stops)
             if off.mean() <= _FEW or count >= _MOST:
-                self._count = count
+                return count
             count = min(2 * count, _MOST)
-        return self._times_of(self._count)
 
     def _sizes(self, traces: "_Traces") -> Array:
         """Sizes (N, n_c) of curves of samples."""
@@ -228,9 +222,9 @@ class FigureSimulator(WithWarnings):
     def _least_count(self) -> int:
         """Panels that are as many as every second step of the nominal run, and shorter than pulses of laws of time."""
         runs = self._with_rates
-        runs.run(np.array([list(self.parameters.values())])).t_failed.sum()
-        steps = runs.engine().counts.steps if runs.compiled else 0
-        return int(np.clip(max(steps / 2, self._span / self.curves.longest_step), _LEAST, _MOST))
+        runs.runs(np.array([list(self.parameters.values())])).t_failed.sum()
+        steps = runs.engine().counts.steps if runs.runs_in_lanes else 0
+        return int(np.clip(max(steps / 2, self._span / self.curves.program.longest_step), _LEAST, _MOST))
 
     def _times_of(self, count: int) -> tuple[Array, Array]:
         ends = self.curves.times[[0, -1]]
@@ -241,7 +235,7 @@ class FigureSimulator(WithWarnings):
 
     def _traces(self, times: Array, P: Array) -> "_Traces":
         """The curves and their rates at times (n_t,) that begin and end with the scene."""
-        ensemble = self._with_rates.at_times(times).run(P)
+        ensemble = self._with_rates.at(times).runs(P, self.threads)
         Y = np.ascontiguousarray(np.moveaxis(ensemble.Y, -1, 0)).reshape(2, -1, len(P), len(times))
         stops: list[Array] = [np.empty(0)] * len(P)
         if isinstance(ensemble, CompiledEnsemble):
@@ -264,7 +258,7 @@ class FigureSimulator(WithWarnings):
             if not divided.any() or divided.sum() > _MOST_DIVIDED * len(P):
                 break
             coarse, coarse_off, fine = panels.of(divided), off[:, divided], list[Panels]()
-            together = 8 if self._with_rates.compiled else len(P)
+            together = 8 if self._with_rates.runs_in_lanes else len(P)
             used = np.unique(coarse.sample)
             for group in np.array_split(used, -(-len(used) // together)):
                 mine = np.isin(coarse.sample, group)
@@ -353,8 +347,8 @@ class _Traces(NamedTuple):
     stops: Sequence[Array]
 
 
-def _with_rates(curves: DAESimulator) -> DAESimulator:
-    """The simulator with the rates of its outputs behind them."""
+def _with_rates(curves: DAESimulator) -> Program:
+    """The program of curves with the rates of its outputs behind them."""
     form = curves.formulation
     x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
     y = ca.densify(form.y(x, p, t))
@@ -363,7 +357,7 @@ def _with_rates(curves: DAESimulator) -> DAESimulator:
         rates += ca.jtimes(y, x, ca.densify(ca.vertcat(*map(ca.vec, form.dae.rhs(*form.dae.arguments(x, p, t))))))
     # A speed sqrt(vx^2 + vy^2) has no rate at rest: panels with a rate of 0 there are divided.
     rates = ca.if_else(ca.fabs(rates) < ca.inf, rates, 0)
-    return curves.with_output_function(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
+    return curves.program.with_outputs(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
 
 
 def _nodes(begin: Array, end: Array) -> tuple[Array, Array, Array]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -20,13 +19,11 @@ from symmb.declare.mechanics import (
     VelocityConstraint,
 )
 from symmb.declare.symbolic import batch, has_kinks
-from symmb.equations.model import Scene
 from symmb.run.codegen import MOST_PASSES
 from symmb.run.events import Kinks
 from symmb.run.formulations import output_function
-from symmb.run.integrate import Run, Solver, SwitchPasses, follow_doubts, stiffness
-from symmb.run.simulation.dae_simulator import DAESimulator
-from symmb.run.simulation.solver_choice import Pilot
+from symmb.run.integrate import Solver, SwitchPasses, follow_doubts, stiffness
+from symmb.run.simulation.pilots import PilotRuns
 from symmb.run.simulation.trajectory import Trajectory
 
 _SAME = 1e-12
@@ -60,19 +57,7 @@ Hinge = tuple[Point, ca.SX, AbstractBody]
 """A point on an axis, its direction in world axes (3,), and the body that holds it."""
 
 
-class Runs(Protocol):
-    """Runs of a scene with parameters p (n_p,) by several solvers."""
-
-    scene: Scene
-    simulator: DAESimulator
-    p: Array
-    x0: Array
-    done: dict[Solver, tuple[Run, Trajectory]]
-
-    def run(self, solver: Solver) -> Pilot: ...
-
-
-def run_doubts(runs: Runs, solver: Solver, trajectory: Trajectory, switches: Kinks | None) -> tuple[str, ...]:
+def run_doubts(runs: PilotRuns, solver: Solver, trajectory: Trajectory, switches: Kinks | None) -> tuple[str, ...]:
     """All of them, of a run whose equations have such switches."""
     return (
         *_switch_doubts(runs, solver),
@@ -84,21 +69,21 @@ def run_doubts(runs: Runs, solver: Solver, trajectory: Trajectory, switches: Kin
     )
 
 
-def _switch_doubts(runs: Runs, solver: Solver) -> tuple[str, ...]:
+def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     """Whether steps of a fixed length pass over contacts, pulses of forces, or switches to which the motion sticks."""
-    simulator = runs.simulator
-    step = solver.step_taken(simulator.times)
-    if doubts := follow_doubts(simulator.dae):
+    program = runs.program
+    step = solver.step_taken(program.times)
+    if doubts := follow_doubts(program.bodies.dae):
         return doubts
-    if not step or simulator.dae.impacts is not None or not has_kinks(simulator.dae.rhs):
+    if not step or program.bodies.dae.impacts is not None or not has_kinks(program.bodies.dae.rhs):
         return ()
-    stops = SwitchPasses(simulator.dae, simulator.times).stops(runs.x0, runs.p[None]).of(0)
+    stops = SwitchPasses(program.bodies.dae, program.times).stops(runs.x0, runs.p[None]).of(0)
     if np.isfinite(stops.sticks):
         return (
             f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s. Fixed steps pass it again and "
             f"again: {SMOOTH}.",
         )
-    times, span = stops.times[np.isfinite(stops.times)], np.ptp(simulator.times)
+    times, span = stops.times[np.isfinite(stops.times)], np.ptp(program.times)
     if (share := len(times) * step / span) > _CROWDED:
         return (
             f"The equations switch {len(times)} times, and steps of {step:.1g} s do not end there: forces jump or bend "
@@ -114,9 +99,9 @@ def _switch_doubts(runs: Runs, solver: Solver) -> tuple[str, ...]:
     )
 
 
-def _gap_doubts(runs: Runs, solver: Solver) -> tuple[str, ...]:
+def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     """Whether the states of a run are below the gap of an impact."""
-    dae, states = runs.simulator.dae, runs.done[solver][1].examination
+    dae, states = runs.program.bodies.dae, runs.done[solver][1].examination
     if dae.impacts is None or not dae.impacts.names:
         return ()
     x, p, t = ca.SX.sym("x", states.x.shape[1]), ca.SX.sym("p", len(runs.p)), ca.SX.sym("t")
@@ -129,9 +114,9 @@ def _gap_doubts(runs: Runs, solver: Solver) -> tuple[str, ...]:
     return (f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: an impact is missed.",)
 
 
-def _element_doubts(runs: Runs, trajectory: Trajectory) -> Iterator[str]:
+def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
     """Where the run leaves what the laws of its elements are made for, at its output times and between them."""
-    scene, dae, states = runs.scene, runs.simulator.dae, trajectory.examination
+    scene, dae, states = runs.scene, runs.program.bodies.dae, trajectory.examination
     elements, bind, lam = scene.system.elements, scene.system.bind, scene.system.lam
     known = scene.remembered(_element_doubts, lambda: [
         *((e.title, *doubt) for e in elements if isinstance(e, Element) for doubt in e.doubtful(bind)),
@@ -156,9 +141,9 @@ _LETS_GO = (
 )
 
 
-def _pass_doubts(runs: Runs, solver: Solver, switches: Kinks) -> tuple[str, ...]:
+def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str, ...]:
     """Whether the states of a run change the side of a switch near which it noted no pass."""
-    (run, trajectory), dae = runs.done[solver], runs.simulator.dae
+    (run, trajectory), dae = runs.done[solver], runs.program.bodies.dae
     states = trajectory.examination
     if run.stops is None or dae.sampling is not None:  # sampled laws have sides of their own
         return ()
@@ -179,12 +164,12 @@ def _pass_doubts(runs: Runs, solver: Solver, switches: Kinks) -> tuple[str, ...]
     )
 
 
-def _small_state_doubts(runs: Runs, solver: Solver, run: Trajectory) -> Iterator[str]:
+def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Iterator[str]:
     """The doubt that outputs change with the absolute tolerances.
 
     It looks at first-order states, and at velocities that constraints determine: others that are so small are rounding.
     """
-    dae, states, elements, p = runs.simulator.bodies.judged, run.examination, runs.scene.system.elements, runs.p
+    dae, states, elements, p = runs.program.bodies.judged, run.examination, runs.scene.system.elements, runs.p
     if not solver.controls_step or not any(isinstance(e, OwnState | VelocityConstraint) for e in elements):
         return
     tolerances = solver.tolerances(dae)
@@ -194,7 +179,7 @@ def _small_state_doubts(runs: Runs, solver: Solver, run: Trajectory) -> Iterator
     some = np.unique(np.linspace(0, len(states.t) - 1, _TIMES).astype(int))
     is_small = ((sizes > 0) & (sizes < _INSIDE * absolute[own])).any()
     if not is_small:
-        X, shortest = runs.simulator.shortest_equations(states.x[some], p)
+        X, shortest = runs.program.shortest_equations(states.x[some], p)
         if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
             return
     atol = max(_FINER * float(absolute.min()), _LEAST)

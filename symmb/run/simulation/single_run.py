@@ -1,46 +1,41 @@
 """One run of a scene, by a solver that pilot runs choose if none is given."""
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, overload
+from typing import Any, cast, overload
 
 import numpy as np
 
 from symmb._doubt import Doubt
 from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
-from symmb._interrupts import carry, kept_interrupts, runs_of
+from symmb._interrupts import kept_interrupts
 from symmb._names import ByName, counted, did_you_mean, normal_keys
 from symmb._options import require_truth, shown
 from symmb._progress import Progress
 from symmb._types import Array, Expr
 from symmb._units import number_in, units_of_parameters
-from symmb.equations.model import DAE, Scene, compile_dae
+from symmb.equations.model import Scene, compile_dae
 from symmb.equations.start import prepare_start
-from symmb.run.integrate import EventDriven, Run, Solver, solver_of, stiffness
+from symmb.run.formulations import program_of
+from symmb.run.integrate import EventDriven, Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
+from symmb.run.simulation.pilots import PilotRuns, given_program
 from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
-from symmb.run.simulation.solver_choice import MANY, Pilot, choose, for_one_run
+from symmb.run.simulation.solver_choice import choose, for_one_run
 from symmb.run.simulation.subject import (
-    figure_simulator,
-    prepare_equations,
     require_own,
     scene_of,
     simulator_for,
     simulator_with,
+    study_simulator,
     with_options,
 )
 from symmb.run.simulation.sweep import Sweep, swept
 from symmb.run.simulation.trajectory import Trajectory
-from symmb.run.verification import Examination, work_of
+from symmb.run.verification import in_two_ways, other_way
 
-_POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
-"""Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
-singular position, above which other solvers are tried. Calibrated by tests/test_problems.py."""
-_STIFFNESS_SAMPLES = 5
-"""Times at which stiffness is estimated."""
 _CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
 """Runs at tighter tolerances at most, each ten times tighter; largest difference of two runs over the sizes of the
 states, a tenth of the error that default runs may have; and least size of a state over that of its part of the
@@ -165,52 +160,54 @@ def simulate(
     chosen = scene.solver if isinstance(scene, DAESimulator) else solver
     with kept_interrupts(), Progress(f"{own.name}: equations") as progress:
         if isinstance(scene, DAESimulator):
-            prepared: DAESimulator | None = scene
+            program, reason = scene.program, scene.reason
         else:
-            has_solver = solver is not None or own.system.collected.has_events
-            prepared = simulator_with(own, solver) if has_solver else None
-        runs = _PilotRuns(own, values, prepared)
+            program, reason = given_program(own, solver) or (program_of(own), None)
+        runs = PilotRuns(own, values, program, reason)
         progress(f"{own.name}: running", 0, 0)
         solver, trajectory = _simulated(runs, check, tolerances)
         if own.figures:
-            trajectory = with_figures_of(trajectory, figure_simulator(own, solver if tolerances else chosen), check)
+            figures = cast(FigureSimulator, study_simulator(own, solver if tolerances else chosen))
+            trajectory = with_figures_of(trajectory, figures, check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
     return trajectory
 
 
-def _simulated(runs: "_PilotRuns", check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:
-    """The solver that was chosen, and its run with all that is told about it."""
+def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:
+    """The solver that is given, or chosen here for one run, and its run with all that is told about it."""
+    bodies, times = runs.program.bodies, runs.program.times
     if runs.start_fault:
-        begin = f"t = {runs.simulator.times[0]:g} s"
+        begin = f"t = {times[0]:g} s"
         fault = f"{runs.scene.name} does not start at {begin}{runs.where}: {runs.start_fault}. {_start_fault(runs)}"
         raise SimulationError(fault.rstrip())
-    if runs.solver is not None:
-        solver, reason = runs.solver, runs.reason
+    if runs.reason is not None:
+        solver, reason = runs.program.solver, runs.reason
         runs.run(solver)
     else:
-        stiff, ends = runs.starts_stiff, runs.simulator.dae.sampling is not None
-        switches = ends or runs.simulator.bodies.kinks(runs.simulator.times) is not None
+        stiff, ends = runs.starts_stiff, bodies.dae.sampling is not None
+        switches = ends or bodies.kinks(times) is not None
         solver, reason = choose(
             partial(for_one_run, stiff, switches), lambda solver: runs.judge(solver.at(**tolerances))
         )
         solver = solver.at(**tolerances)
         reason = f"a part of the motion decays too fast for explicit steps; {reason}" if stiff else reason
-        reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
+        reason = "; ".join(filter(None, (reason, runs.program.forms.of(solver).why)))
     run, trajectory = runs.done[solver]
-    switches = runs.simulator.bodies.kinks(runs.simulator.times)
+    switches = bodies.kinks(times)
     if run.message:
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination
     count = switches.met(states.switch_values) if switches and reason else 0
     reason = f"{reason}; {switches} met at least {counted(count, 'time')}" if count else reason
-    if runs.solver is None and switches is not None and switches.on_state.any():
+    if runs.reason is None and switches is not None and switches.on_state.any():
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
     trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, trajectory)
     doubts = run_doubts(runs, solver, trajectory, switches)
     trajectory = replace(trajectory, run_doubts=doubts)
     if check:
-        ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
+        program = runs.program.by(solver)
+        ways = in_two_ways(program, other_way(program, times), trajectory.names, runs.p, trajectory.values)
         doubts = (*doubts, *ways.doubts, *filter(None, [ways.unchecked]))
         trajectory = replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
     return solver, trajectory
@@ -238,7 +235,7 @@ def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: b
     return replace(trajectory, figures=values, error=error, run_doubts=(*trajectory.run_doubts, *doubts))
 
 
-def _start_fault(runs: "_PilotRuns") -> str:
+def _start_fault(runs: PilotRuns) -> str:
     """What the assembly says if the parameters of the run are the nominal ones, such as a joint that stays open."""
     scene = runs.scene
     try:
@@ -248,17 +245,15 @@ def _start_fault(runs: "_PilotRuns") -> str:
     return ""
 
 
-def _confirmed(
-    runs: "_PilotRuns", solver: Solver, trajectory: Trajectory, reason: str
-) -> tuple[Solver, Trajectory, str]:
+def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str) -> tuple[Solver, Trajectory, str]:
     """The solver, run and reason after runs at tighter tolerances, while two of them do not agree.
 
     A switch of the state that is met at a small angle magnifies errors: a wall that is touched shortly before a motion
     turns back, by several hundred.
     """
-    sizes = runs.simulator.dae.state_sizes
+    sizes = runs.program.bodies.dae.state_sizes
     for _ in range(_CONFIRMATIONS):
-        tighter = solver.tighter(times=runs.simulator.times)
+        tighter = solver.tighter(times=runs.program.times)
         if runs.run(tighter).message:
             break
         finer = runs.done[tighter][1]
@@ -271,7 +266,7 @@ def _confirmed(
     return solver, trajectory, reason
 
 
-def _require_sound(runs: "_PilotRuns", trajectory: Trajectory) -> None:
+def _require_sound(runs: PilotRuns, trajectory: Trajectory) -> None:
     """SimulationError if the run has left its constraints, or has outputs that are not finite."""
     about = f"{runs.scene.name}{runs.where} by {trajectory.solver}"
     fault = trajectory.examination.fault
@@ -297,7 +292,7 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
     return ByName(own, units)
 
 
-def _breakdown_text(runs: "_PilotRuns", solver: Solver, reason: str, switches: str) -> str:
+def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str) -> str:
     """The reason why a run failed, its place, and possible causes."""
     run, trajectory = runs.done[solver]
     near = trajectory.singularity
@@ -308,117 +303,3 @@ def _breakdown_text(runs: "_PilotRuns", solver: Solver, reason: str, switches: s
         f"No other solver gets through: {reason}" if len(runs.done) > 1 else "",
     ]
     return ". ".join(filter(None, parts)) + "."
-
-
-class _PilotRuns:
-    """Runs of a scene with one set of parameters by several solvers, and what is wrong with them.
-
-    Attributes
-    ----------
-    simulator : DAESimulator
-    solver, reason              those that were prepared; None if a solver is to be chosen here, for one run
-    p, x0 : (n_p,), (1, n_x)    parameters, and the state at the start
-    start_fault : str           why the scene cannot start; empty if it can
-    where : str                 the parameters for a message; empty if there are none
-    done : dict                 solver -> its run and trajectory
-    """
-
-    def __init__(self, scene: Scene, parameters: Mapping[str, float], prepared: DAESimulator | None) -> None:
-        begin = time.perf_counter()
-        self.scene, self.parameters = scene, ByName(parameters)
-        self.p = np.array(list(parameters.values()))
-        self.simulator = self._at(prepared or prepare_equations(scene))
-        self.solver, self.reason = (prepared.solver, prepared.reason) if prepared else (None, "")
-        self.x0, (self.start_fault,) = self.simulator.start.states(self.p[None])
-        text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
-        self.where = f" ({text})" if text else ""
-        self.done: dict[Solver, tuple[Run, Trajectory]] = {}
-        self._setup = time.perf_counter() - begin
-
-    def _at(self, simulator: DAESimulator) -> DAESimulator:
-        """For runs that are judged, with the parameters of the run."""
-        return simulator.cautious().around(self.p)
-
-    def run(self, solver: Solver) -> Pilot:
-        """Run by a solver, and keep the trajectory."""
-        begin = time.perf_counter()
-        is_own = solver == self.simulator.solver
-        simulator = self.simulator if is_own else self._at(simulator_with(self.scene, solver))
-        form, times = simulator.formulation, simulator.times
-        x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
-        integration, fine, outputs = simulator.single()
-        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # cut, but for the start
-        built = time.perf_counter()
-        try:
-            run = form.run_of_bodies(integration.run(x0, self.p[None])[0], self.p)
-        except KeyboardInterrupt as interrupt:
-            for run in runs_of(interrupt):
-                at_outputs = form.run_of_bodies(run, self.p).at(outputs)
-                known = int(np.argmin(np.append(np.isfinite(at_outputs.X).all(axis=1), False)))
-                some = self._trajectory(simulator, at_outputs, {}, built - begin, time.perf_counter() - built, known)
-                carry(interrupt, some if known > 1 else None)
-            raise
-        seconds, counts = time.perf_counter() - built, integration.statistics()
-        examination = Examination.of(simulator, self.p, fine, run.X, work_of(run), is_close)
-        run = run.at(outputs)
-        trajectory = self._trajectory(simulator, run, counts, built - begin, seconds, len(times))
-        self.done[solver] = run, replace(trajectory, run_examination=examination)
-        return Pilot(run.message, counts.get("steps", 0), seconds, False)
-
-    def _trajectory(
-        self, simulator: DAESimulator, run: Run, counts: dict[str, int], setup: float, seconds: float, known: int
-    ) -> Trajectory:
-        """The trajectory of a run, at its first `known` times."""
-        start = simulator.start
-        names = {
-            "held": start.listed,
-            "solved": start.solved + start.solved_velocities,
-            "free": start.free + start.free_velocities,
-            "redundant": start.redundant,
-        }
-        times = simulator.times[:known]
-        return Trajectory(
-            scene=self.scene if known == len(simulator.times) else self.scene.with_times(times),
-            simulator=simulator,
-            parameters=self.parameters,
-            solver=repr(simulator.solver),
-            reason="",
-            t=times,
-            x=run.X[:known],
-            work=work_of(run)[:known],
-            statistics={"start": {key: list(some) for key, some in names.items()}, "integrator": counts},
-            setup_seconds=self._setup + setup,
-            run_seconds=seconds,
-            events=run.events,
-        )
-
-    def judge(self, solver: Solver) -> Pilot:
-        """Run by a solver, and return what is wrong with the result."""
-        pilot = self.run(solver)
-        run, trajectory = self.done[solver]
-        if pilot.message:
-            return replace(pilot, message=f"t = {run.t_failed:g} s, {run.message}")
-        drift = float(trajectory.examination.violation.max(initial=0.0))
-        if not drift < _POSITION_DRIFT:
-            doubt = f"drifts off its constraints by {drift:.0e} of its size"
-            return replace(pilot, doubt=doubt, drift=float(np.nan_to_num(drift, nan=np.inf)) / _POSITION_DRIFT)
-        singularity = trajectory.singularity
-        limit = _SINGULAR_ENERGY_DRIFT if singularity else _ENERGY_DRIFT
-        if trajectory.energy_drift > limit:
-            # Branches of the motion meet in singular positions: the solver may have taken another one.
-            where = f"{singularity}, " if singularity else ""
-            doubt = f"{where}energy drifts by {trajectory.energy_drift:.0e}"
-            return replace(pilot, doubt=doubt, drift=trajectory.energy_drift / limit)
-        states = trajectory.examination
-        return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(states.x, states.t))
-
-    @property
-    def starts_stiff(self) -> bool:
-        """Whether the motion linearised about the start is stiff over the horizon."""
-        X, dae = self.simulator.shortest_equations(self.x0, self.p)
-        return self._is_stiff(X, self.simulator.times[:1], dae)
-
-    def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
-        """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
-        some = np.unique(np.linspace(0, len(t) - 1, _STIFFNESS_SAMPLES).astype(int))
-        return stiffness(dae or self.simulator.dae, X[some], self.p, t[some]).is_stiff(np.ptp(self.simulator.times))

@@ -5,23 +5,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-from symmb._errors import DeclarationError
-from symmb._types import Array
-from symmb.equations.model import DAE
 from symmb.run.codegen import REASONS, FailureCode, has_compiler, with_compiler
-from symmb.run.integrate import (
-    CVODES,
-    IDAS,
-    AugmentedLagrangian,
-    DormandPrince,
-    Rosenbrock,
-    Solver,
-    StabilizedIndex2,
-    impacts_text,
-)
+from symmb.run.integrate import CVODES, AugmentedLagrangian, DormandPrince, Rosenbrock, Solver
 
-_FINE, _FINEST = 1e-9, 1e-12
-"""Largest and smallest relative tolerance of a run that checks another one: its own error should not matter."""
 MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
 
@@ -80,21 +66,6 @@ def for_one_run(stiff: bool, switches: bool) -> Candidates:
     return Candidates(_SWITCHING if switches else _SMOOTH, _STIFF, (_SWITCHING, *_SINGULAR, _THROUGH))
 
 
-def another(solver: Solver, finest: bool) -> Solver:
-    """A solver of another family: those of SUNDIALS take the place of the others, and the others of them.
-
-    Without a C compiler there are no others. BDF and Adams formulas then take the place of each other.
-    """
-    stiff = isinstance(solver, Rosenbrock | StabilizedIndex2) or getattr(solver, "stiff", False)
-    is_sundials = isinstance(solver, CVODES | IDAS | StabilizedIndex2)
-    rtol = _FINEST if finest else min(max((getattr(solver, "rtol", None) or 1.0) / 10, _FINEST), _FINE)
-    through = getattr(solver, "stabilization", None)
-    through = through if isinstance(through, AugmentedLagrangian) else None
-    if not (is_sundials and has_compiler()):
-        return CVODES(rtol, stiff=stiff ^ is_sundials, stabilization=through)
-    return Rosenbrock(rtol, stabilization=through) if stiff else DormandPrince(rtol, stabilization=through)
-
-
 def choose(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
     """The solver with which pilot runs succeed, or the faster one if the first is slow, and the reason."""
     choice = partial(_choice, candidates, pilot)
@@ -140,25 +111,3 @@ def _fault(solver: Solver, run: Pilot) -> str:
 
 def _count(run: Pilot) -> str:
     return f"a pilot run took {run.steps} steps" if run.steps else "a pilot run finishes"
-
-
-def require_able(solver: Solver, dae: DAE, times: Array, contradiction: object) -> None:
-    """DeclarationError unless the solver can run a scene, whose start may contradict the rates of its drives."""
-    if dae.sampling is not None and not solver.controls_step:
-        missed = dae.sampling.missed(times)
-        if not solver.begins_anew or missed.size:
-            remedy = f" or give times that contain every instant, such as {missed[0]:.6g} s" if missed.size else ""
-            raise DeclarationError(
-                f"Steps of {solver!r} do not begin at the instants of sampled values. "
-                f"Use a solver that controls its steps, such as DormandPrince(){remedy if solver.begins_anew else ''}."
-            )
-    if dae.impacts is not None and not solver.locates_events:
-        raise DeclarationError(
-            f"{solver!r} does not locate the events of {impacts_text(dae.impacts)}. "
-            "Use EventDriven(), which is the default there."
-        )
-    if contradiction and not solver.keeps_positions:
-        raise DeclarationError(
-            f"{contradiction}. {solver!r} integrates accelerations, which do not contain this jump. Give a "
-            "law with a continuous rate, or use a solver that keeps positions, such as NSTIFFSI2(step=...)."
-        )

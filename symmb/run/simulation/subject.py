@@ -11,9 +11,9 @@ from symmb._types import Array, Expr
 from symmb._units import units_of_parameters
 from symmb.connect import Simulator
 from symmb.equations.model import Box, Scene
-from symmb.run.integrate import CVODES, Solver, solver_of
+from symmb.run.integrate import Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
-from symmb.run.simulation.figure_simulator import FigureSimulator
+from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator
 
 _SCENE = "Scene(system, times=...) makes one of a System."
 
@@ -40,13 +40,9 @@ def simulator_of(
         raise DeclarationError(
             f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
         )
-    if isinstance(subject, Scene):
-        simulator = study_simulator(with_options(subject, times, outputs), solver)
-    elif not hasattr(subject, "outputs"):
+    if not (isinstance(subject, Scene) or hasattr(subject, "outputs")):
         raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
-    else:
-        require_own(subject, solver, times, outputs)
-        simulator = with_figures(subject)
+    simulator = simulator_for("", subject, solver, times, outputs)
     return simulator, box.with_units(units_of_parameters(simulator.parameters))
 
 
@@ -57,7 +53,7 @@ def simulator_for(
     times: Sequence[float] | Array | None,
     outputs: Mapping[str, Expr] | None,
 ) -> Simulator:
-    """The simulator of a scene with these options, or the given one, which takes none.
+    """The simulator of a scene with these options, or the given one, which takes none; with figures, if it has any.
 
     Raises
     ------
@@ -69,7 +65,9 @@ def simulator_for(
     if not hasattr(subject, "outputs"):
         raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
     require_own(subject, solver, times, outputs)
-    return with_figures(subject)
+    if isinstance(subject, DAESimulator) and subject.scene is not None and subject.scene.figures:
+        return study_simulator(subject.scene, subject.solver)
+    return subject
 
 
 def chosen_parameters(owner: str, names: Sequence[str] | None, nominal: Mapping[str, float]) -> list[str]:
@@ -155,28 +153,12 @@ def simulator_with(scene: Scene, solver: Solver | str | None = None) -> DAESimul
     return scene.remembered(solver, lambda: DAESimulator(scene, solver))
 
 
-def study_simulator(scene: Scene, solver: Solver | None = None) -> Simulator:
+def study_simulator(scene: Scene, solver: Solver | None = None) -> SceneSimulator:
     """The simulator of a study: with the figures of a scene, if it has any."""
-    return figure_simulator(scene, solver) if scene.figures else simulator_with(scene, solver)
-
-
-def figure_simulator(scene: Scene, solver: Solver | None = None) -> FigureSimulator:
-    """The simulator of a study of a scene with figures."""
-    return scene.remembered(
-        (FigureSimulator, solver), lambda: FigureSimulator(scene, simulator_with(scene.curves, solver))
-    )
-
-
-def with_figures(simulator: Simulator) -> Simulator:
-    """What is prepared, with the figures of its scene, if it has any."""
-    if isinstance(simulator, DAESimulator) and simulator.scene is not None:
-        return study_simulator(simulator.scene, simulator.solver) if simulator.scene.figures else simulator
-    return simulator
-
-
-def prepare_equations(scene: Scene) -> DAESimulator:
-    """A scene prepared for those who integrate nothing, or choose the solver themselves: no pilot run is made."""
-    return simulator_with(scene, None if scene.system.collected.has_events else CVODES())
+    if not scene.figures:
+        return simulator_with(scene, solver)
+    curves = scene.curves
+    return scene.remembered((FigureSimulator, solver), lambda: FigureSimulator(scene, simulator_with(curves, solver)))
 
 
 def scene_of(subject: Scene | DAESimulator) -> Scene:

@@ -23,9 +23,7 @@ from symmb.equations.model import Scene
 from symmb.equations.start import Singularity
 from symmb.results import files, plot
 from symmb.run.events import Event, event_doubts
-from symmb.run.formulations import output_function
-from symmb.run.simulation.dae_simulator import DAESimulator
-from symmb.run.simulation.subject import prepare_equations
+from symmb.run.formulations import Program, output_function, program_of
 from symmb.run.simulation.trajectory_file import PLAIN, labelled, of_record, of_table
 from symmb.run.verification import Drift, Energy, Examination, drift, energy, linear_theory_doubts
 
@@ -88,7 +86,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     """
 
     scene: Scene | None
-    simulator: DAESimulator | None
+    program: Program | None
     parameters: dict[str, float]
     solver: str
     reason: str
@@ -109,12 +107,12 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
         return np.array(list(self.parameters.values()))
 
     @property
-    def _model(self) -> tuple[Scene, DAESimulator]:
-        if self.scene is None or self.simulator is None:
+    def _model(self) -> tuple[Scene, Program]:
+        if self.scene is None or self.program is None:
             raise DeclarationError(
                 "The equations of this run are not known: it was read from a file. Give Trajectory.load the scene."
             )
-        return self.scene, self.simulator
+        return self.scene, self.program
 
     @cached_property
     def name(self) -> str:
@@ -124,13 +122,13 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     @cached_property
     def state_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
         """Names of coordinates, velocities and first-order states."""
-        dae = self._model[1].start.dae
+        dae = self._model[1].bodies.start.dae
         return dae.q_names, dae.v_names, dae.s_names
 
     @cached_property
     def row_names(self) -> tuple[str, ...]:
         """Names of all constraint rows, in the order of their multipliers."""
-        return self._model[1].start.dae.row_names
+        return self._model[1].bodies.start.dae.row_names
 
     @property
     def q(self) -> Array:
@@ -156,18 +154,19 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        scene, simulator = self._model
-        return scene.output_names if self.figures else simulator.outputs
+        scene, _ = self._model
+        return scene.output_names if self.figures else scene.curve_names
 
     @cached_property
     def units(self) -> tuple[str, ...]:
         """Units of the outputs, '' where they are not known."""
-        return self._model[0].units if self.figures else self._model[1].units
+        scene, _ = self._model
+        return scene.units if self.figures else scene.curve_units
 
     @cached_property
     def values(self) -> Array:
         """Outputs, (n_t, n_y)."""
-        curves = self._of(self._model[1].y)
+        curves = self._of(self._model[1].bodies.y)
         if not self.figures:
             return curves
         columns = iter(curves.T)
@@ -175,8 +174,8 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
         return np.stack(own, axis=1)
 
     def _along(self, y: ca.SX) -> Array:
-        scene, simulator = self._model
-        return self._of(output_function(simulator.dae, scene, y))
+        scene, program = self._model
+        return self._of(output_function(program.bodies.dae, scene, y))
 
     def _of(self, f: ca.Function) -> Array:
         """Values of a Function (x, p, t) along the run, (n_t, n)."""
@@ -259,15 +258,15 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """Warnings in sentences: what is uncertain. Empty if no problem is known."""
-        scene, simulator = self._model
+        scene, program = self._model
         doubts = (
-            *simulator.start.doubts,
+            *program.bodies.start.doubts,
             *event_doubts(self.events),
             *self.run_doubts,
             *self.examination.doubts,
-            *linear_theory_doubts(scene, simulator.dae, self.x, self._p, self.t),
+            *linear_theory_doubts(scene, program.bodies.dae, self.x, self._p, self.t),
         )
-        longest, step = simulator.longest_step, simulator.solver.step_taken(self.t)
+        longest, step = program.longest_step, program.solver.step_taken(self.t)
         if step <= longest:  # 0 where steps are controlled
             return doubts
         pulse = f"Steps of {step:.2g} s may miss a pulse in a function of time. Take less than {longest:.2g} s."
@@ -314,16 +313,16 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
             If the file is damaged, has other contents, or is of another scene
         """
         known, derived = files.load(path, "what Trajectory.save writes", of_record, of_table)
-        simulator = None
+        program = None
         if scene is not None:
             require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
             scene = scene.with_times(known["t"])
-            simulator = prepare_equations(scene)
-            dae = simulator.start.dae
+            program = program_of(scene)
+            dae = program.bodies.start.dae
             names = (dae.q_names, dae.v_names, dae.s_names), list(dae.p_names)
             if (derived["state_names"], list(known["parameters"])) != names:
                 raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")
-        run = cls(scene=scene, simulator=simulator, **known)
+        run = cls(scene=scene, program=program, **known)
         vars(run).update(derived)  # in place of the values that cached properties would compute
         return run
 
@@ -365,13 +364,13 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
 
 
-def _pulse_lines(simulator: DAESimulator) -> list[str]:
+def _pulse_lines(program: Program) -> list[str]:
     """The longest step that passes over no pulse in a law of time."""
-    longest = simulator.longest_step
+    longest = program.longest_step
     if not math.isfinite(longest):
         return []
     passes = "at most {:.2g} s, so that none passes over one"
-    if getattr(simulator.solver, "rtol", None) is None:  # the user chose the fixed step
+    if getattr(program.solver, "rtol", None) is None:  # the user chose the fixed step
         passes = "more than {:.2g} s may pass over one"
     return [f"  pulses      in functions of time: steps of {passes.format(longest)}"]
 

@@ -11,9 +11,9 @@ from symmb._types import Array, Mask
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE
 from symmb.equations.start import Singularity
-from symmb.run.formulations import Formulation
+from symmb.run.formulations import Formulation, Program
 from symmb.run.integrate import CVODES, Run, refined
-from symmb.run.verification.two_ways import ROUNDING, TwoWays, Way, changes_of_outputs
+from symmb.run.verification.two_ways import ROUNDING, TwoWays, changes_of_outputs
 
 _MOST, _LEAST, _WORK = 10_000, 100, 2e9
 """Most times at which a run is examined: times (number of velocities)^3 stays below `_WORK`, which takes seconds, but
@@ -76,7 +76,7 @@ class Examination:
     is_close : bool                      whether the times are close together
     """
 
-    way: Way
+    program: Program
     p: Array
     t: Array
     x: Array
@@ -84,25 +84,25 @@ class Examination:
     is_close: bool
 
     @classmethod
-    def of(cls, way: Way, p: Array, t: Array, x: Array, work: Array, is_close: bool = False) -> "Examination":
+    def of(cls, program: Program, p: Array, t: Array, x: Array, work: Array, is_close: bool = False) -> "Examination":
         """Of a run with states x (m, n_x): at all its times, or evenly chosen ones if they are many."""
         known = _known(x)
         end = len(known) - 1 if known.all() else int(known.argmin())  # the first time behind a failure
-        number = min(_number(way.bodies.dae), end + 1)
+        number = min(_number(program.bodies.dae), end + 1)
         some = np.unique(np.append(np.linspace(0, end, number).astype(np.intp), max(end - 1, 0)))
         if len(some) < len(t):
             t, x, work = t[some], x[some], work[some]
-        return cls(way, p, t, x, work, is_close)
+        return cls(program, p, t, x, work, is_close)
 
     @cached_property
     def drift(self) -> Drift:
         """Violation of the constraints."""
-        return drift(self.way.bodies, self.x, self.p, self.t)
+        return drift(self.program.bodies, self.x, self.p, self.t)
 
     @cached_property
     def violation(self) -> Array:
         """Largest violation of a position row (m,) over its change by displacements of the scene's size [-]."""
-        dae, bodies = self.way.bodies.start.dae, self.way.bodies.judged
+        dae, bodies = self.program.bodies.start.dae, self.program.bodies.judged
         if dae.Phi is None or dae.G is None:
             return np.zeros(len(self.t))
         at = _at(dae, self.x, self.p, self.t)
@@ -113,12 +113,12 @@ class Examination:
     @cached_property
     def switch_values(self) -> Array:
         """What changes sign at the kinks and jumps of the equations (m, k)."""
-        kinks = self.way.bodies.kinks(self.way.times)
+        kinks = self.program.bodies.kinks(self.program.times)
         return np.empty((len(self.t), 0)) if kinks is None else kinks.values(self.x, self.p, self.t)
 
     @cached_property
     def _energy(self) -> Energy:
-        return energy(self.way.bodies, self.x, self.p, self.t, self.work)
+        return energy(self.program.bodies, self.x, self.p, self.t, self.work)
 
     @cached_property
     def energy_drift(self) -> float:
@@ -126,22 +126,22 @@ class Examination:
         change, largest = _change(self._energy), float(self._energy.kinetic.max(initial=0.0))
         if change > _EXAMINED * largest > 0 and not self.is_close:  # these may be the times at which it rests
             t, x = self._again
-            T, *_ = energy(self.way.bodies, x, self.p, t, np.zeros(len(t)))
+            T, *_ = energy(self.program.bodies, x, self.p, t, np.zeros(len(t)))
             largest = max(largest, float(np.nanmax(T, initial=0.0)))
-        scales = self.way.bodies.judged.scales
+        scales = self.program.bodies.judged.scales
         return change / largest if largest > _STILL * scales.energy * scales.rate**2 else math.nan
 
     @cached_property
     def singularity(self) -> Singularity | None:
         """The time closest to a singular position, if one is close."""
-        near = self.way.bodies.singularity(self.x, self.t, self.p)
-        if near or self.way.bodies.dae.G is None or self.way.bodies.dae.impacts is not None:
+        near = self.program.bodies.singularity(self.x, self.t, self.p)
+        if near or self.program.bodies.dae.G is None or self.program.bodies.dae.impacts is not None:
             return near
         if np.isnan(self.x[-1]).any():
             return self._at_failure()
         if not self.is_close and self._is_unexplained(self.energy_drift):
             t, x = self._again
-            return self.way.bodies.singularity(x, t, self.p)
+            return self.program.bodies.singularity(x, t, self.p)
         return None
 
     @property
@@ -171,7 +171,7 @@ class Examination:
                 f"The run leaves its constraints by {position:.0e} of its size: they contradict each other, or a "
                 "position is nearly singular.",
             )
-        if self._rtol is None and energy > _OF_STEPS and self.way.bodies.dae.Phi_t is None:
+        if self._rtol is None and energy > _OF_STEPS and self.program.bodies.dae.Phi_t is None:
             return (
                 f"The energy drifts by {energy:.0%}: the steps are too long, or they damp the motion. Take shorter "
                 "ones.",
@@ -185,7 +185,7 @@ class Examination:
 
     @property
     def _rtol(self) -> float | None:
-        return getattr(self.way.solver, "rtol", None)
+        return getattr(self.program.solver, "rtol", None)
 
     def _is_unexplained(self, drift: float, usual: float = _USUAL) -> bool:
         """Whether a relative drift is larger than the tolerance explains. Solvers of fixed steps have no tolerance."""
@@ -198,27 +198,27 @@ class Examination:
         """
         if _change(self._energy) <= _OF_WORK * float(np.abs(self._energy.work).max()):
             return True
-        (dae, y), p, t = (self.way.bodies.dae, self.way.bodies.y), self.p, self.t
+        (dae, y), p, t = (self.program.bodies.dae, self.program.bodies.y), self.p, self.t
         work = dae.power is not None or dae.impacts is not None
-        run = self.way.solver.tighter().integration(dae, t, work=work).run(self.x[:1], p[None])[0]
+        run = self.program.solver.tighter().integration(dae, t, work=work).run(self.x[:1], p[None])[0]
         if run.message:
             return False
-        if _change(energy(self.way.bodies, run.X, p, t, work_of(run))) >= _FALLS * _change(self._energy):
+        if _change(energy(self.program.bodies, run.X, p, t, work_of(run))) >= _FALLS * _change(self._energy):
             return False
         values, others = (batch(y, x, p, t[:, None])[0].reshape(len(t), -1) for x in (self.x, run.X))
         changes = partial(changes_of_outputs, y, dae, run.X, p, t)
-        return not TwoWays(t, self.way.outputs, values, others, ("", ""), changes, (ROUNDING, ROUNDING)).lost.any()
+        return not TwoWays(t, (), values, others, ("", ""), changes, (ROUNDING, ROUNDING)).lost.any()
 
     def _at_failure(self) -> Singularity | None:
         """From the last state on the constraints on, where a run that fails is lost."""
-        dae, known = self.way.bodies.dae, _known(self.x)
+        dae, known = self.program.bodies.dae, _known(self.x)
         sound = known & (self.drift.position <= _SOUND * dae.scales.length)
         lost, k = int(known.argmin()), int(np.flatnonzero(sound).max(initial=0))
         begin, end, x = float(self.t[k]), float(self.t[lost]), self.x[k]
         for _ in range(_CLOSER if known[0] else 0):
             t = np.linspace(begin, end, min(_NEAR, _number(dae)))
             X = _AGAIN.integration(dae, t).run(x[None], self.p[None])[0].X
-            near, known = self.way.bodies.singularity(X, t, self.p), _known(X)
+            near, known = self.program.bodies.singularity(X, t, self.p), _known(X)
             if near or known.all():
                 return near
             lost = int(known.argmin())
@@ -228,11 +228,11 @@ class Examination:
     @cached_property
     def _again(self) -> tuple[Array, Array]:
         """Times (m,) and states (m, n_x) of a second run; with impacts, of this one."""
-        dae = self.way.bodies.dae
+        dae = self.program.bodies.dae
         if dae.impacts is not None:
             return self.t, self.x
         t, _ = refined(self.t[[0, -1]])
-        integration = dae.remembered(_AGAIN.integration, t, self.way.longest_step)
+        integration = dae.remembered(_AGAIN.integration, t, self.program.longest_step)
         return t, integration.run(self.x[:1], self.p[None])[0].X
 
 

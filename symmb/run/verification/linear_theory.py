@@ -1,7 +1,6 @@
 """Where flexible bodies leave the linear theory of their modes, or meet loads that their modes do not follow."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 
 import casadi as ca
 import numpy as np
@@ -12,7 +11,6 @@ from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE, Scene
 from symmb.run.formulations import output_function
 from symmb.run.verification.missing_modes import AttachedLoads, along, attached_loads, left_out
-from symmb.run.verification.two_ways import Way
 
 TURN = 0.3
 """Rotation of a cross section against the frame of its body [rad] up to which linear theory is taken to hold: a
@@ -59,30 +57,6 @@ def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> 
             f = scene.remembered((deformation_doubts, k), lambda: output_function(dae, scene, moved))  # noqa: B023
             eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
             yield from (*_turned(body, eta, t), *_spun(body, omega, t), *_beyond(scene, body, p))
-
-
-@dataclass(frozen=True, eq=False)
-class LinearTheory:
-    """The linear theory of the flexible bodies of a scene, which is None without such bodies.
-
-    Runs are made in a way that compiles nothing, at its times.
-    """
-
-    scene: Scene | None
-    way: Callable[[], Way]
-    told: dict[bytes, tuple[str, ...]] = field(default_factory=dict)
-
-    def doubts(self, p: Array) -> tuple[str, ...]:
-        """Those of `linear_theory_doubts` about a run with parameters p (n_p,), which is made at the first time."""
-        if self.scene is None:
-            return ()
-        if p.tobytes() not in self.told:
-            way = self.way()
-            form = way.formulation
-            run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
-            at = *form.in_bodies(run.X, p), p, way.times
-            self.told[p.tobytes()] = linear_theory_doubts(self.scene, *at)
-        return self.told[p.tobytes()]
 
 
 def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:

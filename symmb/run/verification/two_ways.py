@@ -4,18 +4,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from symmb._doubt import Doubt
 from symmb._types import Array, Indices, Mask
-from symmb.connect import Samples
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE
-from symmb.run.formulations import Formulation
-from symmb.run.integrate import CVODES, IDAS, Integration, Solver, StabilizedIndex2
+from symmb.run.formulations import Program
+from symmb.run.integrate import CVODES, IDAS, Solver, StabilizedIndex2
 
 _CERTAIN, _EXACT = 1e-3, 1e-9
 """Error of an output, over its range, up to which it counts as certain: three digits; and over its size, for an output
@@ -33,29 +31,6 @@ ROUNDING, _SHIFT = 1e-12, 1e-6
 """Changes of states, over their sizes, that no solver resolves; and those that tell how outputs follow them."""
 _AROUND, _OF_STEPS = 10, 0.1
 """States from which noise is told, and errors of steps over rtol and the sizes of states: atol is a hundredth of it."""
-
-
-class Way(Protocol):
-    """A simulator of a scene, by one solver in certain coordinates. `bodies` is the scene in those of its bodies."""
-
-    bodies: Formulation
-
-    @property
-    def times(self) -> Array: ...
-    @property
-    def parameters(self) -> dict[str, float]: ...
-    @property
-    def outputs(self) -> tuple[str, ...]: ...
-    @property
-    def solver(self) -> Solver: ...
-    @property
-    def formulation(self) -> Formulation: ...
-    @property
-    def way(self) -> str: ...
-    @property
-    def longest_step(self) -> float: ...
-    def run(self, P: Array) -> Samples: ...
-    def integration(self) -> Integration: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,28 +63,28 @@ class TwoWays:
     unchecked: str = ""
 
     @classmethod
-    def of(cls, first: Way, second: Way, p: Array, values: Array) -> "TwoWays":
-        """A run with parameters p (n_p,), which has outputs `values` (n_t, n_y) in the first way.
+    def of(cls, first: Program, second: Program, names: tuple[str, ...], p: Array, values: Array) -> "TwoWays":
+        """A run with parameters p (n_p,), which has outputs `values` (n_t, n_y) by those names in the first way.
 
         They are compared at the times of the second way, which are some of those of the first.
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
-        run = second.run(p[None])
-        parameters = ", ".join(f"{name} = {value:g}" for name, value in zip(first.parameters, p, strict=True))
+        run = second.runs(p[None])
+        parameters = ", ".join(f"{name} = {value:g}" for name, value in zip(first.bodies.dae.p_names, p, strict=True))
         message = "".join(f"breaks down at t = {run.t_failed[0]:g} s: {text}" for text in run.messages)
         where = parameters and f", with {parameters},"
         return cls(
             t=second.times,
-            names=first.outputs,
+            names=names,
             values=values[some],
             others=run.Y[0],
-            ways=(first.way, second.way),
+            ways=(repr(first), repr(second)),
             floor=partial(_changes, second, p),
             levels=(_error_of_runs(first.solver), _error_of_runs(second.solver)),
             parameters=parameters,
             message=message,
             seconds=time.perf_counter() - begin,
-            unchecked=message and f"A second run by {second.way}{where} {message}.",
+            unchecked=message and f"A second run by {second!r}{where} {message}.",
         )
 
     @property
@@ -175,7 +150,7 @@ def _error_of_runs(solver: Solver) -> float:
     return rtol * (_MULTISTEP if isinstance(solver, CVODES | IDAS | StabilizedIndex2) else _GLOBAL)
 
 
-def _changes(way: Way, p: Array, level: float) -> Array:
+def _changes(way: Program, p: Array, level: float) -> Array:
     """Changes of outputs (n_y,) along the run with parameters p (n_p,) if states change by a level of their sizes."""
     form = way.formulation
     X = way.integration().run(form.start.states(p[None])[0], p[None])[0].X

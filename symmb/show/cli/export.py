@@ -9,7 +9,8 @@ import symmb as mb
 from symmb._errors import DeclarationError, SymmbWarning
 from symmb._progress import Progress
 from symmb.run.codegen import require_compiler
-from symmb.run.simulation import prepare_equations
+from symmb.run.formulations import program_of
+from symmb.run.simulation import simulator_with
 from symmb.show.cli import specs
 from symmb.show.cli.result_path import result_path
 from symmb.show.cli.scene_file import load_scene
@@ -40,12 +41,14 @@ def _codegen(options: argparse.Namespace) -> None:
     solver = None if options.solver is None else specs.solver(options.solver)
     scene = load_scene(options.scene)
     with Progress("generating C"):
-        equations = prepare_equations(scene)
-        files = dict.fromkeys(equations.dae.save_c(folder, {**equations.start.nominal(), "times": equations.times}))
+        equations = program_of(scene)
+        bodies = equations.bodies
+        nominal = {**bodies.start.nominal(), "times": equations.times}
+        files = dict.fromkeys(bodies.dae.save_c(folder, nominal))
         if solver is None:  # no pilot runs: nothing is compiled
-            solver = mb.EventDriven() if equations.dae.impacts is not None else mb.DormandPrince()
+            solver = mb.EventDriven() if bodies.dae.impacts is not None else mb.DormandPrince()
         try:
-            files |= dict.fromkeys(save_scene_c(equations.solved_by(solver), folder.resolve()))
+            files |= dict.fromkeys(save_scene_c(simulator_with(scene, solver), folder.resolve()))
         except DeclarationError as error:
             warnings.warn(SymmbWarning(f"only the equations are written, no runs. {error}"), stacklevel=1)
     print(*files, sep="\n")

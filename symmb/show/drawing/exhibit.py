@@ -186,7 +186,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
         own = study.simulator.parameters
         values = ByName(zip(own, sample.P[sample.index].tolist(), strict=True), units_of_parameters(own))
         unknown, rest = np.full(len(x), np.nan), ({}, np.nan, np.nan)
-        known = Trajectory(scene, study.prepared, values, repr(solver), "", simulator.times, x, unknown, *rest)
+        known = Trajectory(scene, study.prepared.program, values, repr(solver), "", simulator.times, x, unknown, *rest)
         if scene.figures:
             columns = [study.simulator.outputs.index(name) for name in scene.figures]
             y = study.simulator.run(sample.P).Y[sample.index][0, columns]

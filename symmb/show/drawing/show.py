@@ -10,12 +10,14 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
+from symmb._names import ByName
 from symmb._options import shown
 from symmb.bound.bounds import Bounds
 from symmb.declare.mechanics import Point
 from symmb.equations.model import Scene
 from symmb.results.files import replacement, require_suffix
-from symmb.run.simulation import DAESimulator, Sweep, Trajectory, prepare_equations, simulate
+from symmb.run.formulations import program_of
+from symmb.run.simulation import DAESimulator, Sweep, Trajectory, simulate
 from symmb.show.drawing.exhibit import Exhibit, of_bounds, of_run, of_sweep
 from symmb.show.drawing.film import FILMS, film
 from symmb.show.drawing.page import page
@@ -111,13 +113,14 @@ def view(
 
 def start_picture(subject: Scene | DAESimulator) -> bytes:
     """A scene at its start as a PNG. Nothing is compiled or integrated."""
-    simulator = prepare_equations(subject) if isinstance(subject, Scene) else subject
-    at_start, parameters = simulator.scene.curves.with_times(simulator.times[:1]), simulator.parameters
-    x, (fault,) = simulator.start.states(np.array([[*parameters.values()]]))
+    scene, program = (subject, program_of(subject)) if isinstance(subject, Scene) else (subject.scene, subject.program)
+    times, parameters = program.times[:1], ByName(scene.system.parameters)
+    at_start = scene.curves.with_times(times)
+    x, (fault,) = program.bodies.start.states(np.array([[*parameters.values()]]))
     if fault:
         simulate(at_start)  # which tells why
-    none, text = np.full(1, np.nan), repr(simulator.solver)
-    run = Trajectory(at_start, simulator, parameters, text, "", simulator.times[:1], x, none, {}, np.nan, np.nan)
+    none, text = np.full(1, np.nan), repr(program.solver)
+    run = Trajectory(at_start, program, parameters, text, "", times, x, none, {}, np.nan, np.nan)
     file = BytesIO()
     still(of_run(run, None, None), file, ".png")
     return file.getvalue()

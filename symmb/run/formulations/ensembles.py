@@ -13,7 +13,7 @@ from symmb._types import Array, Indices, Mask
 from symmb.connect import BLOCK, Ensemble
 from symmb.declare.symbolic import batch
 from symmb.run.codegen import BLAMED, REASONS, Engine, FailedSamples
-from symmb.run.formulations import Formulation
+from symmb.run.formulations.formulation import Formulation
 from symmb.run.integrate import Run
 
 LOCK = RLock()

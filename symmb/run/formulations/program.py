@@ -1,0 +1,290 @@
+"""A program: what runs samples of a scene. It is made once of formulations, a solver and output times."""
+
+import time
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib.metadata import version as symmb_version
+from typing import Any, cast
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Indices
+from symmb.connect import Samples, digest
+from symmb.declare.symbolic import batch
+from symmb.equations.model import DAE, Scene
+from symmb.run.codegen import Engine
+from symmb.run.events import Break, broken
+from symmb.run.formulations.ensembles import LOCK, CompiledEnsemble, ensemble_of_expressions, ensemble_of_runs
+from symmb.run.formulations.formulation import Formulation, Formulations, formulations
+from symmb.run.formulations.output_functions import jet_outputs, outputs_along
+from symmb.run.integrate import (
+    CVODES,
+    CompiledSolver,
+    EventDriven,
+    Integration,
+    Solver,
+    impacts_text,
+    refined,
+    round_otherwise,
+)
+
+_TIGHTENINGS = 4
+"""Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
+_LONG = 10_000
+"""Operations of the rows of loops in coordinates of bodies above which their equations are not derived to judge runs:
+those of a robot arm with 25,000 take a minute. `tests/benchmarks/real_robots.py` has such ones."""
+
+
+class _Compiled:
+    """What programs of the same equations, solver and times compile at its first use, and how long that took [s]."""
+
+    def __init__(self, parts: dict[Hashable, Any] | None = None) -> None:
+        self.parts, self.seconds = parts or {}, 0.0
+
+    def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """The part under a key, which is made at the first time."""
+        if key not in self.parts:
+            begin = time.perf_counter()
+            self.parts[key] = make()
+            self.seconds += time.perf_counter() - begin
+        return self.parts[key]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"parts": {key: part for key, part in self.parts.items() if key != "single"}}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Program:
+    """Runs of a scene by a solver, over output times, in those of its coordinates that suit the solver.
+
+    A program never changes: another solver, other times or parameters make another one. It compiles at its first use,
+    and a pickle contains what is compiled.
+
+    Attributes
+    ----------
+    forms : Formulations
+    solver : Solver
+    times : (n_t,)                    output times [s]
+    contradiction : Break, optional   the drive whose law of time jumps, which accelerations do not show
+    compiled : what is compiled; programs share it whose runs differ in nothing but parameters
+    """
+
+    forms: Formulations
+    solver: Solver
+    times: Array
+    contradiction: Break | None = None
+    compiled: _Compiled = field(default_factory=_Compiled)
+
+    def __getstate__(self) -> dict[str, Any]:
+        self.prepare()
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+    @property
+    def bodies(self) -> Formulation:
+        """The scene in coordinates of its bodies."""
+        return self.forms.bodies
+
+    @property
+    def formulation(self) -> Formulation:
+        """Equations, start and outputs in the coordinates in which the solver runs."""
+        return self.forms.of(self.solver)
+
+    @property
+    def coordinates(self) -> str:
+        """The coordinates in which samples run: "joint" or "body"."""
+        return "joint" if self.formulation is self.forms.joints else "body"
+
+    @property
+    def is_stateless(self) -> bool:
+        """Whether nothing is integrated: no bodies, or welded ones in coordinates of joints."""
+        return self.formulation.y.numel_in(0) == 0
+
+    @property
+    def runs_in_lanes(self) -> bool:
+        """Whether samples run in compiled lanes. A scene without states is not integrated."""
+        return self.solver.runs_in_lanes(self.formulation.dae) and not self.is_stateless
+
+    @cached_property
+    def longest_step(self) -> float:
+        """A step [s] shorter than every pulse of a function of time at the nominal parameters; infinite without
+        pulses."""
+        return float(self.formulation.pulses(self.times)(self.bodies.dae.p_nominal[None])[0])
+
+    def __repr__(self) -> str:
+        return f"{self.solver!r} in coordinates of {'joints' if self.coordinates == 'joint' else 'bodies'}"
+
+    def prepare(self) -> None:
+        """Prepare the runs, if they are not prepared yet."""
+        _ = self.engine() if self.runs_in_lanes else self.integration()
+
+    def integration(self, order: int = 0) -> Integration:
+        """The compiled integration of the Taylor coefficients up to `order`."""
+
+        def make() -> Integration:
+            return self.solver.integration(self.formulation.dae, self.times, order=order)
+
+        return self.compiled.get(("integration", order), make)
+
+    def engine(self, order: int = 0) -> Engine:
+        """The outputs, or their Taylor coefficients up to `order`, in compiled lanes."""
+
+        def make() -> Engine:
+            solver, form = cast(CompiledSolver, self.solver), self.formulation
+            y, start = (jet_outputs(form.y, order), None) if order else (form.y, form.start)
+            return solver.engine(form.dae, self.times, y, order=order, start=start)
+
+        return self.compiled.get(("engine", order), make)
+
+    def single(self) -> tuple[Integration, Array, Indices]:
+        """The integration of one run with its work, its times (m,), and where the output times stand among them.
+
+        The times are close together where this leaves the steps as they are.
+        """
+
+        def make() -> tuple[Integration, Array, Indices]:
+            dae, fine, outputs = self.formulation.dae, self.times, np.arange(len(self.times))
+            if self.solver.has_dense_output(dae):
+                fine, outputs = refined(self.times)
+            work = dae.power is not None or dae.impacts is not None
+            return self.solver.integration(dae, fine, work=work), fine, outputs
+
+        return self.compiled.get("single", make)
+
+    def runs(self, P: Array, threads: int = 1) -> Samples:
+        """Runs of samples P (N, d). Outputs of a sample are nan after its failure."""
+        with LOCK:
+            form, P = self.formulation, np.ascontiguousarray(P)
+            if self.runs_in_lanes:
+                return CompiledEnsemble(form, self.engine(), P, float(self.times[0]), threads)
+            if self.is_stateless:
+                return ensemble_of_expressions(form, P, self.times, threads)
+            x0, reasons = form.start.states(P)
+            runs = self.integration().run(x0, P, threads)
+            runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
+            Y = outputs_along(form.y, runs, P, self.times, threads)
+            return ensemble_of_runs(form, self.times, Y, runs, P)
+
+    def identity(self) -> str:
+        """A digest of equations, start, outputs, times and solver."""
+        form = self.formulation
+        return digest(symmb_version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
+
+    def by(self, solver: Solver) -> "Program":
+        """The same scene by another solver.
+
+        Raises
+        ------
+        DeclarationError       if the solver cannot run it
+        """
+        if solver == self.solver:
+            return self
+        _require_able(solver, self.bodies.dae, self.times, self.contradiction)
+        return Program(self.forms, solver, self.times, self.contradiction)
+
+    def tighter(self) -> "Program":
+        """The same scene by a solver ten times more accurate, or more if its steps would be the same."""
+        P = self.bodies.dae.p_nominal[None]
+        nominal, finer = self.runs(P), self.by(self.solver.tighter(times=self.times))
+        if self.bodies.dae.impacts is not None and nominal.ok.size:
+            round_otherwise(finer.engine(), self.engine())
+            return finer
+        for _ in range(_TIGHTENINGS if nominal.ok.all() and not self.is_stateless else 0):
+            if not np.array_equal(finer.runs(P).Y, nominal.Y):
+                break
+            next_one = self.by(finer.solver.tighter(times=self.times))
+            if not next_one.runs(P).ok.all():  # below rounding
+                break
+            finer = next_one
+        return finer
+
+    def at(self, times: Array) -> "Program":
+        """The same scene at other times, which begin and end as its own. No engine is compiled again."""
+        if self.runs_in_lanes:
+            self.engine()
+        engines = {key: part.at(times) for key, part in self.compiled.parts.items() if isinstance(part, Engine)}
+        return replace(self, times=times, compiled=_Compiled(engines))
+
+    def around(self, p: Array) -> "Program":
+        """The same program for runs with parameters p (n_p,): steps follow the pulses of functions of time there."""
+        copy = replace(self, forms=self.forms.around(p))
+        same = copy.longest_step == self.longest_step
+        return copy if same else replace(copy, compiled=_Compiled())  # it follows other pulses
+
+    def with_outputs(self, y: Any) -> "Program":
+        """The same runs with outputs y (x, p, t), in the coordinates in which the samples run."""
+        form = replace(self.formulation, y=y)
+        forms = self.forms._replace(joints=form) if form.bodies else Formulations(form, None, None)
+        return replace(self, forms=forms, compiled=_Compiled())
+
+    @cached_property
+    def _in_bodies(self) -> "Program":
+        forms = self.forms._replace(joints=None, spare=self.forms.joints)
+        same = forms.bodies is self.formulation
+        return replace(self, forms=forms, compiled=self.compiled if same else _Compiled())
+
+    @property
+    def cautious(self) -> "Program":
+        """The program that judges solvers. Loops run in coordinates of bodies, whose steps are short near singular
+        positions.
+
+        Loops of many bodies run in coordinates of joints, because the equations of the bodies take minutes to derive.
+        """
+        joints = self.forms.joints
+        loops = joints is not None and joints.why and joints.dae.n_c and joints.has_loops
+        return self._in_bodies if loops and self.bodies.least_operations <= _LONG else self
+
+    def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
+        """Equations and their states (m, n_x) where the bodies have states X.
+
+        They are those of the joints where these have no loops or those of the bodies are long, else of the bodies.
+        """
+        tree = self.forms.least_constrained
+        if tree.bodies is None or (tree.has_loops and self.bodies.least_operations <= _LONG):
+            return X, self.bodies.dae
+        return batch(tree.bodies.joints(), X, p)[0], tree.dae
+
+
+def program_of(scene: Scene, solver: Solver | None = None) -> Program:
+    """The program of a scene, which the scene remembers.
+
+    Without a solver it is for those who integrate nothing, or choose the solver themselves: no pilot run is made.
+
+    Raises
+    ------
+    DeclarationError       if the solver cannot run the scene
+    """
+
+    own = solver or (EventDriven() if scene.system.collected.has_events else CVODES())
+
+    def make() -> Program:
+        forms, times = formulations(scene), np.asarray(scene.times, dtype=float)
+        bodies = forms.bodies
+        fault = scene.remembered(broken, lambda: broken(bodies.dae, bodies.start.q_nominal, times))
+        _require_able(own, bodies.dae, times, fault)
+        return Program(forms, own, times, fault)
+
+    return scene.remembered((Program, own), make)
+
+
+def _require_able(solver: Solver, dae: DAE, times: Array, contradiction: Break | None) -> None:
+    """DeclarationError unless the solver can run a scene, whose start may contradict the rates of its drives."""
+    if dae.sampling is not None and not solver.controls_step:
+        missed = dae.sampling.missed(times)
+        if not solver.begins_anew or missed.size:
+            remedy = f" or give times that contain every instant, such as {missed[0]:.6g} s" if missed.size else ""
+            raise DeclarationError(
+                f"Steps of {solver!r} do not begin at the instants of sampled values. "
+                f"Use a solver that controls its steps, such as DormandPrince(){remedy if solver.begins_anew else ''}."
+            )
+    if dae.impacts is not None and not solver.locates_events:
+        raise DeclarationError(
+            f"{solver!r} does not locate the events of {impacts_text(dae.impacts)}. "
+            "Use EventDriven(), which is the default there."
+        )
+    if contradiction and not solver.keeps_positions:
+        raise DeclarationError(
+            f"{contradiction}. {solver!r} integrates accelerations, which do not contain this jump. Give a "
+            "law with a continuous rate, or use a solver that keeps positions, such as NSTIFFSI2(step=...)."
+        )
