@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from symmb.run.codegen import Engine, Tolerances, model_function
+from symmb.run.codegen import Engine, Lanes, Tolerances, model_function
 
 RNG = np.random.default_rng(3)
 STEPS = Tolerances(1e-8, 1e-8)
@@ -17,7 +17,7 @@ X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 2), ca.SX.sym("t")
 
 def values(outputs, x0, p, times=(0.5,)):
     """Outputs at rest: an engine whose state does not move."""
-    engine = Engine(model_function(X, P, T, ca.SX.zeros(2), outputs, None), np.array(times), STEPS)
+    engine = Engine(Lanes(model_function(X, P, T, ca.SX.zeros(2), outputs, None), STEPS), np.array(times))
     Y, failed_samples = engine.values(np.asarray(x0), np.asarray(p))
     assert np.isnan(failed_samples.t_failed).all()
     return Y
@@ -136,7 +136,7 @@ def test_sines_and_cosines_of_any_angle():
     exact = np.column_stack([np.sin(a), np.cos(a)])
     assert (np.abs(found - exact) <= 3 * np.spacing(np.abs(exact))).all()
     chosen = ca.if_else(P[0] > 0, ca.sin(P[1]), 7.0)
-    engine = Engine(model_function(X, P, T, ca.SX.zeros(2), chosen, None), np.zeros(1), STEPS)
+    engine = Engine(Lanes(model_function(X, P, T, ca.SX.zeros(2), chosen, None), STEPS), np.zeros(1))
     Y, failed_samples = engine.values(np.zeros((3, 2)), np.array([[1.0, np.inf], [1.0, np.nan], [1.0, 0.5]]))
     assert np.isnan(Y[:2]).all() and np.isfinite(failed_samples.t_failed[:2]).all()
     assert_allclose(Y[2], np.sin(0.5), rtol=1e-15)

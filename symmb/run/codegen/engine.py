@@ -63,7 +63,18 @@ class StepEnds:
 
 @dataclass(frozen=True, eq=False)
 class Lanes:
-    """What an `Engine` runs. `knots` are the places of tables of time, for single runs; see `TimeSwitches.linear`."""
+    """What an `Engine` runs.
+
+    Attributes
+    ----------
+    f : from `model_function` or `scheme_function`; with a start the engine computes the states at the start
+    control : Tolerances or FixedStep
+    scheme : Scheme, optional           without one, steps are those of the pair of Dormand and Prince with tolerances,
+                                        and of the classical Runge-Kutta method with a fixed step
+    ends : StepEnds                     switches, for the pair of Dormand and Prince
+    contacts : Contacts, optional       for the same: samples then have steps of their own
+    knots : places of tables of time, for single runs; see `TimeSwitches.linear`
+    """
 
     f: ca.Function
     control: Tolerances | FixedStep
@@ -71,10 +82,6 @@ class Lanes:
     ends: StepEnds = field(default_factory=StepEnds)
     contacts: Contacts | None = None
     knots: tuple[Array, ...] = ()
-
-    def compiled(self, times: Array) -> "Engine":
-        """Their engine for output times (n_t,) [s]."""
-        return Engine(self.f, times, self.control, self.scheme, self.ends, self.contacts)
 
 
 _EVENTS = 50
@@ -164,34 +171,22 @@ class Engine:
 
     Parameters
     ----------
-    f : ca.Function                     from `model_function` or `scheme_function`; with a start the engine computes the
-    states at the start times : (n_t,) array                [s]
-    control : Tolerances or FixedStep
-    scheme : Scheme, optional           without one, steps are those of the pair of Dormand and Prince with tolerances,
-                                        and of the classical Runge-Kutta method with a fixed step
-    ends : StepEnds, optional           switches, for the pair of Dormand and Prince
-    contacts : Contacts, optional       for the same: samples then have steps of their own
+    lanes : Lanes
+    times : (n_t,) array
+        output times [s]
     """
 
-    def __init__(
-        self,
-        f: ca.Function,
-        times: Array,
-        control: Tolerances | FixedStep,
-        scheme: Scheme | None = None,
-        ends: StepEnds | None = None,
-        contacts: Contacts | None = None,
-    ) -> None:
-        self.contacts, self._room = contacts, _EVENTS if contacts else 0
+    def __init__(self, lanes: Lanes, times: Array) -> None:
+        f, scheme = lanes.f, lanes.scheme
+        self.control, self.ends, self.contacts = lanes.control, lanes.ends, lanes.contacts
+        self._room = _EVENTS if lanes.contacts else 0
         self.starts = "start" in f.name_out()
         self.n_x, self.n_y = f.numel_in("x"), f.numel_out("outputs")
-        self.times, self.control = times, control
+        self.times = np.ascontiguousarray(times, dtype=float)
         self.newton = scheme.newton if scheme else 0.0
         self.counts, self.most_steps = Counts(), MOST_STEPS
-        self._times = np.ascontiguousarray(times, dtype=float)
-        fixed = isinstance(control, FixedStep)
-        self.ends = ends or StepEnds()
-        self.source = source_of(f, fixed, scheme, self.ends.hysteresis, contacts)
+        fixed = isinstance(lanes.control, FixedStep)
+        self.source = source_of(f, fixed, scheme, lanes.ends.hysteresis, lanes.contacts)
         self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
         self._open()
 
@@ -213,7 +208,7 @@ class Engine:
         """The same engine with other output times (n_t,), which begin and end as its own."""
         copy = object.__new__(type(self))
         vars(copy).update(vars(self))
-        copy.times = copy._times = np.ascontiguousarray(times, dtype=float)
+        copy.times = np.ascontiguousarray(times, dtype=float)
         return copy
 
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
@@ -256,9 +251,9 @@ class Engine:
         study = _Study(
             x0.ctypes.data,
             p.ctypes.data,
-            self._times.ctypes.data,
+            self.times.ctypes.data,
             N,
-            len(self._times),
+            len(self.times),
             *tolerances,
             atol.ctypes.data,
             control.longest,

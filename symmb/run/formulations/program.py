@@ -25,6 +25,7 @@ from symmb.run.integrate import (
     EventDriven,
     Integration,
     Solver,
+    Task,
     impacts_text,
     refined,
     round_otherwise,
@@ -133,7 +134,7 @@ class Program:
         def make() -> Engine:
             solver, form = cast(CompiledSolver, self.solver), self.formulation
             y, start = (jet_outputs(form.y, order), None) if order else (form.y, form.start)
-            return solver.engine(form.dae, self.times, y, order=order, start=start)
+            return solver.engine(Task(form.dae, self.times, y, order, start=start))
 
         return self.compiled.get(("engine", order), make)
 

@@ -5,7 +5,7 @@ Each solver is a frozen object with its options in the constructor; `registry` l
 
 from symmb.run.integrate.casadi_solvers import CVODES, IDAS, StabilizedIndex2
 from symmb.run.integrate.cells import refined
-from symmb.run.integrate.compiled import CompiledSolver, impacts_text
+from symmb.run.integrate.compiled import CompiledSolver, Task, impacts_text
 from symmb.run.integrate.event_driven import EventDriven, round_otherwise
 from symmb.run.integrate.explicit import DormandPrince
 from symmb.run.integrate.implicit import NSTIFFSI2, Rosenbrock

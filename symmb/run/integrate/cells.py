@@ -1,4 +1,4 @@
-"""Times close together over the whole horizon, whatever the output times: there runs are limited and judged."""
+"""Times between output times: close together over the whole horizon, where runs are limited and judged; steps."""
 
 import numpy as np
 
@@ -31,3 +31,8 @@ def refined(times: Array) -> tuple[Array, Indices]:
     if fine[1] < 2 * first - fine[0]:
         return fine, np.append(0, ends)
     return np.insert(fine, 1, first), np.append(0, ends + 1)
+
+
+def interval_steps(times: Array, length: float) -> Indices:
+    """Numbers (n_t - 1,) of equal steps, no longer than a length [s], from each output time to the next."""
+    return np.maximum(np.ceil(np.diff(times) / length - 1e-9).astype(np.intp), 1)

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -21,6 +21,29 @@ from symmb.run.integrate.side_walk import stops_at
 from symmb.run.integrate.solver import Solver
 
 
+class Task(NamedTuple):
+    """What the engine computes.
+
+    Attributes
+    ----------
+    times : (n_t,)          output times [s]
+    y : (x, p, t) -> (n_y,) outputs; with work, its integral follows them
+    order : int             with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
+    work : bool             whether the power of forces without potential is integrated too [J]
+    start : Start           compiled too, if it is not large; without it, each run is given its state
+    alone : bool            without Python: the start is always compiled, and steps end at switches that the C itself
+                            locates
+    """
+
+    dae: DAE
+    times: Array
+    y: ca.Function
+    order: int = 0
+    work: bool = False
+    start: Start | None = None
+    alone: bool = False
+
+
 class CompiledSolver(Solver):
     """Steps that the engine takes for many samples side by side."""
 
@@ -33,46 +56,22 @@ class CompiledSolver(Solver):
         """The choice of steps in the engine, for Taylor coefficients up to an order and integrals along the motion."""
         return self.tolerances(dae, order, n_quad)
 
-    def engine(
-        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
-    ) -> Engine:
-        """The runs in compiled C, see `lanes`.
+    def engine(self, task: "Task") -> Engine:
+        """The runs in compiled C.
 
         Raises
         ------
         NoCompilerError
             If there is no C compiler, or none builds them
         """
-        events = f", which locates the events of {impacts_text(dae.impacts)}," if dae.impacts else ""
+        impacts = task.dae.impacts
+        events = f", which locates the events of {impacts_text(impacts)}," if impacts else ""
         require_compiler(f"{self!r}{events}")
-        return self.lanes(dae, times, y, order=order, work=work, start=start).compiled(times)
+        return Engine(self.lanes(task), task.times)
 
     @abstractmethod
-    def lanes(
-        self,
-        dae: DAE,
-        times: Array,
-        y: ca.Function,
-        *,
-        order: int = 0,
-        work: bool = False,
-        start: Start | None = None,
-        alone: bool = False,
-    ) -> Lanes:
+    def lanes(self, task: "Task") -> Lanes:
         """The stages that the engine runs.
-
-        Parameters
-        ----------
-        times : (n_t,) array
-            output times [s]
-        y : (x, p, t) -> (n_y,)
-            outputs; with work, its integral follows them
-        order : int
-            with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
-        start : Start
-            compiled too, if it is not large; without it, each run is given its state
-        alone : bool
-            without Python: the start is always compiled, and steps end at switches that the C itself locates
 
         Raises
         ------
@@ -108,7 +107,7 @@ class CompiledIntegration(Integration):
         n_x, n_p = (dae.n_q + dae.n_v + dae.n_s) * (order + 1), len(dae.p_names) * (2 if order else 1)
         x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")
         states = ca.Function("states", [x, p, t], [sampled_jets(dae, x, p, t, order)])
-        self._engine = solver.engine(dae, times, states, order=order, work=work)
+        self._engine = solver.engine(Task(dae, times, states, order, work))
         self.times, self.n_x, self.n_quad = times, n_x, self._engine.n_y - n_x
         self._fixed_steps = fixed_steps
 

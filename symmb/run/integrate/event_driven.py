@@ -3,15 +3,13 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar, cast
 
-import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.equations.model import DAE
-from symmb.equations.start import Start
 from symmb.run.codegen import Engine, Lanes, Tolerances, require_compiler
-from symmb.run.integrate.compiled import CompiledIntegration, impacts_text
+from symmb.run.integrate.compiled import CompiledIntegration, Task, impacts_text
 from symmb.run.integrate.explicit import DormandPrince, Explicit
 from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.stabilization import Projection, Stabilization
@@ -63,23 +61,13 @@ class EventDriven(Explicit):
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances:
         return replace(self.tolerances(dae, order, n_quad), growth=0.0, least=1.0, ahead=0.0)
 
-    def lanes(
-        self,
-        dae: DAE,
-        times: Array,
-        y: ca.Function,
-        *,
-        order: int = 0,
-        work: bool = False,
-        start: Start | None = None,
-        alone: bool = False,
-    ) -> Lanes:
-        if order and dae.impacts is not None:
+    def lanes(self, task: Task) -> Lanes:
+        if task.order and task.dae.impacts is not None:
             raise PropagationError(
                 f"Derivatives with respect to parameters, and Taylor with them, are not valid across the events of "
-                f"{impacts_text(dae.impacts)}. Use PolynomialChaos(), Scanning(...) or MonteCarlo(...)."
+                f"{impacts_text(task.dae.impacts)}. Use PolynomialChaos(), Scanning(...) or MonteCarlo(...)."
             )
-        return super().lanes(dae, times, y, order=order, work=work, start=start, alone=alone)
+        return super().lanes(task)
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if dae.impacts is None:

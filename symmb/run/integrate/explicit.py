@@ -11,7 +11,7 @@ from symmb._types import Array
 from symmb.equations.model import DAE
 from symmb.equations.start import Start
 from symmb.run.codegen import FixedStep, Lanes, StepEnds, model_function
-from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver
+from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver, Task
 from symmb.run.integrate.contacts import contact_functions, contacts_of, started, with_gaps
 from symmb.run.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.run.integrate.initial_value_problem import PROJECTION_STEPS, build_problem
@@ -31,17 +31,8 @@ class Explicit(CompiledSolver):
     def takes_any_coordinates(self) -> bool:
         return not isinstance(self.stabilization, AugmentedLagrangian)
 
-    def lanes(
-        self,
-        dae: DAE,
-        times: Array,
-        y: ca.Function,
-        *,
-        order: int = 0,
-        work: bool = False,
-        start: Start | None = None,
-        alone: bool = False,
-    ) -> Lanes:
+    def lanes(self, task: Task) -> Lanes:
+        dae, times, y, order, work, start, alone = task
         problem = build_problem(
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
         ).jets(order)

@@ -1,14 +1,58 @@
 """Fixed steps over the output times, as one compiled call: for explicit, collocation and implicit schemes alike."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
 import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.declare.symbolic import common
+from symmb.declare.symbolic import batch, common
+from symmb.run.integrate.cells import interval_steps
 from symmb.run.integrate.initial_value_problem import InitialValueProblem
 from symmb.run.integrate.integration import Integration
-from symmb.run.integrate.marching import Advance, Marching, interval_steps
 from symmb.run.schemes import Step, runge_kutta
+
+
+@dataclass(frozen=True)
+class Advance:
+    """One step of a scheme on its history w, which begins with the state x (n_x,) and the quadrature (n_quad,).
+
+    begin (x, p, t, h) -> w     history at the start, before a first step of length h
+    step (w, p, t, h) -> w      by a step of length h that ends at t
+    """
+
+    begin: ca.Function
+    step: ca.Function
+    n_x: int
+    n_quad: int
+
+
+@dataclass(eq=False)
+class _FixedSteps(Integration):
+    """Runs by equal steps, so many in each interval of the times (n_t - 1,)."""
+
+    scheme: Advance = field(kw_only=True)
+    counts: Indices = field(kw_only=True)
+
+    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
+        n_x, t = self.n_x, float(self.times[0])
+
+        def projected(w: Array, time: float) -> Array:
+            if self.project is None:
+                return w
+            return np.hstack([batch(self.project, w[:, :n_x], p, np.array([time]))[0], w[:, n_x:]])
+
+        lengths = np.diff(self.times) / self.counts
+        (w,) = batch(self.scheme.begin, x0, p, np.array([t]), lengths[:1])
+        w = projected(w, t)
+        yield 0, w[:, :n_x]
+        for i, (h, count) in enumerate(zip(lengths, self.counts, strict=True), start=1):
+            for _ in range(count):
+                t += float(h)
+                (w,) = batch(self.scheme.step, w, p, np.array([t]), np.array([h]))
+            w = projected(w, t)
+            yield i, w[:, :n_x]
 
 
 def fixed_step_integration(
@@ -28,7 +72,7 @@ def fixed_step_integration(
     n_x, n_p = advance.n_x, advance.step.numel_in(1)
     guess = ca.Function("guess", [ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")], [ca.SX(0, 1)])
     if not n_x or len(times) == 1:
-        return Integration(times, n_x, advance.n_quad, None, None, guess)
+        return Integration(times, n_x, advance.n_quad, guess)
     counts = interval_steps(times, length)
     between = _interval(advance, int(counts.max()))
     if project is None:
@@ -36,7 +80,7 @@ def fixed_step_integration(
     else:
         # Intervals of one number of steps are folded; others are walked one by one.
         whole = _all_intervals(between, project, times) if counts.min() == counts.max() else None
-    return Integration(times, n_x, advance.n_quad, whole, between, guess, project, Marching(advance, times, counts))
+    return _FixedSteps(times, n_x, advance.n_quad, guess, whole, between, project, scheme=advance, counts=counts)
 
 
 def explicit(problem: InitialValueProblem) -> Advance:

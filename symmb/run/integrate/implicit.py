@@ -10,9 +10,8 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
 from symmb.declare.symbolic import common, has_kinks
 from symmb.equations.model import DAE
-from symmb.equations.start import Start
 from symmb.run.codegen import FixedStep, Lanes, Scheme, StepEnds, Tolerances, scheme_function
-from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver
+from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver, Task
 from symmb.run.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.run.integrate.initial_value_problem import build_problem
 from symmb.run.integrate.integration import Integration, stateless_integration
@@ -41,17 +40,8 @@ class _SchemeSolver(CompiledSolver):
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
         """The symbolic step, of the Taylor coefficients up to `order`."""
 
-    def lanes(
-        self,
-        dae: DAE,
-        times: Array,
-        y: ca.Function,
-        *,
-        order: int = 0,
-        work: bool = False,
-        start: Start | None = None,
-        alone: bool = False,
-    ) -> Lanes:
+    def lanes(self, task: Task) -> Lanes:
+        dae, times, y, order, work, start, alone = task
         if alone and has_kinks(dae.rhs):
             raise DeclarationError(
                 f"{self!r} cannot end its steps at the kinks and jumps of this scene without Python. Prepare the scene "

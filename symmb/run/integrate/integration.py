@@ -18,7 +18,6 @@ from symmb.declare.symbolic import batch, so_far
 from symmb.equations.model import DAE, Lazy
 from symmb.run.codegen import REASONS, FailureCode
 from symmb.run.events import Event
-from symmb.run.integrate.marching import Marching
 from symmb.run.integrate.side_walk import Stops, no_stops
 
 _COUNTED = {
@@ -53,6 +52,7 @@ class Run:
         return self if len(which) == len(self.X) else replace(self, X=self.X[which], quad=self.quad[which])
 
 
+@dataclass(eq=False)
 class Integration:
     """Compiled runs over one time grid. They can be pickled: threads and processes get copies.
 
@@ -60,11 +60,10 @@ class Integration:
     ----------
     times : (n_t,) array                 [s]
     n_x, n_quad : int
+    guess : Function                     (x, p, t) -> z0
     whole : Function, optional           (x0, z0, p) -> x (n_x, m), z, quad (n_quad, m) at its times
     between : Function, optional         (x0, z0, (p, begin, span)) -> x, z, quad at the end of an interval of `times`
-    guess : Function                     (x, p, t) -> z0
     project : Function, optional         (x, p, t) -> x on the constraints
-    marching : Marching, optional        the single steps of a scheme with a fixed step
     stops : x0, p -> Stops               switches of N samples, where steps end; optional
     units : (n_x + n_quad,), optional    the Functions take and give states and integrals over these units
     whole_times : (m,), (n_t,), optional times of `whole` [s], and where `times` stand among them; else they are `times`
@@ -74,30 +73,22 @@ class Integration:
     samples : bool                       `project` computes sampled values as well, where steps begin anew
     """
 
-    def __init__(
-        self,
-        times: Array,
-        n_x: int,
-        n_quad: int,
-        whole: ca.Function | None,
-        between: ca.Function | None,
-        guess: ca.Function,
-        project: ca.Function | None = None,
-        marching: Marching | None = None,
-        stops: Callable[[Array, Array], Stops] | None = None,
-        units: Array | None = None,
-        whole_times: tuple[Array, Indices] | None = None,
-        onward: Lazy[ca.Function] | None = None,
-        limit: tuple[float, float] = (np.inf, np.inf),
-        samples: bool = False,
-    ) -> None:
-        self._samples = samples
-        self.times, self._limit = times, limit
-        self._whole_times, self._outputs = whole_times or (times, np.arange(len(times)))
-        self.n_x, self.n_quad = n_x, n_quad
-        self._whole, self._between, self._guess, self._project = whole, between, guess, project
-        self._onward = onward
-        self._marching, self._stops, self._units = marching, stops, units
+    times: Array
+    n_x: int
+    n_quad: int
+    guess: ca.Function
+    whole: ca.Function | None = None
+    between: ca.Function | None = None
+    project: ca.Function | None = None
+    stops: Callable[[Array, Array], Stops] | None = None
+    units: Array | None = None
+    whole_times: tuple[Array, Indices] | None = None
+    onward: Lazy[ca.Function] | None = None
+    limit: tuple[float, float] = (np.inf, np.inf)
+    samples: bool = False
+
+    def __post_init__(self) -> None:
+        self._fine, self._outputs = self.whole_times or (self.times, np.arange(len(self.times)))
         self._statistics: Counter[str] = Counter()
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
@@ -110,7 +101,7 @@ class Integration:
         KeyboardInterrupt      at the end of the call of CasADi in which it arrives, which carries the runs so far
         """
         interrupts = Interrupts()
-        n, units = self.n_x, self._units
+        n, units = self.n_x, self.units
         runs = self._run(x0 if units is None else x0 / units[:n], p, threads, interrupts)
         if units is not None:
             runs = [replace(run, X=run.X * units[:n], quad=run.quad * units[n:]) for run in runs]
@@ -124,14 +115,14 @@ class Integration:
             parts = iter(self._run(x0[started], p[started], threads, interrupts))
             return [next(parts) if ok else self._unstarted() for ok in started]
         stops = no_stops(len(p))
-        if self._stops is not None:
-            stops = self._stops(x0 if self._units is None else x0 * self._units[: self.n_x], p)
-        if self._whole is None or not len(x0) or stops.times.size:
+        if self.stops is not None:
+            stops = self.stops(x0 if self.units is None else x0 * self.units[: self.n_x], p)
+        if self.whole is None or not len(x0) or stops.times.size:
             return [self._walk(x0[k], p[k], stops.of(k), interrupts) for k in range(len(x0))]
-        (z0,) = batch(self._guess, x0, p, self.times[:1])
-        runs = self._together(self._whole, x0, z0, p, threads, interrupts) if len(x0) > 1 else [None]
+        (z0,) = batch(self.guess, x0, p, self.times[:1])
+        runs = self._together(self.whole, x0, z0, p, threads, interrupts) if len(x0) > 1 else [None]
         samples = zip(runs, x0, z0, p, strict=True)
-        return [run or self._alone(self._whole, x, z, values, interrupts) for run, x, z, values in samples]
+        return [run or self._alone(self.whole, x, z, values, interrupts) for run, x, z, values in samples]
 
     def _together(
         self, whole: ca.Function, x0: Array, z0: Array, p: Array, threads: int, interrupts: Interrupts
@@ -149,7 +140,7 @@ class Integration:
 
     def _alone(self, whole: ca.Function, x0: Array, z0: Array, p: Array, interrupts: Interrupts) -> Run:
         """One sample. Where its call fails, it is tried once more from the last known state on."""
-        times = self._whole_times
+        times = self._fine
         X, quad = np.full((len(times), self.n_x), np.nan), np.zeros((len(times), self.n_quad))
         if not interrupts.noticed:
             with quiet(), interrupts:
@@ -161,7 +152,7 @@ class Integration:
         if not known.all():
             last = int(known.argmin()) - 1
             X[last + 1 :], quad[last + 1 :] = np.nan, 0.0
-            onward = partial(self.advance, self._onward() if self._onward else self._between, p)
+            onward = partial(self.advance, self.onward() if self.onward else self.between, p)
             run = self._go_on(onward, run, times, last, p, no_stops(1).of(0), interrupts)
         return run.at(self._outputs)
 
@@ -174,13 +165,13 @@ class Integration:
 
     def _pieces(self, p: Array, stops: Stops) -> RunAdvance:
         """How one sample goes along one piece between its stops after the other."""
-        return partial(self.advance, self._between, p)
+        return partial(self.advance, self.between, p)
 
     def _go_on(
         self, advance: RunAdvance, run: Run, times: Array, last: int, p: Array, stops: Stops, interrupts: Interrupts
     ) -> Run:
         """The run at times behind the last known one, one by one."""
-        x, (usual, spare), first = run.X[last], self._limit, self._statistics["steps"]
+        x, (usual, spare), first = run.X[last], self.limit, self._statistics["steps"]
         for i, (begin, end) in enumerate(pairwise(times[last:].tolist()), start=last + 1):
             if interrupts.noticed:
                 return replace(run, t_failed=begin, message="interrupted")
@@ -188,7 +179,7 @@ class Integration:
             for piece in pieces_between(begin, end, stops.times):
                 if piece[0] > stops.sticks:
                     return replace(run, t_failed=float(stops.sticks), message=REASONS[FailureCode.STICKS])
-                x = self._projected(x, p, piece[0]) if self._samples else x
+                x = self._projected(x, p, piece[0]) if self.samples else x
                 before = self._statistics["steps"]
                 try:
                     with interrupts:
@@ -214,7 +205,7 @@ class Integration:
         """From one time to another by f, of one sample: p (n_p,), x (n_x,) -> x (n_x,), quad (n_quad,)."""
         if f is None:
             return x, np.zeros(self.n_quad)
-        (z0,) = batch(self._guess, x[None], p[None], np.array([begin]))
+        (z0,) = batch(self.guess, x[None], p[None], np.array([begin]))
         with quiet():
             xf, _, qf, *_ = batch(f, x[None], z0, np.hstack([p, begin, end - begin])[None])
         self.count(f)
@@ -226,7 +217,7 @@ class Integration:
 
     def _projected(self, x: Array, p: Array, t: float) -> Array:
         """The state (n_x,) of one sample on the constraints at a time, if the solver projects."""
-        return x if self._project is None else batch(self._project, x[None], p[None], np.array([t]))[0][0]
+        return x if self.project is None else batch(self.project, x[None], p[None], np.array([t]))[0][0]
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
         """All samples side by side, x0 (N, n_x), p (N, n_p): yields (i, x (N, n_x)) for every time.
@@ -235,11 +226,9 @@ class Integration:
         ------
         PropagationError       if the solver chooses its steps, so that samples cannot share them
         """
-        if self._marching is None:
-            raise PropagationError(
-                "Lockstep needs a solver with a fixed step, such as RungeKutta(), and more than one output time."
-            )
-        yield from self._marching.march(x0, p, self._project)
+        raise PropagationError(
+            "Lockstep needs a solver with a fixed step, such as RungeKutta(), and more than one output time."
+        )
 
     def statistics(self) -> dict[str, int]:
         """Counts of the integrator for its last samples; empty without counts."""
@@ -256,7 +245,7 @@ def stateless_integration(dae: DAE, times: Array, order: int = 0) -> Integration
     """Runs of a scene without states, or of its Taylor coefficients up to an order."""
     n_p = len(dae.p_names) * (2 if order else 1)
     guess = ca.Function("guess", [ca.SX(0, 1), ca.SX.sym("p", n_p), ca.SX.sym("t")], [ca.SX(0, 1)])
-    return Integration(times, 0, 0, None, None, guess)
+    return Integration(times, 0, 0, guess)
 
 
 def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[float, float]]:

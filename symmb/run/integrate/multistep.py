@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Indices
+from symmb._types import Array
 from symmb.declare.symbolic import batch, common
 from symmb.equations.model import DAE, Lazy
 from symmb.run.events import longest_step
@@ -66,7 +67,7 @@ def multistep_integration(
     project, passes = problem.projection(), SwitchPasses(dae, times, rtol, of_state=of_state)
     n_x = problem.x.numel()
     if not n_x or len(times) < 2:
-        return _MultistepIntegration(times, problem, guess, project, passes.stops, units)
+        return Integration(times, n_x, problem.quad.numel(), guess, None, None, project, passes.stops, units)
     whole = between = onward = smooth = None
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
     most = min(MOST_STEPS, (_FEW_STATES if independent else MOST_STATES) // n_x)
@@ -97,18 +98,19 @@ def multistep_integration(
         smooth = _SmoothPieces(equations, one, integrator, dae.n_q, rtol, units)
     return _MultistepIntegration(
         times,
-        problem,
+        n_x,
+        problem.quad.numel(),
         guess,
+        whole,
+        between,
         project,
         passes.stops,
         units,
-        whole=whole,
-        between=between,
-        smooth=smooth,
         whole_times=(fine, outputs),
         onward=onward,
         limit=(USUAL * most / horizon, LOST * most),
         samples=dae.sampling is not None,
+        smooth=smooth,
     )
 
 
@@ -118,40 +120,21 @@ def _step_lengths(dae: DAE, times: Array, first: float | None, longest: float) -
     return {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
 
 
+@dataclass(eq=False)
 class _MultistepIntegration(Integration):
     """Runs in one call, or in pieces between stops; these on one side of each switch if `smooth` is given."""
 
-    def __init__(
-        self,
-        times: Array,
-        problem: InitialValueProblem,
-        guess: ca.Function,
-        project: ca.Function | None,
-        stops: Callable[[Array, Array], Stops],
-        units: Array | None,
-        *,
-        whole: ca.Function | None = None,
-        between: ca.Function | None = None,
-        smooth: "_SmoothPieces | None" = None,
-        whole_times: tuple[Array, Indices] | None = None,
-        onward: Lazy[ca.Function] | None = None,
-        limit: tuple[float, float] = (math.inf, math.inf),
-        samples: bool = False,
-    ) -> None:
-        n_x, n_quad = problem.x.numel(), problem.quad.numel()
-        grid = {"whole_times": whole_times, "onward": onward, "limit": limit, "samples": samples}
-        super().__init__(times, n_x, n_quad, whole, between, guess, project, stops=stops, units=units, **grid)
-        self._smooth = smooth
+    smooth: "_SmoothPieces | None" = None
 
     def _pieces(self, p: Array, stops: Stops) -> RunAdvance:
-        smooth, n = self._smooth, self.n_x
+        smooth, n = self.smooth, self.n_x
         if smooth is None or not np.isfinite(stops.passes).any():
             return super()._pieces(p, stops)
-        every = np.ones(n + self.n_quad) if self._units is None else self._units
+        every = np.ones(n + self.n_quad) if self.units is None else self.units
         units, quad_units = every[:n], every[n:]
 
         def free(begin: float, end: float, y: Array, p: Array) -> Array:
-            x, quad = self.advance(self._between, p, begin, end, y[:n] / units)
+            x, quad = self.advance(self.between, p, begin, end, y[:n] / units)
             return np.concatenate([x * units, y[n:] + quad * quad_units])
 
         def one_sided(begin: float, end: float, y: Array, p: Array) -> Array:

@@ -14,8 +14,8 @@ from symmb._options import is_finite_number, is_real, is_whole, python_number, r
 from symmb._types import Array
 from symmb.equations.model import DAE
 from symmb.run.codegen import Tolerances, with_compiler
+from symmb.run.integrate.cells import interval_steps
 from symmb.run.integrate.integration import Integration
-from symmb.run.integrate.marching import interval_steps
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 
 LEAST_SIZE, NOISE = 1e-2, 1e-12

@@ -77,7 +77,7 @@ class _Partitioned(Integration):
         guess = ca.Function("guess", [problem.x, problem.p, problem.t], [ca.SX(0, 1)])
         passes, project = SwitchPasses(dae, times, solver.rtol), problem.projection()
         samples = dae.sampling is not None
-        super().__init__(times, n_x, n_quad, None, None, guess, project, stops=passes.stops, samples=samples)
+        super().__init__(times, n_x, n_quad, guess, project=project, stops=passes.stops, samples=samples)
         self._equations, tolerances = _Equations(dae, problem), solver.tolerances(dae, n_quad=n_quad)
         atol = tolerances.absolute(n_x + n_quad)
         self._options = {"rtol": tolerances.rtol, "atol": atol, "max_step": longest_step(dae, times)}

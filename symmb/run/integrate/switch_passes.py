@@ -11,6 +11,7 @@ from symmb.equations.model import DAE
 from symmb.equations.start import Start
 from symmb.run.codegen import Engine, FailureCode, Tolerances, compiler_advice, has_compiler
 from symmb.run.events import time_switches
+from symmb.run.integrate.compiled import Task
 from symmb.run.integrate.explicit import DormandPrince
 from symmb.run.integrate.initial_value_problem import build_problem
 from symmb.run.integrate.side_walk import Stops, no_stops
@@ -52,7 +53,7 @@ class SwitchPasses:
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
             solver = DormandPrince(max(_SHARE * rtol, _LEAST_RTOL))
-            engine = solver.engine(dae, times[[0, -1]], nothing, start=start)
+            engine = solver.engine(Task(dae, times[[0, -1]], nothing, start=start))
             engine.most_steps = _MOST_STEPS
             self._engine = engine if engine.ends.hysteresis else None
 

@@ -10,7 +10,7 @@ from symmb._units import units_of_parameters
 from symmb.equations.model import Scene
 from symmb.run.codegen import FixedStep, SceneSource
 from symmb.run.events import time_switches
-from symmb.run.integrate import CompiledSolver
+from symmb.run.integrate import CompiledSolver, Task
 from symmb.run.simulation import DAESimulator, scene_of, simulator_with
 
 
@@ -60,7 +60,7 @@ def exported(subject: Scene | DAESimulator) -> Exported:
         raise DeclarationError(f"{scene.name} has no states: its outputs are plain expressions, which need no export.")
     lanes = None
     if isinstance(solver, CompiledSolver):
-        lanes = solver.lanes(dae, simulator.times, form.y, start=form.start, alone=True)
+        lanes = solver.lanes(Task(dae, simulator.times, form.y, start=form.start, alone=True))
     if lanes is None or (isinstance(lanes.control, FixedStep) and lanes.scheme is None):
         solvers = "DormandPrince(), EventDriven() or Rosenbrock()"
         raise DeclarationError(f"{solver!r} cannot be exported. Prepare the scene with {solvers}.")
