@@ -2,7 +2,7 @@
 
 import functools
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,7 +66,7 @@ def model_function(
     contacts : mapping                  the functions of c/impacts.h
     """
     parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
-    if switches is not None:
+    if switches is not None and switches.numel():
         parts["switches"] = switches
         box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t)
     if projected is not None:
@@ -250,24 +250,17 @@ def _ensemble_source(
     lists: dict[str, Sequence[int]] = {"place": place, "used": used, "ranged": ranged}
     numbers = {"hysteresis": hysteresis}
     if contacts is not None:
-        own = {"N_G": len(contacts.names), "N_Q": contacts.n_q, "N_V": contacts.n_v, "WIDTH": 1}
-        sizes |= own | {"N_WORK": int(contacts.with_work), "LENGTH": contacts.length, "ENERGY": contacts.energy}
-        lists["contact_state"], numbers["displacement"] = contacts.closed, contacts.displacements
-        lists |= (joints := contacts.joints)
-        counts = {"N_E": "opens", "N_PLACE": "place_state", "N_OTHERS": "other_state"}
-        sizes |= {size: len(joints.get(name, ())) for size, name in counts.items()}
-        sizes |= {"N_I": len(contacts.closed), "N_ROWS": contacts.n_rows}
+        sizes |= _sizes_of(contacts)
+        lists |= {"contact_state": contacts.closed, **contacts.joints}
+        numbers["displacement"] = contacts.displacements
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
             f"enum {{ {', '.join(FailureCode.__members__)} }};",
             c_source("lanes"),
-            *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
+            *(_constants("int", name, map(str, v or [0])) for name, v in lists.items()),
             *(f"extern const double *{name};" for name in graph.pieces),
-            *(
-                f"PRIVATE const double {name}[] = {{{', '.join(map(repr, v or [0.0]))}}};"
-                for name, v in numbers.items()
-            ),
+            *(_constants("double", name, map(repr, v or [0.0])) for name, v in numbers.items()),
             *(f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)),
             _only_in(0),
             *(_pieces(name, pieces if one_run else None) for name, pieces in graph.pieces.items()),
@@ -278,6 +271,28 @@ def _ensemble_source(
             "#endif",
         ]
     )
+
+
+def _sizes_of(contacts: Contacts) -> dict[str, float]:
+    """What c/impacts.h asks of contacts: numbers of gaps, states and rows, and the scales of their impulses."""
+    return {
+        "N_G": len(contacts.names),
+        "N_Q": contacts.n_q,
+        "N_V": contacts.n_v,
+        "WIDTH": 1,
+        "N_WORK": int(contacts.with_work),
+        "LENGTH": contacts.length,
+        "ENERGY": contacts.energy,
+        "N_E": len(contacts.joints.get("opens", ())),
+        "N_PLACE": len(contacts.joints.get("place_state", ())),
+        "N_OTHERS": len(contacts.joints.get("other_state", ())),
+        "N_I": len(contacts.closed),
+        "N_ROWS": contacts.n_rows,
+    }
+
+
+def _constants(kind: str, name: str, texts: Iterable[str]) -> str:
+    return f"PRIVATE const {kind} {name}[] = {{{', '.join(texts)}}};"
 
 
 def _pieces(name: str, pieces: Pieces | None) -> str:

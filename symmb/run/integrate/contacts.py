@@ -8,8 +8,7 @@ import casadi as ca
 from symmb.declare.mechanics import RESTITUTION
 from symmb.declare.symbolic import common
 from symmb.equations.model import DAE, Impacts, JointEvents
-from symmb.run.codegen import Contacts, StepEnds
-from symmb.run.integrate.initial_value_problem import InitialValueProblem
+from symmb.run.codegen import Contacts
 from symmb.run.integrate.step_ends import SwitchedProblem, hysteresis_of
 
 _PENETRATION, _SHORT_WAY = 1e-9, 1e-7
@@ -74,15 +73,12 @@ def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
     return tuple(of(k) for k in range(len(joints.names)))
 
 
-def with_gaps(
-    problem: InitialValueProblem, frozen: SwitchedProblem | None, dae: DAE, impacts: Impacts, work: bool
-) -> SwitchedProblem:
-    """A problem, perhaps with switches, whose last switches are the gaps of open contacts, and 1 for closed ones.
+def with_gaps(frozen: SwitchedProblem, dae: DAE, impacts: Impacts, work: bool) -> SwitchedProblem:
+    """A problem with its switches, whose last switches are the gaps of open contacts, and 1 for closed ones.
 
     Margins of joints follow, above 0 on the side where they are, and 1 where their events would change nothing. It
     projects states into closed contacts as well. The work of impulses needs an integral along the motion.
     """
-    frozen = frozen or SwitchedProblem(problem, ca.SX(0, 1), StepEnds())
     problem, m, joints = frozen.problem, len(frozen.ends.hysteresis), impacts.joints
     x, p, t = problem.x, problem.p[: len(dae.p_names)], problem.t
     gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))

@@ -14,10 +14,10 @@ from symmb.run.codegen import FixedStep, Lanes, StepEnds, model_function
 from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver, Task
 from symmb.run.integrate.contacts import contact_functions, contacts_of, started, with_gaps
 from symmb.run.integrate.fixed_step import explicit, fixed_step_integration
-from symmb.run.integrate.initial_value_problem import PROJECTION_STEPS, build_problem
+from symmb.run.integrate.initial_value_problem import PROJECTION_STEPS, InitialValueProblem, build_problem
 from symmb.run.integrate.integration import Integration, stateless_integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
-from symmb.run.integrate.step_ends import stops_in_time, switched
+from symmb.run.integrate.step_ends import SwitchedProblem, stops_in_time, switched
 
 
 class Explicit(CompiledSolver):
@@ -36,16 +36,15 @@ class Explicit(CompiledSolver):
         problem = build_problem(
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
         ).jets(order)
-        own, contacts = problem.p, None
         of_time = stops_in_time(dae, times) if alone else None
-        linear = of_time and of_time.switches.linear
-        curved = of_time is not None and linear is None
-        frozen = switched(problem, dae, times, curved) if self.controls_step and not order else None
-        ends = StepEnds(stops=stops_in_time(dae, times) if order else None) if self.controls_step else None
+        linear = None if of_time is None else of_time.switches.linear
+        frozen = self._switched(problem, task, of_time is not None and linear is None)
+        contacts = None
         if dae.impacts is not None:
-            contacts = contacts_of(dae, dae.impacts, work)
-            frozen, start = with_gaps(problem, frozen, dae, dae.impacts, work), start if alone else None
-        problem, ends = (frozen.problem, frozen.ends) if frozen else (problem, ends)
+            # The engine is given the states of the start, which Python moves into closed contacts.
+            contacts, start = contacts_of(dae, dae.impacts, work), start if alone else None
+            frozen = with_gaps(frozen, dae, dae.impacts, work)
+        own, problem = problem.p, frozen.problem
         # At the time of an event, outputs have their values after it.
         outputs = y(problem.x if contacts is None else cast(ca.SX, problem.projected), own, problem.t)
         control = self.limited_control(dae, times, order, problem.quad.numel())
@@ -64,13 +63,19 @@ class Explicit(CompiledSolver):
             ca.vertcat(at(outputs), x[n_x:, :]),
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
             _compiled_start(start, dae, p, float(np.ptp(times)), alone),
-            at(frozen.switches) if frozen and frozen.switches.numel() else None,
+            at(frozen.switches),
             None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
-            at(frozen.ranged) if frozen and frozen.ranged is not None else None,
+            None if frozen.ranged is None else at(frozen.ranged),
             ca.vertcat(*linear[0](p)) if linear else None,
         )
-        knots = tuple(linear[1]) if linear else ()
-        return Lanes(f, control, ends=ends or StepEnds(), contacts=contacts, knots=knots)
+        return Lanes(f, control, ends=frozen.ends, contacts=contacts, knots=tuple(linear[1]) if linear else ())
+
+    def _switched(self, problem: InitialValueProblem, task: Task, of_time: bool) -> SwitchedProblem:
+        """The problem with the switches at which steps end. Fixed steps end at none, Taylor coefficients at times."""
+        if self.controls_step and not task.order:
+            return switched(problem, task.dae, task.times, of_time)
+        stops = stops_in_time(task.dae, task.times) if self.controls_step else None
+        return SwitchedProblem(problem, ends=StepEnds(stops=stops))
 
 
 def _compiled_start(

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -72,29 +72,16 @@ def multistep_integration(
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
     most = min(MOST_STEPS, (_FEW_STATES if independent else MOST_STATES) // n_x)
     steps = _step_lengths(dae, times, first, _SHORT * horizon if independent else np.inf)
-
-    def limited(problem: InitialValueProblem, length: float, unit: float, most: float) -> dict[str, Any]:
-        lengths = {name: step / unit for name, step in steps.items()}
-        return options(problem, length) | lengths | {"max_num_steps": max(int(most), LEAST)}
-
-    def from_0_to_1(name: str, problem: InitialValueProblem, ends: Array, most: float) -> ca.Function:
-        """One integrator for every interval, by the time since its begin over its length."""
-        begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
-        part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
-        return _integrator(name, plugin, part, 0, 1, limited(problem, 1.0, float(np.diff(ends).max()), most))
-
+    made = _Integrators(plugin, options, steps)
     if project is None:
-        unit = _time_unit(fine)
-        part = _parts(problem) if unit == 1 else _rescaled(problem, ca.SX(0), ca.SX(unit))
-        limits = limited(problem, horizon / unit, unit, USUAL * most / CELLS)
-        whole = _integrator("whole", plugin, part, times[0] / unit, fine / unit, limits)
-        onward = Lazy(lambda: from_0_to_1("onward", problem, fine, LOST * most))
+        whole = made.over("whole", problem, fine, USUAL * most / CELLS)
+        onward = Lazy(lambda: made.from_0_to_1("onward", problem, fine, LOST * most))
     if project is not None or passes.are_possible:
-        between = from_0_to_1("between", problem, times, most * max(LOST, 1 / (len(times) - 1)))
+        between = made.from_0_to_1("between", problem, times, most * max(LOST, 1 / (len(times) - 1)))
     equations = one_sided(dae) if passes.are_possible and not independent and not order else None
     if equations is not None:
         one = problem_of(equations.dae)
-        integrator = from_0_to_1("smooth", one.from_begin(), times, _SMOOTH_STEPS)
+        integrator = made.from_0_to_1("smooth", one.from_begin(), times, _SMOOTH_STEPS)
         smooth = _SmoothPieces(equations, one, integrator, dae.n_q, rtol, units)
     return _MultistepIntegration(
         times,
@@ -112,6 +99,32 @@ def multistep_integration(
         samples=dae.sampling is not None,
         smooth=smooth,
     )
+
+
+class _Integrators(NamedTuple):
+    """CasADi's integrators by a plugin, with its options for an integration over a given time, and step lengths [s]."""
+
+    plugin: str
+    options: Callable[[InitialValueProblem, float], dict[str, Any]]
+    steps: dict[str, float]
+
+    def over(self, name: str, problem: InitialValueProblem, times: Array, most: float) -> ca.Function:
+        """One over all times, with so many steps from one to the next at most."""
+        unit = _time_unit(times)
+        part = _parts(problem) if unit == 1 else _rescaled(problem, ca.SX(0), ca.SX(unit))
+        limits = self._limited(problem, float(times[-1] - times[0]) / unit, unit, most)
+        return _integrator(name, self.plugin, part, times[0] / unit, times / unit, limits)
+
+    def from_0_to_1(self, name: str, problem: InitialValueProblem, ends: Array, most: float) -> ca.Function:
+        """One for every interval between ends, by the time since its begin over its length."""
+        begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
+        part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
+        limits = self._limited(problem, 1.0, float(np.diff(ends).max()), most)
+        return _integrator(name, self.plugin, part, 0, 1, limits)
+
+    def _limited(self, problem: InitialValueProblem, length: float, unit: float, most: float) -> dict[str, Any]:
+        lengths = {name: step / unit for name, step in self.steps.items()}
+        return self.options(problem, length) | lengths | {"max_num_steps": max(int(most), LEAST)}
 
 
 def _step_lengths(dae: DAE, times: Array, first: float | None, longest: float) -> dict[str, float]:

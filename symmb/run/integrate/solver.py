@@ -124,10 +124,6 @@ class Solver(ABC):
         ahead = AHEAD / dae.scales.rate
         return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)
 
-    def at(self, **options: Any) -> "Solver":
-        """The same solver with other options."""
-        return replace(self, **options)  # pyright: ignore[reportArgumentType]
-
     def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
         """The same solver with errors about `factor` times smaller.
 

@@ -1,6 +1,6 @@
 """Where steps of one problem end besides output times: at its switches of time and of the state."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -34,13 +34,13 @@ class SwitchedProblem:
     """
 
     problem: InitialValueProblem
-    switches: ca.SX
-    ends: StepEnds
+    switches: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    ends: StepEnds = field(default_factory=StepEnds)
     ranged: ca.SX | None = None
 
 
-def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool = False) -> SwitchedProblem | None:
-    """The problem with its switches; None if it has none. Algebraic variables must be eliminated.
+def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool = False) -> SwitchedProblem:
+    """The problem with its switches. Algebraic variables must be eliminated.
 
     Those of time alone are found before a run, or stand `of_time` among those of the state.
     """
@@ -49,7 +49,7 @@ def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool
     smooth = not has_kinks(f)
     stops = None if dae.sampling is None and (smooth or of_time) else stops_in_time(dae, times)
     if smooth:
-        return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
+        return SwitchedProblem(problem, ends=StepEnds(stops=stops))
     branch = branches(
         with_common_expressions(f), [(x, On.STATE), (p, On.PARAMETERS), (t, On.STATE if of_time else On.TIME)]
     )
@@ -66,7 +66,7 @@ def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool
     )
     switches = ca.vertcat(branch.switches, *fronts, *(slopes(exponent) for exponent in exponents))
     if not switches.numel():
-        return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
+        return SwitchedProblem(problem, ends=StepEnds(stops=stops))
     sides = ca.vertcat(branch.sides, ca.SX.sym("side", switches.numel() - branch.sides.numel()))
     on_branches = replace(problem, p=ca.vertcat(p, sides), ode=ode, quad=rates[x.numel() :, :])
     ends = StepEnds(hysteresis_of(dae, switches, x, p, t, sides), stops)

@@ -95,7 +95,7 @@ def _switches_with_state(dae: DAE, _: Array) -> bool:
     if not has_kinks(dae.rhs):
         return False
     found = switched(build_problem(dae, None, algebraic=False, work=False), dae, np.zeros(2))
-    return found is not None and bool(found.ends.hysteresis)
+    return bool(found.ends.hysteresis)
 
 
 def follow_doubts(dae: DAE) -> tuple[str, ...]:

@@ -35,14 +35,11 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
 
     heads = quaternions(dae) if stabilized else []
     # Unknowns and residuals are shares of what a step can change: the matrix is as good with any units and any step.
-    tau, length, energy = b * h, dae.scales.length, dae.scales.energy
+    tau, energy = b * h, dae.scales.energy
     of_q, of_v, row_scales = ca.DM(dae.coordinate_scales), ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
     n_c, of_c = dae.n_c, row_scales[: dae.n_c, :]
-    of_positions = ca.vertcat(of_c, ca.DM.ones(len(heads)))
-    unit_x = ca.vertcat(of_q / tau, of_v / tau**2, ca.DM.ones(dae.n_s) / tau)
-    unit_lam = energy / row_scales / tau**2
-    unit_mu = length**2 / of_positions / tau if stabilized else ca.SX(0, 1)
-    units = ca.vertcat(unit_x, unit_lam, unit_mu)
+    unit_x, unit_lam, unit_mu = parts = _units(dae, tau, len(heads), stabilized)
+    units = ca.vertcat(*parts)
     z = ca.SX.sym("z", units.numel())
     rate, lam, mu = ca.vertsplit(units * z, [0, n_x, n_x + dae.n_r, z.numel()])
     new = past + b * h * rate
@@ -83,6 +80,17 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
         n_quad=n_quad,
         order=2,
         growth=2.0,
+    )
+
+
+def _units(dae: DAE, tau: ca.SX, n_heads: int, stabilized: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """What a step can change: rates of the state, multipliers lam and, of index 2, mu."""
+    of_q, of_v, row_scales = ca.DM(dae.coordinate_scales), ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
+    of_positions = ca.vertcat(row_scales[: dae.n_c, :], ca.DM.ones(n_heads))
+    return (
+        ca.vertcat(of_q / tau, of_v / tau**2, ca.DM.ones(dae.n_s) / tau),
+        dae.scales.energy / row_scales / tau**2,
+        dae.scales.length**2 / of_positions / tau if stabilized else ca.SX(0, 1),
     )
 
 

@@ -21,9 +21,8 @@ from symmb.run.formulations import program_of
 from symmb.run.integrate import EventDriven, Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
-from symmb.run.simulation.pilots import PilotRuns, given_program
+from symmb.run.simulation.pilots import PilotRuns, choose, for_one_run, given_program
 from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
-from symmb.run.simulation.solver_choice import choose, for_one_run
 from symmb.run.simulation.subject import (
     require_own,
     scene_of,
@@ -60,22 +59,9 @@ def simulate(
 @overload
 def simulate(
     scene: Scene | DAESimulator,
-    solver: Solver | str | None,
-    parameters: Sequence[Mapping[str, float]],
-    *,
-    rtol: float | None = None,
-    atol: float | None = None,
-    times: Sequence[float] | Array | None = None,
-    outputs: Mapping[str, Expr] | None = None,
-) -> Sweep: ...
-
-
-@overload
-def simulate(
-    scene: Scene | DAESimulator,
     solver: Solver | str | None = None,
+    parameters: Sequence[Mapping[str, float]] = ...,
     *,
-    parameters: Sequence[Mapping[str, float]],
     rtol: float | None = None,
     atol: float | None = None,
     times: Sequence[float] | Array | None = None,
@@ -142,35 +128,45 @@ def simulate(
     own = scene_of(scene)
     solver = solver_of(solver)
     require_truth("simulate", "check", check)
-    if isinstance(scene, DAESimulator):
-        require_own(scene, solver, times, outputs)
+    prepared = scene if isinstance(scene, DAESimulator) else None
+    if prepared is not None:
+        require_own(prepared, solver, times, outputs)
     tolerances: dict[str, Any] = {k: x for k, x in (("rtol", rtol), ("atol", atol)) if x is not None}
-    if tolerances and (solver is not None or isinstance(scene, DAESimulator)):
+    if tolerances and (solver is not None or prepared is not None):
         raise DeclarationError("simulate: rtol and atol are of the default solver. Write solver=CVODES(rtol=1e-10).")
     own = with_options(own, times, outputs)
     if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
-        if check:
-            raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
-        if tolerances:
-            solver = simulator_with(own).solver.at(**tolerances)
-        return swept(simulator_for("simulate", scene, solver, times, outputs), parameters, "simulate")
+        return _simulated_side_by_side(prepared or own, solver, parameters, check, tolerances)
     if tolerances and own.system.collected.has_events:
         solver = EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)
-    chosen = scene.solver if isinstance(scene, DAESimulator) else solver
     with kept_interrupts(), Progress(f"{own.name}: equations") as progress:
-        if isinstance(scene, DAESimulator):
-            program, reason = scene.program, scene.reason
+        if prepared is not None:
+            solver, given = prepared.solver, (prepared.program, prepared.reason)
         else:
-            program, reason = given_program(own, solver) or (program_of(own), None)
-        runs = PilotRuns(own, values, program, reason)
+            given = given_program(own, solver) or (program_of(own), None)
+        runs = PilotRuns(own, values, *given)
         progress(f"{own.name}: running", 0, 0)
-        solver, trajectory = _simulated(runs, check, tolerances)
+        used, trajectory = _simulated(runs, check, tolerances)
         if own.figures:
-            figures = cast(FigureSimulator, study_simulator(own, solver if tolerances else chosen))
+            figures = cast(FigureSimulator, study_simulator(own, used if tolerances else solver))
             trajectory = with_figures_of(trajectory, figures, check)
-    warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
+    warn_of(trajectory.doubts, f"{own.name} by {used!r}")
     return trajectory
+
+
+def _simulated_side_by_side(
+    subject: Scene | DAESimulator,
+    solver: Solver | None,
+    parameters: Sequence[Mapping[str, float]],
+    check: bool,
+    tolerances: Mapping[str, Any],
+) -> Sweep:
+    if check:
+        raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
+    if tolerances and isinstance(subject, Scene):
+        solver = _at(simulator_with(subject).solver, tolerances)
+    return swept(simulator_for("simulate", subject, solver), parameters, "simulate")
 
 
 def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:
@@ -187,9 +183,9 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
         stiff, ends = runs.starts_stiff, bodies.dae.sampling is not None
         switches = ends or bodies.kinks(times) is not None
         solver, reason = choose(
-            partial(for_one_run, stiff, switches), lambda solver: runs.judge(solver.at(**tolerances))
+            partial(for_one_run, stiff, switches), lambda solver: runs.judge(_at(solver, tolerances))
         )
-        solver = solver.at(**tolerances)
+        solver = _at(solver, tolerances)
         reason = f"a part of the motion decays too fast for explicit steps; {reason}" if stiff else reason
         reason = "; ".join(filter(None, (reason, runs.program.forms.of(solver).why)))
     run, trajectory = runs.done[solver]
@@ -211,6 +207,10 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
         doubts = (*doubts, *ways.doubts, *filter(None, [ways.unchecked]))
         trajectory = replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
     return solver, trajectory
+
+
+def _at(solver: Solver, tolerances: Mapping[str, Any]) -> Solver:
+    return replace(solver, **tolerances)  # pyright: ignore[reportArgumentType]
 
 
 def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: bool) -> Trajectory:

@@ -50,8 +50,8 @@ def simulator_for(
     owner: str,
     subject: Scene | Simulator,
     solver: Solver | str | None,
-    times: Sequence[float] | Array | None,
-    outputs: Mapping[str, Expr] | None,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
 ) -> Simulator:
     """The simulator of a scene with these options, or the given one, which takes none; with figures, if it has any.
 
