@@ -125,7 +125,7 @@ def programs(folder: Path, work: Path) -> list[str]:
 
 def lane(simulator: mb.DAESimulator) -> tuple[float, int]:
     """Runs per second of one lane of the ensemble on one core, and the number of lanes."""
-    engine = simulator.engine()
+    engine = simulator.program.engine()
     P = np.tile(simulator.dae.p_nominal, (engine.width, 1))
     x0 = np.empty((len(P), 0)) if engine.starts else simulator.formulation.start.states(P)[0]
     return 1 / median(lambda: engine.values(x0, P), calls=20), engine.width

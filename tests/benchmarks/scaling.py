@@ -70,10 +70,10 @@ def measure(scene: mb.Scene, links: int, horizon: float, has_peer: bool) -> list
         DAESimulator(scene, mb.DormandPrince()).prepare()
         again = spent()
         generated = casadi_compiler(simulator.dae.rhs, Path(folder)) if has_peer else math.nan
-    rates = re.findall(r"void rates_\d+\(.*?\n}", simulator.engine().source, re.DOTALL)
+    rates = re.findall(r"void rates_\d+\(.*?\n}", simulator.program.engine().source, re.DOTALL)
     statements = sum(text.count("const V v") for text in rates)
     simulator.threads = 1
-    N = simulator.engine().width
+    N = simulator.program.engine().width
     P = np.tile(list(simulator.parameters.values()), (N, 1))
     run = median(lambda: simulator.run(P).Y) / N
     cvodes = cvodes_seconds(scene, P[:1]) if has_peer else math.nan

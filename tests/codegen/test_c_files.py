@@ -59,7 +59,7 @@ def test_each_file_compiles_by_itself(compiler, path):
 def test_generated_programs_are_clean_under_sanitizers(model, solver, tmp_path):
     simulator = mb.DAESimulator(model.scene().with_times(np.linspace(0, 1, 5)), solver)
     P = simulator.dae.p_nominal * np.random.default_rng(0).uniform(0.9, 1.1, (11, 2))
-    engine = simulator.engine()
+    engine = simulator.program.engine()
     assert isinstance(engine, Engine) and engine.starts == (model is double_pendulum)
     x0 = np.zeros((1, 1)) if engine.starts else simulator.start.states(P)[0]
     controlled = isinstance(engine.control, Tolerances)

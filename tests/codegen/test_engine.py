@@ -164,7 +164,7 @@ MOVING = [model for model in SMOOTH_MODELS if model is not cubic]  # which has n
 def test_compiled_lanes_start_where_newton_s_method_says(model):
     scene = model.scene() if hasattr(model, "scene") else model()
     simulator = mb.DAESimulator(scene.with_times(scene.times[:1]))
-    engine = simulator.engine()
+    engine = simulator.program.engine()
     if not engine.starts:
         assert simulator.dae.n_v > 50
         return

@@ -47,8 +47,8 @@ def test_long_runs_get_through_with_few_and_with_many_output_times(make, radius,
         ensemble = simulator.run(np.zeros((1, 0)))
         assert ensemble.ok.all(), ensemble.messages
         assert np.abs(ensemble.Y[0, :, 0] - radius * np.cos(simulator.times)).max() < error
-        counts = simulator.integration().statistics()
-        steps.append(simulator.engine().counts.steps if simulator.compiled else counts["steps"])
+        counts = simulator.program.integration().statistics()
+        steps.append(simulator.program.engine().counts.steps if simulator.compiled else counts["steps"])
     if not isinstance(solver, mb.Rosenbrock | mb.NSTIFFSI2):  # their steps end at outputs
         assert steps[0] == steps[1] == steps[2]
 
@@ -102,7 +102,7 @@ def test_the_first_step_at_index_2_follows_the_motion_not_the_output_times(omega
         ensemble = simulator.run(np.zeros((1, 0)))
         assert ensemble.ok.all(), ensemble.messages
         np.testing.assert_allclose(ensemble.Y[0, :, 0], 0.5 * np.cos(omega * scene.times), rtol=0, atol=error)
-        steps.append(simulator.integration().statistics()["steps"])
+        steps.append(simulator.program.integration().statistics()["steps"])
     assert steps[0] == steps[1] == steps[2]
 
 
@@ -113,7 +113,7 @@ def test_rounding_of_multipliers_rejects_no_steps():
         ensemble = simulator.run(simulator.dae.p_nominal[None])
         exact = mb.DAESimulator(spinning_body(), mb.DormandPrince(rtol=1e-13)).run(simulator.dae.p_nominal[None])
         np.testing.assert_allclose(ensemble.Y, exact.Y, rtol=0, atol=1e-8)
-        assert simulator.integration().statistics()["steps"] < 10_000
+        assert simulator.program.integration().statistics()["steps"] < 10_000
 
 
 def burst(n):
@@ -131,4 +131,4 @@ def test_runs_lost_in_a_short_time_end_there_early_whatever_the_output_times(sol
         ensemble = simulator.run(np.zeros((1, 0)))
         assert 0.49 < ensemble.t_failed[0] < 0.501
         assert "TOO_MUCH_WORK" in ensemble.messages[0] or "steps are not enough" in ensemble.messages[0]
-        assert simulator.integration().statistics()["steps"] < 200_000
+        assert simulator.program.integration().statistics()["steps"] < 200_000

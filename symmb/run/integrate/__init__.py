@@ -14,5 +14,5 @@ from symmb.run.integrate.projection import project
 from symmb.run.integrate.registry import SOLVERS, WORDS, read_solver, solver_of
 from symmb.run.integrate.solver import Solver
 from symmb.run.integrate.stabilization import AugmentedLagrangian
-from symmb.run.integrate.stiffness import STIFF, Stiffness, stiffness
+from symmb.run.integrate.stiffness import STIFF, Stiffness, some_states, stiffness
 from symmb.run.integrate.switch_passes import SwitchPasses, follow_doubts

@@ -216,14 +216,10 @@ class Collocation(Solver):
     def order(self) -> float:
         return 2 * self.degree - 1
 
-    @property
-    def controls_step(self) -> bool:
-        return False
-
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=True, work=work, one_step=True).jets(order)
         require_steps(self, self.steps, MOST_STEPS_KEPT)
-        step = float(times[-1] - times[0]) / self.steps
+        step = self.fixed_step(times)
         return fixed_step_integration(collocation(problem, self.degree), times, step, problem.projection())
 
 

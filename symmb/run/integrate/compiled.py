@@ -54,7 +54,7 @@ class CompiledSolver(Solver):
 
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
         """The choice of steps in the engine, for Taylor coefficients up to an order and integrals along the motion."""
-        return self.tolerances(dae, order, n_quad)
+        return self.tolerances(dae, order, n_quad) if self.controls_step else FixedStep(self.fixed_step(times))
 
     def engine(self, task: "Task") -> Engine:
         """The runs in compiled C.
@@ -78,6 +78,9 @@ class CompiledSolver(Solver):
         DeclarationError
             If there are switches that only Python locates
         """
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        return CompiledIntegration(self, dae, times, order, work)
 
     def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
         """The step control, with steps so short that none passes over a pulse of a function of time."""

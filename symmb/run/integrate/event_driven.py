@@ -9,7 +9,7 @@ from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.equations.model import DAE
 from symmb.run.codegen import Engine, Lanes, Tolerances, require_compiler
-from symmb.run.integrate.compiled import CompiledIntegration, Task, impacts_text
+from symmb.run.integrate.compiled import Task, impacts_text
 from symmb.run.integrate.explicit import DormandPrince, Explicit
 from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.stabilization import Projection, Stabilization
@@ -73,7 +73,7 @@ class EventDriven(Explicit):
         if dae.impacts is None:
             require_compiler(repr(self))
             return DormandPrince(self.rtol, self.atol).integration(dae, times, order=order, work=work)
-        return CompiledIntegration(self, dae, times, order, work)
+        return super()._integration(dae, times, order, work)
 
 
 _SHORTER = 0.37

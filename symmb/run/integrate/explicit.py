@@ -10,12 +10,12 @@ from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.equations.model import DAE
 from symmb.equations.start import Start
-from symmb.run.codegen import FixedStep, Lanes, StepEnds, model_function
-from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver, Task
+from symmb.run.codegen import Lanes, StepEnds, model_function
+from symmb.run.integrate.compiled import CompiledSolver, Task
 from symmb.run.integrate.contacts import contact_functions, contacts_of, started, with_gaps
 from symmb.run.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.run.integrate.initial_value_problem import PROJECTION_STEPS, InitialValueProblem, build_problem
-from symmb.run.integrate.integration import Integration, stateless_integration
+from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
 from symmb.run.integrate.step_ends import SwitchedProblem, stops_in_time, switched
 
@@ -128,11 +128,6 @@ class DormandPrince(Explicit):
     def has_dense_output(self, dae: DAE) -> bool:
         return True
 
-    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        if not dae.n_q + dae.n_v + dae.n_s:
-            return stateless_integration(dae, times, order)
-        return CompiledIntegration(self, dae, times, order, work)
-
 
 @dataclass(frozen=True, repr=False)
 class RungeKutta(Explicit):
@@ -157,25 +152,14 @@ class RungeKutta(Explicit):
     array([ 1.    , -0.4161, -0.6536])
     """
 
+    order: ClassVar[float] = 4
     needs_compiler: ClassVar[bool] = False
     begins_anew: ClassVar[bool] = True
 
     steps: int = 2500
     stabilization: Stabilization = None
 
-    @property
-    def order(self) -> float:
-        return 4
-
-    @property
-    def controls_step(self) -> bool:
-        return False
-
-    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> FixedStep:
-        return FixedStep(float(times[-1] - times[0]) / self.steps)
-
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True).jets(order)
         require_steps(self, self.steps, MOST_STEPS_KEPT)
-        step = self.step_control(dae, times).longest
-        return fixed_step_integration(explicit(problem), times, step, problem.projection())
+        return fixed_step_integration(explicit(problem), times, self.fixed_step(times), problem.projection())

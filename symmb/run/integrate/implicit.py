@@ -14,7 +14,7 @@ from symmb.run.codegen import FixedStep, Lanes, Scheme, StepEnds, Tolerances, sc
 from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver, Task
 from symmb.run.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.run.integrate.initial_value_problem import build_problem
-from symmb.run.integrate.integration import Integration, stateless_integration
+from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.projection import sampled_jets
 from symmb.run.integrate.rosenbrock_step import rosenbrock
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Stabilization
@@ -92,8 +92,6 @@ class _SchemeSolver(CompiledSolver):
                 project = common("project", [step.x, step.p, step.t], [step.projected])
             return fixed_step_integration(implicit(step), times, control.longest, project)
 
-        if not dae.n_v + dae.n_s:
-            return stateless_integration(dae, times, order)
         if self.runs_in_lanes(dae):
             return CompiledIntegration(self, dae, times, order, work, fixed_steps)
         return fixed_steps()
@@ -124,14 +122,12 @@ class Rosenbrock(_SchemeSolver):
     Hairer, Wanner (1996), Solving Ordinary Differential Equations II, section IV.7 and code RODAS.
     """
 
+    order: ClassVar[float] = 4
+
     rtol: float = 1e-7
     atol: float | None = None
     step: float | None = None
     stabilization: Stabilization = None
-
-    @property
-    def order(self) -> float:
-        return 4
 
     @property
     def controls_step(self) -> bool:
@@ -143,9 +139,6 @@ class Rosenbrock(_SchemeSolver):
         problem = build_problem(dae, self.stabilization, algebraic=algebraic, work=work, one_step=True)
         return rosenbrock(problem.jets(order))
 
-    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
-        return super().step_control(dae, times, order, n_quad) if self.step is None else FixedStep(self.step)
-
 
 class _PositionScheme(_SchemeSolver):
     """A scheme of order 2 with a fixed step, which keeps the positions on their constraints."""
@@ -153,19 +146,12 @@ class _PositionScheme(_SchemeSolver):
     keeps_positions: ClassVar[bool] = True
     step: float
 
-    @property
-    def controls_step(self) -> bool:
-        return False
-
     @abstractmethod
     def formula(self, dae: DAE, work: bool) -> Step:
         """The symbolic step."""
 
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
         return self.formula(dae, work).jets(order)
-
-    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
-        return FixedStep(self.step)
 
 
 @dataclass(frozen=True, repr=False)
@@ -195,17 +181,12 @@ class NSTIFFSI2(_PositionScheme):
     rtol: float | None = None
     tolerance: float = 1e-8
 
-    @property
-    def controls_step(self) -> bool:
-        return self.rtol is not None
-
     def formula(self, dae: DAE, work: bool) -> Step:
         return nstiff_si2(dae, work)
 
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
-        if self.rtol is None:
-            return FixedStep(self.step)
-        return replace(self.tolerances(dae, order, n_quad), longest=self.step)
+        control = super().step_control(dae, times, order, n_quad)
+        return replace(control, longest=self.step)
 
 
 @dataclass(frozen=True, repr=False)
@@ -269,14 +250,11 @@ class Newmark(_AlphaScheme):
     """
 
     limits: ClassVar = {"gamma": (0.5, 1.0)}
+    order: ClassVar[float] = 1
 
     step: float = 1e-3
     gamma: float = 0.6
     tolerance: float = 1e-13
-
-    @property
-    def order(self) -> float:
-        return 1
 
     def coefficients(self) -> tuple[float, float, float]:
         return 0.0, 0.0, self.gamma

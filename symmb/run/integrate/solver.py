@@ -15,7 +15,7 @@ from symmb._types import Array
 from symmb.equations.model import DAE
 from symmb.run.codegen import Tolerances, with_compiler
 from symmb.run.integrate.cells import interval_steps
-from symmb.run.integrate.integration import Integration
+from symmb.run.integrate.integration import Integration, stateless_integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 
 LEAST_SIZE, NOISE = 1e-2, 1e-12
@@ -66,7 +66,7 @@ class Solver(ABC):
     @property
     def controls_step(self) -> bool:
         """Whether the step follows from tolerances."""
-        return True
+        return getattr(self, "rtol", None) is not None
 
     def runs_in_lanes(self, dae: DAE) -> bool:
         """Whether the engine of `codegen` can run many samples of this DAE side by side with this solver."""
@@ -98,13 +98,19 @@ class Solver(ABC):
             raise PropagationError(
                 f"{self!r} gives no derivatives along the run. Use another solver for Taylor, such as DormandPrince()."
             )
+        if not dae.n_v + dae.n_s:
+            return stateless_integration(dae, times, order)
         make = partial(self._integration, dae, times, order, work)
         return with_compiler(make, make)  # the same call takes another way without a compiler
 
     def require_affordable(self, times: Array) -> None:
         """PropagationError if steps of a fixed length over the times (n_t,) are too many."""
-        values, horizon = self._values, float(times[-1] - times[0])
-        require_steps(self, values.get("steps") or horizon / (values.get("step") or math.inf))
+        horizon = float(times[-1] - times[0])
+        require_steps(self, self._values.get("steps") or horizon / (self._values.get("step") or math.inf))
+
+    def fixed_step(self, times: Array) -> float:
+        """The length of fixed steps over output times (n_t,), between which they become shorter [s]."""
+        return self._values.get("step") or float(times[-1] - times[0]) / self._values["steps"]
 
     @abstractmethod
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration: ...
@@ -152,8 +158,7 @@ class Solver(ABC):
         """The longest step that is taken over output times (n_t,), if steps have a fixed length [s]; 0 otherwise."""
         if self.controls_step or len(times) < 2:
             return 0.0
-        values = self._values
-        return _longest_taken(values.get("step") or float(times[-1] - times[0]) / values["steps"], times)
+        return _longest_taken(self.fixed_step(times), times)
 
     def __post_init__(self) -> None:
         faults = []

@@ -15,7 +15,7 @@ from symmb.equations.start import independent_rows_and_columns
 from symmb.run.codegen import REASONS, FailureCode
 from symmb.run.events import longest_step
 from symmb.run.integrate.initial_value_problem import InitialValueProblem, build_problem
-from symmb.run.integrate.integration import Integration, RunAdvance, stateless_integration
+from symmb.run.integrate.integration import Integration, RunAdvance
 from symmb.run.integrate.one_sided import one_sided
 from symmb.run.integrate.side_walk import SideWalk, Stops
 from symmb.run.integrate.solver import Solver
@@ -59,8 +59,6 @@ class StateSpace(Solver):
         return True
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        if not dae.n_v + dae.n_s:
-            return stateless_integration(dae, times)
         return _Partitioned(self, dae, times, work)
 
 

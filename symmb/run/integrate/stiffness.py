@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.declare.symbolic import batch, pattern
 from symmb.equations.model import DAE
 from symmb.run.integrate.initial_value_problem import build_problem
@@ -46,6 +46,15 @@ STIFF = 2e3
 _MOST, _LARGEST, _ROUGH = 600, 6, 1e-2
 """States up to which all eigenvalues are computed, and beyond them how many of the largest, and their relative error:
 all take n^3 operations, a minute of 3,000 states."""
+
+
+_STATES = 5
+"""States of a run at which its stiffness is estimated."""
+
+
+def some_states(n: int) -> Indices:
+    """Numbers of the states, of n, at which the stiffness of a run is estimated."""
+    return np.unique(np.linspace(0, n - 1, _STATES).astype(np.intp))
 
 
 def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:

@@ -16,9 +16,9 @@ from symmb.connect import Progress, Reduction, Samples, checked_samples, stream
 from symmb.declare.mechanics import FlexibleBody
 from symmb.declare.symbolic import HIGHEST_ORDER, batch
 from symmb.equations.model import Scene
-from symmb.run.codegen import Engine, cores
+from symmb.run.codegen import cores
 from symmb.run.formulations import LOCK, Program, block_size, jet_outputs, outputs_along
-from symmb.run.integrate import Integration, Solver, SwitchPasses, solver_of
+from symmb.run.integrate import Solver, SwitchPasses, solver_of
 from symmb.run.simulation.pilots import given_program, program_for_studies
 from symmb.run.verification import OtherWays
 
@@ -123,14 +123,6 @@ class DAESimulator(WithWarnings):
         """Prepare the runs, if they are not prepared yet."""
         self.program.prepare()
 
-    def integration(self, order: int = 0) -> Integration:
-        """The compiled integration of the Taylor coefficients up to `order`."""
-        return self.program.integration(order)
-
-    def engine(self, order: int = 0) -> Engine:
-        """The outputs, or their Taylor coefficients up to `order`, in compiled lanes."""
-        return self.program.engine(order)
-
     def tighter(self) -> "DAESimulator":
         """The same simulator with a solver ten times more accurate, or more if its steps would be the same."""
         return self._by(self.program.tighter())
@@ -183,12 +175,12 @@ class DAESimulator(WithWarnings):
             x0, P = np.hstack(form.start.jets(points, directions, order)), np.hstack([points, directions])
             fault: tuple[float, str, int] | None = None
             if self.compiled:
-                Y, failed = self.engine(order).values(x0, P, self.threads)
+                Y, failed = self.program.engine(order).values(x0, P, self.threads)
                 if np.isfinite(failed.t_failed).any():
                     k = int(np.nanargmin(failed.t_failed))
                     fault = failed.t_failed[k], failed.reasons[k], k
             else:
-                runs, y = self.integration(order).run(x0, P, self.threads), jet_outputs(form.y, order)
+                runs, y = self.program.integration(order).run(x0, P, self.threads), jet_outputs(form.y, order)
                 fault = next(((run.t_failed, run.message, k) for k, run in enumerate(runs) if run.message), None)
                 Y = outputs_along(y, runs, P, self.times, self.threads)
             if fault:
@@ -206,7 +198,7 @@ class DAESimulator(WithWarnings):
             if kinks is None or not kinks.spoil_derivatives:
                 return None
             x0, _ = form.start.states(p[None])
-            X = self.integration().run(x0, p[None], 1)[0].X
+            X = self.program.integration().run(x0, p[None], 1)[0].X
             first = kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p, self.times[ok])
             if form.dae.impacts is None:  # passes that cancel between two output times
                 first = np.fmin(first, SwitchPasses(form.dae, self.times).first(x0, p[None]))
@@ -222,7 +214,7 @@ class DAESimulator(WithWarnings):
         """
         P = np.ascontiguousarray(checked_samples(self, P, None))
         x0, _ = self.formulation.start.states(P)
-        for i, x in self.integration().march(x0, P):
+        for i, x in self.program.integration().march(x0, P):
             yield i, batch(self.formulation.y, x, P, self.times[i : i + 1])[0]
 
     def identity(self) -> str:

@@ -131,7 +131,17 @@ class FigureSimulator(WithWarnings):
         """Run samples P (N, d) as one block. Outputs of a sample are nan after its failure."""
         P = np.ascontiguousarray(checked_samples(self, P, None))
         with LOCK:
-            return self._run(P)
+            traces, Y = self._values(P)
+        ok, t_failed, texts = traces.ok.copy(), traces.t_failed.copy(), dict(traces.texts)
+        for rule in self._rules:
+            for i in np.flatnonzero(np.isnan(Y[:, 0, self.outputs.index(rule.name)]) & ok).tolist():
+                values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
+                ok[i], t_failed[i] = False, rule.window[1]
+                texts[i] = (
+                    f"t = {t_failed[i]:g} s{values}: the condition of output {rule.name!r} does not hold in the run"
+                )
+        Y[~ok] = np.nan
+        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
 
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
@@ -156,19 +166,6 @@ class FigureSimulator(WithWarnings):
         if not traces.ok[0]:
             raise SimulationError(f"{self.name}: {traces.texts[0]}.")
         return Y[0], tuple(name for name in self.figures if np.isnan(Y[0, 0, self.outputs.index(name)]))
-
-    def _run(self, P: Array) -> Ensemble:
-        traces, Y = self._values(P)
-        ok, t_failed, texts = traces.ok.copy(), traces.t_failed.copy(), dict(traces.texts)
-        for rule in self._rules:
-            for i in np.flatnonzero(np.isnan(Y[:, 0, self.outputs.index(rule.name)]) & ok).tolist():
-                values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
-                ok[i], t_failed[i] = False, rule.window[1]
-                texts[i] = (
-                    f"t = {t_failed[i]:g} s{values}: the condition of output {rule.name!r} does not hold in the run"
-                )
-        Y[~ok] = np.nan
-        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
 
     def _values(self, P: Array) -> "tuple[_Traces, Array]":
         """Curves of samples, and outputs (N, n_t, n_y): nan of figures whose condition never holds."""

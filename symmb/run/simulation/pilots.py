@@ -24,6 +24,7 @@ from symmb.run.integrate import (
     Run,
     Solver,
     impacts_text,
+    some_states,
     stiffness,
 )
 from symmb.run.simulation.trajectory import Trajectory
@@ -32,8 +33,6 @@ from symmb.run.verification import Examination, work_of
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
 singular position, above which other solvers are tried. Calibrated by tests/test_problems.py."""
-_STIFFNESS_SAMPLES = 5
-"""Times at which stiffness is estimated."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
 """Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 MANY = 20_000
@@ -295,6 +294,5 @@ class PilotRuns:
 
     def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
         """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
-        some = np.unique(np.linspace(0, len(t) - 1, _STIFFNESS_SAMPLES).astype(int))
-        dae = dae or self.program.bodies.dae
+        some, dae = some_states(len(t)), dae or self.program.bodies.dae
         return stiffness(dae, X[some], self.p, t[some]).is_stiff(np.ptp(self.program.times))

@@ -22,7 +22,7 @@ from symmb.declare.symbolic import batch, has_kinks
 from symmb.run.codegen import MOST_PASSES
 from symmb.run.events import Kinks
 from symmb.run.formulations import output_function
-from symmb.run.integrate import Solver, SwitchPasses, follow_doubts, stiffness
+from symmb.run.integrate import Solver, SwitchPasses, follow_doubts, some_states, stiffness
 from symmb.run.simulation.pilots import PilotRuns
 from symmb.run.simulation.trajectory import Trajectory
 
@@ -47,8 +47,6 @@ _LEAST = 1e-28
 """Least absolute tolerance."""
 _SHARE = 1e-2
 """Share of an output that is off at a time."""
-_TIMES = 5
-"""Times at which stiffness is estimated."""
 
 
 _SAME_AXIS = 1e-6
@@ -176,9 +174,9 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
     absolute, names = tolerances.absolute(states.x.shape[1]), [e.name for e in elements if isinstance(e, OwnState)]
     own = dae.n_q + dae.n_v + np.array([k for k, name in enumerate(dae.s_names) if name in names], dtype=np.intp)
     sizes = np.abs(states.x[:, own]).max(axis=0, initial=0.0)
-    some = np.unique(np.linspace(0, len(states.t) - 1, _TIMES).astype(int))
     is_small = ((sizes > 0) & (sizes < _INSIDE * absolute[own])).any()
     if not is_small:
+        some = some_states(len(states.t))
         X, shortest = runs.program.shortest_equations(states.x[some], p)
         if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
             return
