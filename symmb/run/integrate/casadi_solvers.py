@@ -45,17 +45,14 @@ class _Multistep(Solver):
     def has_dense_output(self, dae: DAE) -> bool:
         return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs) and dae.sampling is None
 
-    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        return self._integration_of(dae, times, order, work)
-
     def independent_integration(self, dae: DAE, times: Array, of_state: bool = False) -> Integration:
         """The integration whose own step control follows switches of the state.
 
         Steps also end at those that DormandPrince locates if `of_state`: pulses shorter than all steps are met there.
         """
-        return self._integration_of(dae, times, 0, False, independent=True, of_state=of_state)
+        return self._integration(dae, times, 0, False, independent=True, of_state=of_state)
 
-    def _integration_of(self, dae: DAE, times: Array, order: int, work: bool, **options: bool) -> Integration:
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool, **options: bool) -> Integration:
         def problem_of(dae: DAE) -> InitialValueProblem:
             return build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
 
@@ -79,9 +76,8 @@ class IDAS(_Multistep):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.IDAS(rtol=1e-9))["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.IDAS(rtol=1e-9))["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 
@@ -116,9 +112,8 @@ class CVODES(_Multistep):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.CVODES())["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.CVODES())["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 
@@ -153,9 +148,8 @@ class StabilizedIndex2(Solver):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.StabilizedIndex2())["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.StabilizedIndex2())["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 
@@ -198,9 +192,8 @@ class Collocation(Solver):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.Collocation(steps=20))["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.Collocation(steps=20))["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 

@@ -108,9 +108,8 @@ class DormandPrince(Explicit):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.DormandPrince())["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.DormandPrince())["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
 
     References
@@ -146,9 +145,8 @@ class RungeKutta(Explicit):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.RungeKutta(steps=200))["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.RungeKutta(steps=200))["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 

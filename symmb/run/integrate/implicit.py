@@ -112,9 +112,8 @@ class Rosenbrock(_SchemeSolver):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.Rosenbrock())["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.Rosenbrock())["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
 
     References
@@ -171,9 +170,8 @@ class NSTIFFSI2(_PositionScheme):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.NSTIFFSI2(step=1e-3))["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.NSTIFFSI2(step=1e-3))["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 
@@ -204,9 +202,8 @@ class BDFI3(_PositionScheme):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.BDFI3(step=1e-3))["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.BDFI3(step=1e-3))["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 
@@ -243,9 +240,9 @@ class Newmark(_AlphaScheme):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.Newmark(step=1e-3, gamma=0.5))["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> solver = mb.Newmark(step=1e-3, gamma=0.5)
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), solver)["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 
@@ -275,9 +272,8 @@ class GeneralizedAlpha(_AlphaScheme):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.GeneralizedAlpha(step=1e-3))["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.GeneralizedAlpha(step=1e-3))["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 
@@ -307,9 +303,8 @@ class HHT(_AlphaScheme):
     --------
     >>> import symmb as mb
     >>> bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0)
-    >>> scene = mb.Scene(mb.System(bob, spring), {"bob.x": 1.0}, [0.0, 1.0, 2.0])
-    >>> mb.simulate(scene, mb.HHT(step=1e-3))["bob.x"].round(4)
+    >>> system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0))
+    >>> mb.simulate(mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0]), mb.HHT(step=1e-3))["bob.x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
 

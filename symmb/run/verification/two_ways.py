@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -165,9 +166,7 @@ class OtherWays:
 
     def __init__(self, program: Program, names: tuple[str, ...], flexible: Scene | None) -> None:
         self._program, self._names, self.flexible = program, names, flexible
-        self._values: dict[bytes, Array] = {}
-        self._ways: dict[bytes, TwoWays] = {}
-        self._theory: dict[bytes, tuple[str, ...]] = {}
+        self._told: dict[tuple[str, bytes], Any] = {}
 
     def at_nominal(self) -> tuple[Array, Array, tuple[str, ...]]:
         """Outputs (n_t, n_y) of the nominal run, how far they may be off (n_y,), and what is doubtful."""
@@ -180,32 +179,31 @@ class OtherWays:
 
     def values(self, p: Array) -> Array:
         """Outputs (n_t, n_y) of the run with parameters p (n_p,)."""
-        key = p.tobytes()
-        if key not in self._values:
-            self._values[key] = self._program.runs(p[None]).Y[0]
-        return self._values[key]
+        return self._once("values", p, lambda: self._program.runs(p[None]).Y[0])
 
     def two(self, p: Array, finest: bool = False) -> TwoWays:
         """The run with parameters p (n_p,) as studies make it, and one in another way, at some of the times.
 
         It takes the more accurate second way if `finest` is true, or if the ways disagree.
         """
-        key = p.tobytes() + bytes([finest])
-        if key not in self._ways:
-            self._ways[key] = in_two_ways(self._program, self._other, self._names, p, self.values(p), finest)
-        return self._ways[key]
+        ways = partial(in_two_ways, self._program, self._other, self._names, p, self.values(p), finest)
+        return self._once("finest" if finest else "ways", p, ways)
 
     def theory_doubts(self, p: Array) -> tuple[str, ...]:
         """Those of `linear_theory_doubts` about a run with parameters p (n_p,), in a way that compiles nothing."""
-        if self.flexible is None:
-            return ()
-        key = p.tobytes()
-        if key not in self._theory:
-            way = self._other if self._program.runs_in_lanes else self._program
-            form = way.formulation
-            run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
-            self._theory[key] = linear_theory_doubts(self.flexible, *form.in_bodies(run.X, p), p, way.times)
-        return self._theory[key]
+        return () if self.flexible is None else self._once("theory", p, partial(self._theory, self.flexible, p))
+
+    def _theory(self, flexible: Scene, p: Array) -> tuple[str, ...]:
+        way = self._other if self._program.runs_in_lanes else self._program
+        form = way.formulation
+        run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
+        return linear_theory_doubts(flexible, *form.in_bodies(run.X, p), p, way.times)
+
+    def _once(self, what: str, p: Array, tell: Callable[[], Any]) -> Any:
+        key = what, p.tobytes()
+        if key not in self._told:
+            self._told[key] = tell()
+        return self._told[key]
 
     @cached_property
     def _other(self) -> Program:

@@ -139,6 +139,8 @@ PRIVATE int accept_step(Block *b, Study *s, double shortest) {
     e = larger(largest_lane(norm[a - b->part]), e);
   }
   const double size = log(e), least = log(ERROR_LEAST);
+  /* The comparisons are written so that a NaN counts as an error that is too large: a lane that left the domain of a
+     function asks for a shorter step, and only at the shortest one does its sample fail. */
   const int too_many = ++b->steps == s->most_steps;
   if (too_many || (!(e <= 1.0) && b->h <= shortest * 1.0000001)) {
     for (int l = 0; l < WIDTH; ++l)
@@ -149,6 +151,8 @@ PRIVATE int accept_step(Block *b, Study *s, double shortest) {
     shorten(b, e);
     return REJECTED;
   }
+  /* Gustafsson's control: the error of the step before damps the changes of the length. All lanes share one length, that
+     of the worst lane, so that a block takes the same steps whatever thread runs it. */
   const double factor = SAFETY * exp((-EXPONENT + 0.2 * MEMORY) * size + MEMORY * b->before);
   b->h_next = b->h * (factor > CHANGE_MOST ? CHANGE_MOST : factor < CHANGE_LEAST ? CHANGE_LEAST : factor);
   b->before = size > least ? size : least;
@@ -191,17 +195,22 @@ PRIVATE int take_step(Block *b, Study *s) {
   for (;;) {
     if (s->longest > 0.0 && b->h > s->longest) b->h = s->longest;
     if (!(b->h > shortest)) b->h = shortest;
+    /* After a rebound the step ends soon after the contact may close again: within it the gap has one maximum, and the
+       search finds the pass at once. */
     if (b->h > b->soon) b->h = b->soon;
     b->soon = INFINITY;
     const double last = b->stop_time < end ? b->stop_time : end;
     b->t_new = b->t + b->h;
     if (b->t_new >= last) b->t_new = last;
+    /* The length of a step that is short beside its time is that between rounded times. Otherwise its stages would end
+       beside the place where the next step begins. */
     if (b->t_new == last || b->h < ROUNDED_STEP * fabs(b->t)) b->h = b->t_new - b->t;
     stages(b);
     const int verdict = accept_step(b, s, shortest);
     if (verdict == FAILED) return 0;
     if (verdict == REJECTED) continue;
     EACH_PART(b) rates(a->x_new, a->c, each(between_stops(b, b->t_new)), a->k + END * N_OWN);
+    /* The interpolant costs three stages. It is made only where outputs lie in the step, or a switch may be passed. */
     const int searched = may_pass(b, END), interpolates = searched || s->times[b->next] <= b->t_new;
     if (interpolates) interpolant(b);
     const double missed = interpolates ? interpolation_error(b, s) : 0.0;
@@ -209,6 +218,8 @@ PRIVATE int take_step(Block *b, Study *s) {
       shorten(b, missed);
       continue;
     }
+    /* A pass early in a long step lies where the interpolant is least exact, and its branches behind the pass are those of
+       no motion. So its place is found roughly, a step is taken that ends just behind it, and the pass is found there. */
     const double rough = searched && !b->shortened ? rough_pass(b) : 2.0;
     b->pass = !searched ? 2.0 : is_early(b, rough, shortest) ? rough : first_pass(b);
     b->shortened = is_early(b, b->pass, shortest);
@@ -229,6 +240,9 @@ PRIVATE int finish_step(Block *b, Study *s) {
   const double z = b->pass;
   const int contact = b->contact;
   b->under_way = 0;
+  /* First the sides of what was passed, then the projection, which may move the state over a switch again: what the sides
+     are at its place is told by raise_switches and settle. Events of contacts come last, since their jumps of velocities
+     have to start from a state that fulfils its constraints. */
   if (z <= 1.0 && !change_sides(b, s, z)) return 0;
   EACH_PART(b) {
     /* The slope before the projection serves the next step: it is as far off as the error of this one. */
@@ -242,6 +256,8 @@ PRIVATE int finish_step(Block *b, Study *s) {
   if (z <= 1.0) raise_switches(b);
   if (at_stop) settle(b);
   if (b->meets && !(meet_contacts(b, s, contact) && observe_due(b, s))) return 0;
+  /* Behind a switch the slopes before it tell nothing of the next step's length. Behind an event of a contact the length
+     stays: the motion between impacts is as smooth as before, and bounces would cost a new start each. */
   if (at_stop || (z <= 1.0 && contact < 0)) restart(b, s);
   else if (contact < 0) keep_switches(b);
   else EACH_PART(b) rates(a->x, a->c, each(between_stops(b, b->t)), a->k);

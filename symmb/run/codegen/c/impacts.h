@@ -65,6 +65,8 @@ PRIVATE int in_turn(Instant *c, const Block *b, int order, Study *s, int ordered
   int number = 0, before = -1;
   memset(c->impulse, 0, sizeof c->impulse);
   memset(c->work, 0, sizeof c->work);
+  /* Impulses of a round change the rates of other gaps. Those that begin to close by them are struck in the next round: a
+     ball that hits a row of equal ones moves the last one, as a wave does. */
   while (number > before && number < MOST_IMPACTS) {
     int closing[SIZE(N_I)];
     double energy[SIZE(N_I)], most = 0.0;
@@ -148,6 +150,9 @@ PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
   Part *a = b->part;
   int closed[SIZE(N_I)], any_closed = 0;
   for (int k = 0; k < N_I; ++k) closed[k] = slow[k] && !released[k];
+  /* The force in a contact depends on which others are closed. The strongest pull opens first, and a contact closes only
+     when none pulls, until all forces push and no open gap closes. A set that returns would go round for ever, so that the
+     number of changes is limited. */
   for (int n = 0; n < 3 * N_I + 3; ++n) {
     double pull[SIZE(N_I)], most = 0.0;
     int changed = 0;
@@ -221,6 +226,7 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
   const V t = each(between_stops(b, b->t));
   int fresh[N_E]; /* clutches that have stuck at this instant */
   memset(fresh, 0, sizeof fresh);
+  /* What one joint does changes the margins of others at the same instant: they are looked at again until none acts. */
   for (int n = 0; n <= 4 * N_E; ++n, passed = -1, is_first = 0) {
     int acts[N_E], any = 0, closes = 0, sticks = 0, first = -1;
     double rate[N_E], work = 0.0;
@@ -288,6 +294,8 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
     if (!move_joints(b, s, n == 0 && contact < N_G ? contact - N_I : -1, n == 0)) return 0;
     gaps(a->x, a->c, each(b->t), b->gap);
     forces(a->x, a->c, each(b->t), b->force);
+    /* A contact takes part if it was closed, if its gap is within rounding of 0, or if the search found its pass: then the gap
+       may be off by more, that is, by what a step changes in the rounding of its time. */
     for (int k = 0; k < N_I; ++k) {
       const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
       rounding[k] = ROUNDED * (LENGTH + b->gap[2 * N_I + k][0]);
@@ -297,6 +305,8 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
       c.rate[k] = b->gap[N_I + k][0];
       if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
     }
+    /* A rate so small that the gap would rise by rounding only, before its acceleration turns it back, is none: without this
+       a ball that comes to rest would bounce for ever. */
     for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), SMALL * fastest);
     if (!apply_impulses(&c, b, s)) return 0;
     hit = 0;
@@ -319,6 +329,7 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
     a->raised[i] += rounding[k]; /* it leaves so slowly that rounding may turn it back */
     a->u[i] += rounding[k];
   }
+  /* A flight that is half as long again as that of a parabola ends behind the next contact. */
   b->soon = fmax(1.5 * flight, CONTACT_STEP * span);
   if (!is_endless(b, span)) return 1;
   fail_sample(b, s, 0, b->t, ENDLESS);

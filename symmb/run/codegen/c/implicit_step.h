@@ -83,6 +83,7 @@ PRIVATE int run_until(Block *b, Study *s, long n) {
   while (b->next < n) {
     if (!(b->wanted > shortest)) b->wanted = shortest;
     const double goal = b->to < s->times[b->next] ? b->to : s->times[b->next];
+    /* Equal steps up to the goal: a last one that is what the others leave could be as short as rounding. */
     const double left = goal - b->t, parts = ceil(left / b->wanted - 1e-9);
     b->t_new = parts > 1.0 ? b->t + left / parts : goal;
     b->h = parts > 1.0 ? left / parts : left;
@@ -97,6 +98,7 @@ PRIVATE int run_until(Block *b, Study *s, long n) {
       EACH_PART(b) marked[a - b->part] = (M)zero() == 0;
       return fail_samples(b, s, marked, MANY);
     }
+    /* Newton's method fails where its guess is far off. A shorter step has a closer one. */
     if (!solve(b, s, marked)) {
       if (!(b->h > 1.0000001 * shortest)) return fail_samples(b, s, marked, NEWTON);
       b->wanted = 0.5 * b->h;
@@ -114,6 +116,8 @@ PRIVATE int run_until(Block *b, Study *s, long n) {
         continue;
       }
     }
+    /* A step that only ended at an output time must not shorten those behind it: the wanted length stays, but it grows by no
+       more than the scheme allows over the step really taken. */
     const double next = factor * b->h < longest ? factor * b->h : longest;
     b->wanted = factor < 1.0 || next > b->wanted ? next : b->wanted < GROWTH * b->h ? b->wanted : GROWTH * b->h;
     b->fresh = 0;
@@ -121,6 +125,7 @@ PRIVATE int run_until(Block *b, Study *s, long n) {
     EACH_PART(b) memcpy(a->x, a->k, N_W * sizeof(V));
     if (b->t < goal) continue;
     const int at_stop = goal == b->to;
+    /* The history before a switch belongs to other equations: the scheme begins anew behind it. */
     if (at_stop) {
       b->t = b->stop_time;
       find_stop(b, s);

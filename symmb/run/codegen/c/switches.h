@@ -74,6 +74,8 @@ PRIVATE void rates_on_sides(Part *a, const V *x, V t, V *du) {
 PRIVATE void settle(Block *b) {
   EACH_PART(b) {
     M changed = (M)zero() == 0;
+    /* A switch within hysteresis of 0 has no side of its own: the motion goes to the side that its rate leads to. Where
+       the rate is 0 as well it stays. Gaps and margins keep their sides: contacts change them by events. */
     for (int n = 0; n < SETTLINGS && !none(changed); ++n) { /* switches may depend on the sides of others */
       switches(a->x, a->c, each(between_stops(b, b->t)), a->u);
       changes(a->x, a->c, each(between_stops(b, b->t)), a->du);
@@ -88,6 +90,7 @@ PRIVATE void settle(Block *b) {
     }
     for (int k = 0; k < N_S; ++k) a->raised[k] = each(hysteresis[k]);
     on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
+    /* A gap that begins below 0 by rounding would count as passed in each step. It is lifted to 0. */
     for (int k = N_S - N_G; k < N_S; ++k) {
       const V lift = v_larger(-a->u[k], zero());
       a->raised[k] += lift;
@@ -152,6 +155,8 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
     const double slight = is_gap(k) ? ROUNDED * LENGTH : SLIGHT * hysteresis[k];
     const V rounding = each(share < 1.0 ? slight : 0.0); /* a whole step near a switch is looked at in halves */
     const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]), rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
+    /* Between two values with rates in [fall, rise] a switch stays above the crossing of two straight lines: one that falls
+       as fast as it may from the begin, and one that rises as fast as it may to the end. */
     const V from = u[k] + rounding, to = u_end[k] + rounding;
     const M between = (M)(from >= 0.0) & (M)(from * rise - to * fall > -fall * rise);
     const M above = (M)(u_end[k] >= 0.0) & ((M)(least > -rounding) | between);
@@ -167,6 +172,7 @@ PRIVATE int may_pass(Block *b, int last) {
   for (int k = 0; k < N_I; ++k) any |= is_closed(b->part, k) - (M)zero();
   for (int k = 0; k < N_S; ++k) any |= is_by_force(k) - (M)zero();
   EACH_PART(b) {
+    /* What raised a switch falls away as soon as the switch alone is above it. */
     for (int k = 0; k < N_S; ++k) {
       const V u = a->u[k] - a->raised[k];
       const M beyond = (M)(u > a->raised[k]);
@@ -176,6 +182,8 @@ PRIVATE int may_pass(Block *b, int last) {
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
     for (int k = 0; k < N_S; ++k) any |= (M)(a->u[k] < 0.0) | (M)(a->u_new[k] < 0.0);
   }
+  /* Signs at the ends miss a switch that is passed twice in between. Ranges over a box around the step exclude that for most
+     steps, at the cost of one evaluation: a search is made only where they do not. */
   if (!none(any)) return 1;
   EACH_PART(b) {
     for (int j = 0; j < N_RANGED; ++j) {
@@ -224,6 +232,7 @@ PRIVATE V sign_change(Part *a, Block *b, int k, M marked, V low, V high, V at_lo
   for (int n = 0; n < MOST_ROOT_STEPS; ++n) {
     const M open = marked & (M)(high - low > off * high + 4.4e-16);
     if (none(open)) break;
+    /* Regula falsi alone may creep along a switch with a corner, bisection alone takes 52 steps: every third is one. */
     V z = low + (high - low) * (n % 3 == 2 ? each(0.5) : kept_low / (kept_low - kept_high));
     z = choose((z > low) & (z < high), z, low + 0.5 * (high - low));
     const V at = switch_at(a, b, k, z);
@@ -334,6 +343,8 @@ PRIVATE double first_pass(Block *b) {
       a->dx_low[j] = change_at(a, i, 0.0);
     }
   }
+  /* Parts from the begin of the step on. One in which a pass may hide is halved, and those behind it are longer again. All
+     lanes share the parts, and the search ends with the part in which a lane passes first: the step leads no further. */
   while (low < 1.0 && first > 1.0) {
     const double high = low + share;
     M open = (M)zero();
@@ -343,6 +354,8 @@ PRIVATE double first_pass(Block *b) {
       bound_part(a, low, high);
       open |= is_open(a, each(b->t + low * b->h), each(b->t + high * b->h), share, b->h, a->u_low, a->u_new);
     }
+    /* Where ranges never exclude a pass, as with a switch that stays near 0, the step ends after the parts that are judged:
+       a shorter step is better than a search without an end. */
     if (++parts > MOST_PARTS && low >= LONG_PART) return first_release(b, low);
     if (!none(open) && share > (parts > MOST_PARTS ? LONG_PART : LEAST_PART)) {
       share *= 0.5;
@@ -380,6 +393,8 @@ PRIVATE int contact_at(const Block *b, double z) {
 PRIVATE int change_sides(Block *b, Study *s, double z) {
   int moves = 1;
   EACH_PART(b) {
+    /* Behind the pass the rates are those of the other side. If they lead back, and did so before, no side holds the
+       motion: it slides along the switch, and steps would end there for ever. */
     const V t = each(between_stops(b, b->t_new));
     V before[SIZE(N_S)];
     M passed[SIZE(N_S)];
