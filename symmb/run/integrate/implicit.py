@@ -183,8 +183,7 @@ class NSTIFFSI2(_PositionScheme):
         return nstiff_si2(dae, work)
 
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
-        control = super().step_control(dae, times, order, n_quad)
-        return replace(control, longest=self.step)
+        return replace(super().step_control(dae, times, order, n_quad), longest=self.step)
 
 
 @dataclass(frozen=True, repr=False)

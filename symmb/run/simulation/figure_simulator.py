@@ -101,8 +101,7 @@ class FigureSimulator(WithWarnings):
     def tighter(self) -> "FigureSimulator":
         """The same simulator with a solver ten times more accurate, or more if its steps would be the same."""
         _, other, curves = self._count, FigureSimulator.__new__(FigureSimulator), self.curves.tighter()
-        own = {"curves": curves, "solver": curves.solver, "_with_rates": _with_rates(curves)}
-        vars(other).update(vars(self) | own)
+        vars(other).update(vars(self), curves=curves, solver=curves.solver, _with_rates=_with_rates(curves))
         return other
 
     def second_look(self) -> None:

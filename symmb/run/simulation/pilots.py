@@ -141,8 +141,7 @@ def _count(run: Pilot) -> str:
 
 
 def given_program(scene: Scene, solver: Solver | None) -> tuple[Program, str] | None:
-    """The program by the solver that is given, or the only one that locates events, and why; None if one has to be
-    chosen."""
+    """The program by the solver that is given, or the only one that locates events, and why; None if none is."""
     if solver is None and not scene.system.collected.has_events:
         return None
     program = program_of(scene, solver)
