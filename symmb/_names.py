@@ -55,7 +55,7 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def normal(name: T) -> T:
-    """A name in one form: letters as Python takes them in names, NFKC, so that µ and μ are one; v² stays what it is."""
+    """A name in normal form: letters as Python normalises identifiers (NFKC), so µ and μ are equal; v² stays v²."""
     if not isinstance(name, str) or name.isascii():
         return name
     return normalize("NFC", "".join(normalize("NFKC", c) if f"_{c}".isidentifier() else c for c in name))  # pyright: ignore

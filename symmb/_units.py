@@ -92,7 +92,7 @@ def unit_of(owner: str, text: str) -> Unit:
         for factor in factors if k or piece != "1" else ():
             match = _FACTOR.fullmatch(factor)
             if match is None:
-                raise DeclarationError(f"{owner}: {shown(text)} is no unit. Write it as mm, N/mm, kg m^2 or N/(m s).")
+                raise DeclarationError(f"{owner}: {shown(text)} is not a unit. Write mm, N/mm, kg m^2 or N/(m s).")
             unit = unit.times(_named(owner, text, match[1]), int(match[2] or 1) * (-1 if k else 1))
     if not Fraction(1, _LARGEST) < unit.number < _LARGEST:
         raise DeclarationError(f"{owner}: {shown(text)} is beyond the range of numbers.")
@@ -102,7 +102,7 @@ def unit_of(owner: str, text: str) -> Unit:
 def _named(owner: str, text: str, name: str) -> Unit:
     if _OFFSET.fullmatch(name):
         raise DeclarationError(
-            f"{owner}: {shown(text)}: the zero of {name} is not that of K. Give temperatures, and differences, in K."
+            f"{owner}: {shown(text)}: the zero of {name} is not the zero of K. Give temperatures and differences in K."
         )
     if name not in _TABLE:
         where = "" if name == text.strip() else f" in {shown(text)}"
@@ -111,7 +111,7 @@ def _named(owner: str, text: str, name: str) -> Unit:
 
 
 def scaled(value: Any, ratio: Unit, inverse: bool = False) -> Any:
-    """A number or an expression times a ratio of units, or over it. Of 1/1000 it is divided by 1000, which is exact."""
+    """A number or an expression times a ratio of units, or divided by it. For 1/1000, division by 1000 is exact."""
     divides = ratio.number.numerator == 1 and not ratio.pi
     by = ratio.number.denominator if divides else ratio.factor
     return value if by == 1 else value / by if divides != inverse else value * by
@@ -156,7 +156,7 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
 
 
 def number_in(owner: str, what: str, given: object, own: str) -> float:
-    """A quantity as a number in a unit, in which bare numbers are. DeclarationError if its unit does not fit."""
+    """A quantity as a number in the given unit. Bare numbers have this unit. DeclarationError if units differ."""
     number, unit = quantity(f"{owner}:", given)
     return scaled(number, ratio_of(owner, what, unit, own)) if unit else number
 
@@ -204,7 +204,7 @@ def typeset(unit: str) -> str:
 
 
 def told_units(units: Sequence[str], n: int, parameters: object = None) -> Sequence[str]:
-    """Units of n outputs that texts and .csv files tell: all that are known, if one of them or a parameter has another
+    """Units of n outputs for texts and .csv files: all known units if an output or a parameter has a unit other than
     than SI units, else none."""
     is_si = all(map(_is_si, units)) and not units_of_parameters(parameters)
     return ("",) * n if is_si or not units else units
@@ -235,7 +235,7 @@ def headings(names: Sequence[str], units: Sequence[str], parameters: object = No
 
 
 def read_headings(first: str, others: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of outputs from headings; no units if the time has none. DeclarationError if it is not first."""
+    """Names and units of outputs from headings; no units if the time has none. DeclarationError if t is not first."""
     if first not in TIME_HEADINGS:
         raise DeclarationError("its first column must be t.")
     names, units = zip(*map(_parted, others), strict=True) if others else ((), ())

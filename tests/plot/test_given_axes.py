@@ -221,7 +221,7 @@ def test_wrong_sizes_and_titles_are_refused(pictured, wrong):
 
 @RESULTS
 def test_a_size_does_not_go_with_given_axes(result):
-    with pytest.raises(mb.DeclarationError, match="figsize goes with a new figure, not with ax"):
+    with pytest.raises(mb.DeclarationError, match="figsize sets a new figure"):
         result.plot(outputs="x", ax=Figure().subplots(), figsize=(4, 3))
 
 
