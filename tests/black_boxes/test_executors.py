@@ -417,5 +417,8 @@ def test_a_worker_of_dask_with_another_version_is_told(name, there, is_same):
         _require_same_versions(versions)
         return
     refused(
-        f"worker tcp://a has {name} .*, but this process has", _require_same_versions, versions, error=mb.SimulationError
+        f"worker tcp://a has {name} .*, but this process has",
+        _require_same_versions,
+        versions,
+        error=mb.SimulationError,
     )

@@ -75,7 +75,7 @@ def test_faults():
     refused("lower end of the range must be below", mb.root_locus, scene, "k1", (2, 1))
     refused("count must be an integer of at least 2", mb.root_locus, scene, "k1", (1, 2), count=1)
     refused("Expected a Scene, got System", mb.root_locus, scene.system, "k1", (1, 2))
-    refused("the box has 'q', which is no parameter", mb.root_locus, scene, "k1", (1, 2), box=mb.Box(q=(1, 2)))
+    refused("the box has 'q', which is not a parameter", mb.root_locus, scene, "k1", (1, 2), box=mb.Box(q=(1, 2)))
     refused("root_locus: box: expected a Box", mb.root_locus, scene, "k1", (1, 2), box={"k2": (1, 2)})
 
 
