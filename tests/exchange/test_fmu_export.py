@@ -260,7 +260,7 @@ def test_inputs_stand_in_laws_alone():
         ),
         (
             lambda scene, path: mb.save_fmu(scene.with_outputs({"drive": scene.system.bodies[0].y}), path),
-            "'drive' names two variables",
+            "'drive' is the name of two FMU variables",
         ),
     ],
 )

@@ -200,7 +200,9 @@ def test_an_outlier_among_few_values_is_told(number):
     y = 1.3 * t + 0.4 * t**2 + 0.01 * np.random.default_rng(number).standard_normal(number)
     assert not mb.calibrate(particle(), {"x": (t, y)}).doubts
     y[number // 3] += 1.0
-    with pytest.warns(mb.SymmbWarning, match=f"1 of {number} values of x are outliers: the value at t = {t[number // 3]:g}"):
+    with pytest.warns(
+        mb.SymmbWarning, match=f"1 of {number} values of x are outliers: the value at t = {t[number // 3]:g}"
+    ):
         mb.calibrate(particle(), {"x": (t, y)})
 
 
@@ -248,9 +250,9 @@ def test_wrong_calls_are_told():
         "has 'fall' twice": lambda: mb.calibrate(scene, {"x": T}, ["fall", "speed", "fall"]),
         "the 41 times of the scene": lambda: mb.calibrate(scene, {"x": T[:3]}),
         "its own times": lambda: mb.calibrate(scene, {"x": (T[:3], T)}),
-        "times of 'x' begin at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
+        "times of 'x' start at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
         "times of 'x' must be finite": lambda: mb.calibrate(scene, {"x": ([0.0, np.nan, 1.0], [1.0, 2.0, 3.0])}),
-        "are gaps (nan)": lambda: mb.calibrate(scene, {"x": T * np.nan}),
+        "are gaps": lambda: mb.calibrate(scene, {"x": T * np.nan}),
         "infinite at 0.3 s. A gap is nan": lambda: mb.calibrate(scene, {"x": np.where(T == T[3], np.inf, T)}),
         "one for each output with data: x, got {}": lambda: mb.calibrate(scene, {"x": T}, noise={}),
         r"1 value cannot determine 2 parameters\. Give 2 or more, or estimate fewer": lambda: mb.calibrate(
