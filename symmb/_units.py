@@ -137,7 +137,7 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
 
     Raises
     ------
-    DeclarationError    if it is none of them; the unit itself is not checked
+    DeclarationError    if it has another form; the unit itself is not checked
     """
     match = _QUANTITY.fullmatch(given.replace("\N{MINUS SIGN}", "-")) if isinstance(given, str) else None
     if match and re.match(r",\d", match[2]):
@@ -204,8 +204,8 @@ def typeset(unit: str) -> str:
 
 
 def told_units(units: Sequence[str], n: int, parameters: object = None) -> Sequence[str]:
-    """Units of n outputs for texts and .csv files: all known units if an output or a parameter has a unit other than
-    SI unit, otherwise no units."""
+    """Units of n outputs for texts and .csv files: all known units if an output or a parameter has a unit outside
+    the SI, otherwise no units."""
     is_si = all(map(_is_si, units)) and not units_of_parameters(parameters)
     return ("",) * n if is_si or not units else units
 

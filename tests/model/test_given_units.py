@@ -48,9 +48,9 @@ def test_a_quantity_goes_into_si_units_and_back(quantities, unit):
 
 REFUSED = [
     ("mm", "2 kg", "'kg' does not fit parameter 'x', which is in mm"),
-    ("mm", "2 N/mmm", "'mmm' in 'N/mmm' is no known"),
+    ("mm", "2 N/mmm", "'mmm' in 'N/mmm' is not a known"),
     ("mm", "2 mmm", "'mmm' is not a known unit. Did you mean 'mm'"), ("rad/s", "2 Hz", "does not fit"),
-    ("rpm", "2 1/s", "does not fit"), ("N m", "2 N", "does not fit"), ("K", "20 °C", "the zero of °C is not the zero of K"),
+    ("rpm", "2 1/s", "does not fit"), ("N m", "2 N", "does not fit"), ("K", "20 °C", "°C is not the zero of K"),
     ("K", "20 degF", "the zero of degF"), ("mm", "2 m2", "is not a unit"), ("N", "2 N/", "is not a unit"),
     ("N", "2 (N", "is not a unit"), ("N", "2 N/m s", "is ambiguous"), ("kg", "2 m/kg/s", "does not fit"),
     ("", "2 mm", "'x', which has no unit"), ("mm", "two mm", "not a finite number"),
