@@ -272,7 +272,7 @@ class _Pool:
             except SymmbError:
                 raise
             except Exception as error:
-                raise DeclarationError(f"executor: the function that makes one raises {text_of(error)}.") from error
+                raise DeclarationError(f"executor: the function that makes it raises {text_of(error)}.") from error
         self.workers_at_first = 0
         self.has_begun, self._since = False, time.monotonic()
         self._options: dict[str, Any] = {}

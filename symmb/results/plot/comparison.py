@@ -124,7 +124,7 @@ def _draw_errors(
     axes.set_ylabel("rms error / width, mean over outputs", fontsize=8.5)
     axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
     axes.margins(0.06, 0.1)
-    if all(y == floor for _, y, _, _ in numbers):  # margins are a share of the height, of which there is none
+    if all(y == floor for _, y, _, _ in numbers):  # default margins are relative to the height, which is 0 here
         axes.set_autoscaley_on(False)
         axes.set_ylim(0.1 * floor, 10.0 * floor)
     if style.ax is not None:

@@ -265,7 +265,7 @@ def three_diagrams(style: Style, room: float) -> tuple[Figure, list[Axes]]:
         return figure, list(figure.subplots(1, 3))
     panels = axes_in(style.owner, style.ax)
     if len(panels) > 3:
-        raise DeclarationError(f"{style.owner}: there are three diagrams, got {len(panels)} axes. Give up to three.")
+        raise DeclarationError(f"{style.owner}: there are three diagrams, got {len(panels)} axes. Pass at most three.")
     return root(panels[0]), panels
 
 

@@ -44,7 +44,7 @@ class Style:
             return [*own]
         if isinstance(given, list | tuple) and len(given) == len(own) and all(map(fits, given)):
             return [*given]
-        raise DeclarationError(f"{self.owner}: {name} must be one, or a list of {len(own)}, got {shown(given)}.")
+        raise DeclarationError(f"{self.owner}: {name} must be one value, or a list of {len(own)}, got {shown(given)}.")
 
 
 OWN = Style()
