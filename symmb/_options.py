@@ -199,7 +199,7 @@ def require_whole(options: object, name: str, least: int, most: float = math.inf
 def require_between(options: object, name: str, text: str, low: float, high: float = math.inf) -> None:
     """Convert a field of a frozen object to Python's float; DeclarationError unless finite and from low to high.
 
-    `text` says which ends belong to the range: "[)" contains the lower one only.
+    `text` says which ends belong to the range: "[)" contains the lower end only.
     """
     value = getattr(options, name)
     number = python_number(value) if is_finite_number(value) else math.nan

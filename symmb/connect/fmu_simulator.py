@@ -73,7 +73,7 @@ class FMUSimulator(BlackBox):
     Attributes
     ----------
     units : tuple of str
-        of the outputs, from the model description; '' if not stated. Boxes know the units of the parameters
+        of the outputs, from the model description; '' if not stated. Boxes use the parameters' units
 
     Raises
     ------
@@ -195,7 +195,7 @@ def _step(fmu: FMU, times: Array, given: float | None) -> float:
     for length, reason in ((fmu.grid, "its solver has steps"), (step if fmu.is_uniform else None, "its steps are")):
         if length is not None and (np.abs(spans / length - np.round(spans / length)) > AGREE * spans / length).any():
             raise DeclarationError(
-                f"{OWNER}: {fmu.path.name} cannot stop at all of the times: {reason} of {length:g} s, and the times "
-                "must be multiples of that after the first."
+                f"{OWNER}: {fmu.path.name} cannot stop at all of the times: {reason} of {length:g} s. Times "
+                "must be multiples of this step, counted from the first time."
             )
     return step

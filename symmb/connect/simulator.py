@@ -82,7 +82,7 @@ class Reduction(Generic[S]):
 
     Attributes
     ----------
-    init : () -> state of no samples
+    init : () -> state before the first sample
     update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
     merge : (state, state) -> state of both; the first state has the lower sample numbers
     trajectories : whether ``update`` uses ``block.Y``; if not, blocks may be larger

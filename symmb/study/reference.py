@@ -70,7 +70,7 @@ class Reference:
         return Yardstick(self.lower, self.upper, self.uncertainty, self.noise)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
-        """The reference with the values that other runs attained. The uncertainty is at least their distance."""
+        """The reference with the values that other runs attained. Their distance is the smallest uncertainty."""
         lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
         upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
         missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)

@@ -120,7 +120,7 @@ class Search:
         """The factor between two factors at which runs at places reach a limit, or the larger one if no run does; and
         whether runs fail beyond it.
 
-        The next factor is interpolated between margins, or bisected. If one margin stays twice, it is halved
+        The next factor is interpolated between margins, or bisected. If an end stays twice, its margin is halved
         (Illinois). An infinite factor is limited to the largest factor.
         """
         inside, beyond = (self._margin(low * along, places) if low else 1.0), np.nan

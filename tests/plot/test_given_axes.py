@@ -111,7 +111,7 @@ def test_the_errors_of_a_comparison_in_one_axes():
 
 @pytest.mark.parametrize("result", [some_bounds, a_comparison], indirect=True)
 def test_too_few_axes_are_refused(result):
-    refused(r"2 outputs .* need as many axes", result.plot, outputs=["x", "vy"], ax=Figure().subplots())
+    refused(r"2 outputs .* need 2 axes", result.plot, outputs=["x", "vy"], ax=Figure().subplots())
 
 
 @RESULTS

@@ -167,7 +167,7 @@ def _draw_pair(axes: Axes, x: Array, lower: Array, upper: Array, *, label: str |
 
 
 def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[float, float]:
-    """Axis limits that show the reference and half its range on either side. Wilder bounds leave the panel."""
+    """Axis limits that show the reference and half its range on either side. Larger bounds extend beyond the panel."""
     low, high = np.nanmin(reference.lower[:, i]), np.nanmax(reference.upper[:, i])
     room = 0.5 * (high - low) if high > low else max(abs(high), 1.0) * 1e-3
     lows = np.concatenate([[low], *(curve.lower[:, i] for curve in curves)])

@@ -205,8 +205,8 @@ def given_panels(
         panels *= len(names)
     if len(panels) != len(names):
         raise DeclarationError(
-            f"{owner}: {len(names)} outputs ({', '.join(names[:6])}{', ...' * (len(names) > 6)}) need as many axes, "
-            f"got {len(panels)}. Choose some by outputs=[...]."
+            f"{owner}: {len(names)} outputs ({', '.join(names[:6])}{', ...' * (len(names) > 6)}) need "
+            f"{len(names)} axes, got {len(panels)}. Choose some by outputs=[...]."
         )
     texts = labels(names, units)
     for axes in dict.fromkeys(panels):
