@@ -65,7 +65,7 @@ def test_pictures_and_files(tmp_path):
     assert "<table" in locus._repr_html_()
     locus.save(tmp_path / "locus.json")
     mb.RootLocus.load(tmp_path / "locus.json").plot()
-    refused(r"does not hold what Linearization.save writes", mb.Linearization.load, tmp_path / "locus.json")
+    refused(r"does not hold a result of Linearization.save", mb.Linearization.load, tmp_path / "locus.json")
 
 
 def test_faults():

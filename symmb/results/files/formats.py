@@ -81,7 +81,7 @@ def load(
         version = record.whole("version", _VERSION)
         if version != _VERSION:
             raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
-        if "result" in record and (content := f"what {record.text('result')}.save writes") != what:
+        if "result" in record and (content := f"a result of {record.text('result')}.save") != what:
             raise DeclarationError(f"it holds {content}.")
         return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
     except Exception as error:  # damaged files can raise nearly every exception in zlib, zipfile, json and NumPy

@@ -56,7 +56,7 @@ class Saved:
         FileError
             If the file cannot be read
         """
-        what, from_table = f"what {cls.__name__}.save writes", cls._of_table if _has_table(cls) else None
+        what, from_table = f"a result of {cls.__name__}.save", cls._of_table if _has_table(cls) else None
         return load(path, what, cls._of_record, from_table)
 
 
