@@ -114,7 +114,7 @@ def test_bounds_that_cannot_be_drawn(tmp_path):
     bounds = mb.propagate(scene, mb.Vertex())
     refused("Did you mean 'y2'", mb.view, bounds, tmp_path / "b.html", output="y")
     bounds.save(tmp_path / "b.npz")
-    with pytest.raises(mb.DeclarationError, match="hold no scene"):
+    with pytest.raises(mb.DeclarationError, match="have no scene"):
         mb.view(mb.Bounds.load(tmp_path / "b.npz"), tmp_path / "b.html")
     with pytest.raises(mb.DeclarationError, match="stores no runs"):
         mb.view(mb.propagate(scene, mb.Taylor(1)), tmp_path / "b.html")

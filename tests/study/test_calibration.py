@@ -253,7 +253,7 @@ def test_wrong_calls_are_told():
         "times of 'x' start at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
         "times of 'x' must be finite": lambda: mb.calibrate(scene, {"x": ([0.0, np.nan, 1.0], [1.0, 2.0, 3.0])}),
         "are gaps": lambda: mb.calibrate(scene, {"x": T * np.nan}),
-        "infinite at 0.3 s. A gap is nan": lambda: mb.calibrate(scene, {"x": np.where(T == T[3], np.inf, T)}),
+        "infinite at 0.3 s. Write a gap as nan": lambda: mb.calibrate(scene, {"x": np.where(T == T[3], np.inf, T)}),
         "one for each output with data: x, got {}": lambda: mb.calibrate(scene, {"x": T}, noise={}),
         r"1 value cannot determine 2 parameters\. Give 2 or more, or estimate fewer": lambda: mb.calibrate(
             scene, {"x": ([1.0], [1.0])}, ["fall", "speed"], noise={"x": 1.0}
