@@ -35,7 +35,7 @@ class BlackBox(ABC):
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
     outputs : n_y names of the columns
-    noise : (n_y,) errors of values; None if not known
+    noise : (n_y,) errors of the output values; None if not known
     """
 
     parameters: Mapping[str, float]

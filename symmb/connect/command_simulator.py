@@ -74,7 +74,7 @@ class CommandSimulator(BlackBox):
     folder : path
         folder for the folders of the runs; default: the folder for temporary files
     noise : mapping
-        errors of values, by name of the output
+        errors of the output values, by name of the output
 
     Raises
     ------

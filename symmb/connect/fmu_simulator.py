@@ -68,7 +68,7 @@ class FMUSimulator(BlackBox):
     timeout : float
         longest time of a run [s]
     noise : mapping
-        errors of values, by name of the output
+        errors of the output values, by name of the output
 
     Attributes
     ----------

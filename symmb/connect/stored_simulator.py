@@ -118,7 +118,7 @@ class StoredSimulator(WithWarnings):
 
     @property
     def noise(self) -> Array | None:
-        """(n_y,) errors of values; None if not known."""
+        """(n_y,) errors of the output values; None if not known."""
         return getattr(self.simulator, "noise", None)
 
     @property

@@ -174,7 +174,7 @@ def test_tolerances_without_a_size(seed):
     [
         ("1°", "'°' does not fit parameter 'arm'"), ("-1 mm", "'arm': '-1 mm' is no tolerance"),
         ("1,5 mm", "'arm'"), ("1,5%", "Decimals have a point"), ("±1,5%", "Decimals have a point"),
-        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "both ends need a unit"), ((1, 2, "mmm"), "'mmm' is not a known"),
+        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "both ends need a unit"), ((1, 2, "mmm"), "'mmm' is not a"),
         ((-1, "mm"), "at least 0"), ("-1%", "from 0 % to"),
     ],
 )  # fmt: skip

@@ -145,7 +145,7 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
 _LARGE = 2**26
 """Smallest size of an archive that is checked [bytes]: smaller archives can be unpacked quickly."""
 _MOST_RATIO = 200
-"""Most bytes that one byte of an archive may become. Results with random last digits grow a few times, constant
+"""Most bytes that one byte of an archive may become. Results with random last digits expand by a few times, constant
 results a thousand times."""
 
 

@@ -115,11 +115,11 @@ class Record:
         return value
 
     def covariance(self, name: str, n: int) -> Array:
-        """A symmetric matrix (n, n) with variances of at least 0. Variances that are infinite are nan in JSON."""
+        """A symmetric matrix (n, n) with variances of at least 0. Infinite variances are nan in JSON."""
         value = self.with_nan(name, n, n)
         variances = np.where(np.isnan(np.diag(value)), np.inf, np.diag(value))
         if not (np.allclose(value, value.T, equal_nan=True) and (variances >= 0).all()):
-            raise self._wrong(name, "a symmetric matrix with a diagonal of at least 0", "another one")
+            raise self._wrong(name, "a symmetric matrix with variances of at least 0", "another matrix")
         np.fill_diagonal(value, variances)
         return value
 

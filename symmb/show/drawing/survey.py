@@ -66,7 +66,7 @@ class Survey:
         return asked
 
     def acting(self, element: Element) -> Element:
-        """The element itself. For a joint that closes in the run, the joint that holds the bodies after closing."""
+        """The element itself. A joint that closes in the run is replaced by the joint that holds the bodies then."""
         return self._grips.get(element.name, element)
 
     def closed(self, joint: Element) -> Array | None:
