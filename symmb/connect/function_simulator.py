@@ -24,8 +24,8 @@ class FunctionSimulator(BlackBox):
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
     outputs : n_y names of the columns
-    noise : errors of the values by name of the output, as ``{"x": 1e-6}``; other outputs have none. None: not known, and
-        measured if needed
+    noise : errors of the output values by name, as ``{"x": 1e-6}``; other outputs have none. None: not known,
+        and measured if needed
     timeout : longest time of a call [s]. Calls are then made in forked processes, which are ended after this time
 
     Raises
