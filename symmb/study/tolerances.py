@@ -84,15 +84,10 @@ class Tolerances(Counted, Result):
             lines.append(f"  cost      {self.cost:.6g}")
         lines += [f"  remark    {remark}" for remark in self.remarks]
         if self.check.kept is None:
-<<<<<<< HEAD
-            lines.append("  undecided whether it keeps the limits: see why below")
+            lines.append("  undecided whether the box satisfies the limits: see below")
         if self.binding is None and self.check.kept is None:
             lines.append("  binding   not known")
         elif self.binding is None:
-=======
-            lines.append("  undecided whether the box satisfies the limits: see below")
-        if self.binding is None:
->>>>>>> 16cf2c0e (Messages and docstrings of study are plain sentences)
             lines.append(f"  binding   no limit up to {max(self.factors.values()):.4g} times the tolerances")
         else:
             lines.append(f"  binding   {self.check[self.binding.output].text}; {self.binding}")

@@ -96,13 +96,8 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
         is_nominal = np.isfinite(_nominal_excess(bounds, lost[0]))
         who, change = ("The nominal values", "them") if is_nominal else ("All cases", "the intervals")
         texts.append(f"{who} violate the limit of {_listed([*words, *more])}: change {change}, or the limit.")
-<<<<<<< HEAD
     texts += _tighten(bounds, [limit for limit in beyond if limit not in (*lost, *met)])
-    idle = "No tolerance has to be tightened." if limits else "Give limits of outputs, and this page checks them."
-=======
-    texts += _tighten(bounds, [limit for limit in beyond if limit not in lost])
     idle = "No tolerance needs to be tightened." if limits else "Give limits of outputs, so that this page checks them."
->>>>>>> 42ab1231 (Messages, docstrings and comments of show and of the ground floor are plain sentences)
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
 
 
