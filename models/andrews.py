@@ -13,8 +13,8 @@
 
     K1 O-P, K2 P-F, K3 B-F with the spring's point D, K4 E-F on K5 A-E, K6 H-F on K7 A-H; O, A, B, C on the ground
 
-The seven angles of the benchmark are relative ones: theta_K2 = beta + Theta, theta_K4 = Phi + delta,
-theta_K6 = Omega + epsilon. It is fast: the crank turns 2.5 times in 0.03 s.
+The seven angles of the benchmark are relative: theta_K2 = beta + Theta, theta_K4 = Phi + delta,
+theta_K6 = Omega + epsilon. The motion is fast: the crank turns 2.5 times in 0.03 s.
 
 Source: Test Set for IVP Solvers, Andrews' squeezing mechanism; IFToMM benchmark A03; Schiehlen (1990), Multibody
 Systems Handbook; Hairer and Wanner (1996), Solving Ordinary Differential Equations II, section VII.7.
@@ -39,7 +39,7 @@ def scene() -> mb.Scene:
     )
     # fmt: on
     ground = mb.Ground()
-    # Points of a body are declared from the joint it hangs on; `com` is the eccentricity of its mass centre.
+    # Points of a body are measured from the joint that carries it; `com` is the eccentricity of its mass centre.
     k1 = mb.Body("K1", mass=p.m1, inertia=p.i1, com=(p.ra, 0))
     k2 = mb.Body("K2", mass=p.m2, inertia=p.i2, com=(-p.da, 0))
     k3 = mb.Body("K3", mass=p.m3, inertia=p.i3, com=(p.sb, -p.sa))
@@ -71,7 +71,7 @@ def scene() -> mb.Scene:
         parameters=p,
     )
     lam = ca.vertcat(*[system.lam(name) for name in ("F3", "F4", "F6")])
-    beta = -0.0617138900142764496358948458001  # Theta = 0 to all digits
+    beta = -0.0617138900142764496358948458001  # with this value Theta = 0 to all digits
     return mb.Scene(
         system,
         start={"K1.theta": beta},

@@ -1,4 +1,4 @@
-"""Towed gun of the 155-mm class while it fires: rigid carriage on soil; flexible top carriage, cradle and barrel.
+"""Towed gun of the 155-mm class during firing: rigid carriage on soil; flexible top carriage, cradle and barrel.
 
                                              _ . - ~ ' [#]  muzzle brake
                           front bush _ . [=]  barrel
@@ -12,18 +12,19 @@
          __V______________/_____\\_____________________  soil
          spades           base plate
 
-Fixed hinges (welds) join base plate and trails to the bottom carriage. The traversing gear, a torsion spring, locks the
-rotating hinge; the elevating gear, a tooth between two flanks, locks the trunnion: what the equilibrator leaves of the
-muzzle's overweight presses the tooth on one flank. The barrel lies in two bushes with clearance and recoils through
-them against an absorber and a recuperator, whose gas holds it on its stop before the shot and brings it back after.
-The breech pressure is a given curve, and the muzzle brake pulls by a share of it while the gases leave. A rigid mass on
-the breech stands for what recoils with it; its eccentricities across the bore are uncertain.
+Welds join base plate and trails to the bottom carriage. The traversing gear, a torsion spring, locks the rotating
+hinge. The elevating gear, a tooth between two flanks, locks the trunnion. The equilibrator carries a part of the
+muzzle's overweight; the remainder presses the tooth on one flank. The barrel lies in two bushes with clearance, and
+recoils through them against an absorber and a recuperator. The gas of the recuperator holds the barrel on its stop
+before the shot, and brings the barrel back after it.
+The breech pressure is a given curve. The pull of the muzzle brake is proportional to it while the gases leave. A rigid
+mass on the breech stands for the recoiling parts; its eccentricities across the bore are uncertain.
 
-Barrel and top carriage have Craig-Bampton modes for the bushes and the joints, the cradle its free ones. Geometric
-stiffening is left out; on the muzzle's angle at 14 ms it is of the order of 0.002 deg.
+Barrel and top carriage have Craig-Bampton modes for the bushes and the joints, the cradle has free modes. Geometric
+stiffening is neglected. Its effect on the muzzle's angle at 14 ms is about 0.002 deg.
 
-Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the parts and the targets; the values are our own, of a
-generic gun of 52 calibres, not those of the gun measured there. Tuned by hand were
+Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the parts and the targets. The values are our own, for
+a generic gun of 52 calibres, not for the gun measured there. Values tuned by hand:
 
     parameter                            target                                           reached
     scale of PRESSURE                    largest breech pressure 366.56 MPa               366.56 MPa
@@ -53,27 +54,27 @@ TOOTH = mb.HuntCrossley(5e10, restitution=0.7, speed=0.1)
 STOP = mb.HuntCrossley(1e10, restitution=0.3, speed=0.5)
 TRAVERSE, KEY = 8e6, 1e7  # stiffness of the traversing gear, and of the barrel's key against rolling [N m/rad]
 FOOT, SPADE = mb.KelvinVoigt(6e7, 3e5), mb.KelvinVoigt(3e7, 1.5e5)
-GROUND, PLATE = (2e7, 0, 2e7), 4e6  # stiffness of the soil across [N/m], of that below the plate [N m/rad]
+GROUND, PLATE = (2e7, 0, 2e7), 4e6  # horizontal stiffness of the soil [N/m], stiffness below the plate [N m/rad]
 SPADES = [(-4.5, 0.0, -1.8), (-4.5, 0.0, 1.8)]
 
 BORE = np.pi / 4 * 0.155**2  # [m^2]
-EXIT = 13e-3  # of the projectile [s]
+EXIT = 13e-3  # time at which the projectile leaves the barrel [s]
 PRESSURE = mb.Table(
     1e-3 * np.array([0, 1, 2, 3, 4, 5, 5.6, 6.5, 7.5, 9, 11, 13, 15, 18, 22, 30, 40]),
     366.56e6 * np.array([0, 0.02, 0.09, 0.27, 0.62, 0.94, 1, 0.92, 0.75, 0.53, 0.34, 0.22, 0.12, 0.05, 0.02, 0.003, 0]),
 )
-BRAKE = mb.Table([EXIT, EXIT + 1e-3], [0.0, 1.6])  # pull of the muzzle brake as a share of the breech force
+BRAKE = mb.Table([EXIT, EXIT + 1e-3], [0.0, 1.6])  # pull of the muzzle brake, relative to the breech force
 OPENING = mb.Table(
     [0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 1.05], 1e-4 * np.array([5.7, 5.5, 4.9, 4.2, 3.3, 2.4, 1.6, 0.9])
 )
 RETURN = mb.Table([0.0, 0.1, 0.25, 0.5], 1e-4 * np.array([0.35, 0.9, 1.6, 1.9]))
-CYLINDER = 1.0  # where absorber and recuperator are fixed to the cradle, along the bore [m]
+CYLINDER = 1.0  # place along the bore where absorber and recuperator are fixed to the cradle [m]
 ABSORBER = mb.Orifice(8e-3, lambda x, v: ca.if_else(v > 0, OPENING(x), RETURN(x)), length=CYLINDER - BREECH)
 RECUPERATOR = mb.GasSpring(5e6, volume=0.0215, area=-8e-3, length=CYLINDER - BREECH)
 
 
 def tilted(x: float, y: float, elevation: float = ELEVATION) -> np.ndarray:
-    """World position (3,) of a place in the axes of the bore [m]."""
+    """World position (3,) of a place given in the axes of the bore [m]."""
     c, s = np.cos(elevation), np.sin(elevation)
     return TRUNNION + np.array([c * x - s * y, s * x + c * y, 0.0])
 
@@ -84,7 +85,7 @@ EQUILIBRATOR = mb.GasSpring(4.8e6, 5e-3, 5e-3, length=float(np.linalg.norm(tilte
 
 
 def barrel_elements() -> mb.FiniteElements:
-    """Tapering tube with breech and muzzle brake, in the axes of the bore."""
+    """Tapered tube with breech and muzzle brake, in the axes of the bore."""
     corners, radii = [BREECH, REAR, 0.6, FRONT, MUZZLE], [0.16, 0.155, 0.15, 0.13, 0.10]
     sections = [mb.Section.circle(radius, 0.0775) for radius in radii]
     tube = mb.FiniteElements.beams(mb.Beam([(x, 0, 0) for x in corners], sections, STEEL, elements=6))
@@ -93,7 +94,7 @@ def barrel_elements() -> mb.FiniteElements:
 
 
 def cradle_elements() -> mb.FiniteElements:
-    """Box girder with risers to bushes and trunnion and the arm of the toothed sector, in the axes of the bore."""
+    """Box girder with risers to bushes and trunnion, and the arm of the toothed sector, in the axes of the bore."""
     box = mb.Section(area=0.036, Iy=3.0e-3, Iz=2.5e-3, J=3.0e-3)
     riser = mb.Section.rectangle(0.40, 0.32).without_shear()
     girder = mb.Beam([(x, GIRDER, 0) for x in (REAR, 0.0, 1.0, FRONT)], box, STEEL, elements=4)
@@ -103,7 +104,7 @@ def cradle_elements() -> mb.FiniteElements:
 
 
 def top_carriage_elements() -> mb.FiniteElements:
-    """Two cheeks that carry the trunnion, on a foot that also bears the pinion, in world axes."""
+    """Two cheeks that carry the trunnion, on a foot that also carries the pinion, in world axes."""
     foot, top = (0.0, 0.85, 0.0), TRUNNION[:2]
     cheeks = [(0, 0.85, -0.4), (*top, -0.4), (*top, 0.0), (*top, 0.4), (0, 0.85, 0.4)]
     return mb.FiniteElements.beams(
@@ -115,16 +116,16 @@ def top_carriage_elements() -> mb.FiniteElements:
 
 
 def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
-    """One shot out of static equilibrium.
+    """One shot from static equilibrium.
 
     Parameters
     ----------
-    modes : int        of the three flexible parts in all: half of the barrel, a fifth of the cradle
-    end : float        [s]; 14 ms show the muzzle's vibration, 1 s the whole recoil cycle
+    modes : int        total number of modes of the three flexible parts: half for the barrel, a fifth for the cradle
+    end : float        final time [s]; 14 ms show the muzzle's vibration, 1 s the complete recoil cycle
     """
     p = mb.Parameters(e_y=0.0, e_z=0.0)
     ground, spatial = mb.Ground(), mb.Spatial()
-    # Points of rigid parts are places of the gun as drawn, in world axes, and of the rigid mass in those of the bore.
+    # Points of rigid parts are given as drawn, in world axes; points of the rigid mass in the axes of the bore.
     bottom = mb.Body("bottom_carriage", 1500.0, (300.0, 350.0, 300.0), spatial, com=(0.0, 0.55, 0.0))
     plate = mb.Body("base_plate", 400.0, (30.0, 60.0, 30.0), spatial, com=(0.0, 0.1, 0.0))
     left = mb.Body("left_trail", 900.0, (150.0, 1450.0, 1400.0), spatial, com=(-2.5, 0.35, -1.1))
@@ -161,7 +162,7 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
         mb.Revolute("trunnion", top.point(*TRUNNION), cradle.point(0, 0), axis=(0, 0, 1)),
         mb.ToothContact("elevating_gear", top.point(*PINION), cradle.point(0, -SECTOR), sector, BACKLASH, TOOTH),
         mb.NonlinearSpring("equilibrator", top.point(*PISTON), cradle.point(*LUG), EQUILIBRATOR),
-        # The barrel slides: forces act where the cradle's bushes are, at every recoil.
+        # The barrel slides: forces act at the cradle's bushes, for every recoil.
         mb.BushContact("rear_bush", rear, guide, (1, 0, 0), CLEARANCE, BUSH),
         mb.BushContact("front_bush", front, cradle.point(FRONT, 0), (1, 0, 0), CLEARANCE, BUSH),
         mb.Bushing("key", guide, rear, 0.0, 0.0, (KEY, 0, 0), (0.001 * KEY, 0, 0)),
@@ -188,7 +189,7 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
     }
     rates = {"recoil": stroke, "muzzle_vertical": vertical, "muzzle_horizontal": horizontal}
 
-    # What touches in equilibrium has to do so in the guess: all a little lower than drawn, the muzzle most of all.
+    # Contacts of the equilibrium must touch in the guess: all parts are slightly lower than drawn, mainly the muzzle.
     aimed, ahead, down = ELEVATION - 0.7 * BACKLASH / SECTOR, 3e-4, -1.3 * CLEARANCE
     placed = {
         **{part: np.array(part.com) for part in (bottom, plate, left, right)},

@@ -8,12 +8,12 @@ r"""The Whipple bicycle: four rigid bodies on knife-edge wheels that roll withou
      ----------P-------------------Q--\\------> x     z up, y to the left, g = 9.81 m/s^2 along -z
                |<----- wheelbase ----->|<>| trail
 
-The rear and front contact stay on the ground (two holonomic rows) and do not slip (four velocity-only rows). Running
-straight and upright at the speed v is a steady motion.
+The rear and front contact stay on the ground (two holonomic rows) and do not slip (four velocity-only rows). Straight
+upright motion at the speed v is a steady motion.
 
 Source: Meijaard, Papadopoulos, Ruina & Schwab (2007), Linearized dynamics equations for the balance and steer of a
 bicycle: a benchmark and review, Proc. R. Soc. A 463; benchmark parameters of table 1. There z points down and y to the
-right. Reference: weave is stable from 4.292 m/s on, capsize unstable from 6.024 m/s on.
+right. Reference: weave is stable above 4.292 m/s, capsize is unstable above 6.024 m/s.
 """
 
 import casadi as ca
@@ -23,7 +23,7 @@ import symmb as mb
 
 
 def scene(*, speed: float = 4.6) -> mb.Scene:
-    """The benchmark bicycle running straight ahead, upright, and pushed sideways a little.
+    """The benchmark bicycle, upright on a straight path, with a small push to the side.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def scene(*, speed: float = 4.6) -> mb.Scene:
     fork = mb.Body("fork", p.fork_mass, fork_inertia, mb.Spatial())
     rear = mb.Body("rear", p.rear_mass, (0.0603, 0.12, 0.0603), mb.Spatial())
     front = mb.Body("front", p.front_mass, (0.1405, 0.28, 0.1405), mb.Spatial())
-    foot = p.wheelbase + p.trail  # of the steering axis, on the ground
+    foot = p.wheelbase + p.trail  # where the steering axis meets the ground
     steering = mb.Revolute(
         "steering",
         frame.point(foot - p.frame_x, 0, -p.frame_z),
@@ -102,7 +102,7 @@ def scene(*, speed: float = 4.6) -> mb.Scene:
 
 
 def _rolling(name: str, wheel: mb.Body, radius: ca.SX) -> tuple[mb.Motion, mb.VelocityConstraint]:
-    """A wheel of a radius about its y axis that touches the ground and does not slip."""
+    """A wheel with a radius. It turns about its y axis, touches the ground and does not slip."""
     n = wheel.rotation[:, 1]
     level = ca.sqrt(n[0] ** 2 + n[1] ** 2)
     arm = -radius * ca.vertcat(-n[0] * n[2], -n[1] * n[2], level**2) / level  # from the centre to the contact

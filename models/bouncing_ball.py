@@ -1,4 +1,4 @@
-"""Ball dropped onto a floor that gives back a share of its speed.
+"""Ball dropped onto a floor. An impact returns a fraction of its speed.
 
         o   . height          v+ = -e v-  at each impact
         :  .'.
@@ -7,8 +7,8 @@
         :.:    :.:   :..      y is the gap under the ball
     ========================
 
-Impacts happen at t_n = sqrt(2 h / g) (1 + 2 (e + e^2 + ... + e^(n - 1))), with speeds sqrt(2 g h) e^n after them, and
-add up to rest at sqrt(2 h / g) (1 + e) / (1 - e). Outputs have kinks in e at impacts, their rates jumps.
+Impacts happen at t_n = sqrt(2 h / g) (1 + 2 (e + e^2 + ... + e^(n - 1))), with speeds sqrt(2 g h) e^n after them. The
+ball is at rest from sqrt(2 h / g) (1 + e) / (1 - e). Outputs have kinks in e at impacts, their rates have jumps.
 
 Source: Newton's law of restitution; textbook example, e.g. Acary and Brogliato (2008), Numerical Methods for Nonsmooth
 Dynamical Systems, section 1.1.
@@ -24,8 +24,8 @@ def scene(*, restitution: float = 0.8, height: float = 1.0) -> mb.Scene:
 
     Parameters
     ----------
-    restitution : float      e, share of the speed that is given back, 0 to 1
-    height : float           of the gap at the start [m]
+    restitution : float      e, ratio of the speeds after and before an impact, 0 to 1
+    height : float           gap at the start [m]
     """
     p = mb.Parameters(restitution=restitution, height=height)
     ball = mb.Body("ball", mass=1.0, pose=mb.Particle())

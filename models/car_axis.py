@@ -7,9 +7,9 @@
             o . . . . . . . . o           wheels: (0, 0) and (x_b, y_b), L apart
                               road        y_b = r sin(omega t), x_b = sqrt(L^2 - y_b^2)
 
-The left spring stays at right angles to the line between the wheels.
+The left spring stays perpendicular to the line between the wheels.
 
-Source: Test Set for IVP Solvers, car axis problem (index 3), 0 <= t <= 3; there lam1 and lam2 belong to the rows
+Source: Test Set for IVP Solvers, car axis problem (index 3), 0 <= t <= 3. Its lam1 and lam2 belong to the rows
 x_l x_b + y_l y_b = 0 and (x_l - x_r)^2 + (y_l - y_r)^2 - L^2 = 0, and act with the opposite sign.
 """
 

@@ -1,4 +1,4 @@
-"""A cubic of one uncertain number: a scene without bodies, for bounding alone.
+"""A cubic function of one uncertain number: a scene without bodies, for bounding only.
 
     f(x) = x^3 - 2 x^2 + x,  x in [0, 1]            range [0, 4/27], reached at x = 1/3
 

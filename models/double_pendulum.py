@@ -1,4 +1,4 @@
-"""Planar double pendulum of two homogeneous rods of 1 kg/m, lengths known to 5 %.
+"""Planar double pendulum of two homogeneous rods of 1 kg/m. Their lengths are known to 5 %.
 
       ===o=====----> x        angles from the vertical, theta = -rod.theta
          |\\

@@ -11,8 +11,8 @@ r"""Double wishbone suspension of a quarter of a car, seen from behind.
                      seat       Z tyre                           +--- x
         ========================Z=========== road
 
-The axes of the arms lie along the way the car drives, so that the wheel moves in the plane: two loops close through
-chassis, arms and knuckle. The chassis carries a quarter of the car. All stand in equilibrium at the start.
+The axes of the arms are parallel to the driving direction, so that the wheel moves in a plane. Chassis, arms and
+knuckle form two closed loops. The chassis carries a quarter of the car. The start is in equilibrium.
 
 Source: textbook mechanism, e.g. Reimpell, Stoll & Betzler, The Automotive Chassis (2001), sec. 1.2; own values.
 """
@@ -24,7 +24,7 @@ import symmb as mb
 
 
 def scene() -> mb.Scene:
-    """A second of rest. Hard points are given in the drawn position, from the middle of the car on the road."""
+    """One second at rest. Hard points are given in the drawn position, from the middle of the car on the road."""
     p = mb.Parameters(
         lower_x=0.30,  # inner hinges of the arms [m]
         lower_y=0.22,
@@ -34,20 +34,20 @@ def scene() -> mb.Scene:
         knuckle_y=0.20,
         top_x=0.66,  # upper end of the knuckle
         top_y=0.46,
-        seat=0.28,  # of the spring, along the lower arm from its hinge
+        seat=0.28,  # place of the spring along the lower arm, from its hinge
         mount_x=0.42,
         mount_y=0.62,
-        length=0.58,  # of the free spring
+        length=0.58,  # free length of the spring
         stiffness=42e3,
         damping=2.4e3,
         tyre=210e3,
-        radius=0.33,  # of the free tyre
+        radius=0.33,  # free radius of the tyre
         sprung=380.0,  # masses [kg]
         unsprung=38.0,
     )
     lower_in, upper_in = (p.lower_x, p.lower_y), (p.upper_x, p.upper_y)
     lower_out, upper_out = (p.knuckle_x, p.knuckle_y), (p.top_x, p.top_y)
-    center = 0.75, 0.31  # of the wheel
+    center = 0.75, 0.31  # centre of the wheel
     ground = mb.Ground()
     chassis = mb.Body("chassis", p.sprung, 100.0)
     lower, upper = mb.Body("lower", 6.0, 0.08), mb.Body("upper", 3.0, 0.02)

@@ -1,4 +1,4 @@
-r"""An excavator digs with three hydraulic cylinders and swings a load out that is not known.
+r"""An excavator digs with three hydraulic cylinders, and swings out an unknown load.
 
                      boom
                   ___----o elbow
@@ -10,13 +10,13 @@ r"""An excavator digs with three hydraulic cylinders and swings a load out that 
      ===o===    cylinder       \_/ bucket with load
 
 Each cylinder is a barrel and a rod that slides in it, with a pin at both ends: three closed loops. Its pressure is a
-first-order state: oil flows in from a valve, the piston displaces oil, some leaks, and the rest is compressed,
+first-order state: oil flows in from a valve, the piston displaces oil, some oil leaks, the remainder is compressed,
 
     p' = E / V (flow - A x' - leak p),      force = A p.
 
-Each valve is controlled by the error of the cylinder's length. The bucket's linkage is left out.
+The control of each valve uses the length error of the cylinder. The bucket's linkage is neglected.
 
-Source: own design of the size of a machine of 20 t. Hydraulics: Merritt (1967), Hydraulic Control Systems, chapter 6.
+Source: own design, as large as a machine of 20 t. Hydraulics: Merritt (1967), Hydraulic Control Systems, chapter 6.
 """
 
 import casadi as ca
@@ -29,19 +29,19 @@ BOOM, STICK, PERIOD = 5.0, 2.6, 8.0
 MASSES = {"boom": 1900.0, "stick": 1100.0, "bucket": 700.0}
 """[kg]"""
 AREA, VOLUME, LEAK = 0.03, 0.02, 1e-10
-"""Area of a piston [m^2], volume of oil that is compressed [m^3], and leakage [m^3/s/Pa]."""
+"""Area of a piston [m^2], volume of compressed oil [m^3], and leakage [m^3/s/Pa]."""
 GAIN = 2.0
-"""Speed of a piston for the error of its length [1/s]: leakage damps it below E LEAK / V."""
+"""Speed of a piston for an error of its length [1/s]. Leakage damps the control if this is below E LEAK / V."""
 
 
 def scene(*, load: float = 1000.0) -> mb.Scene:
-    """The machine lifts its load, turns its stick out and its bucket in, and goes back.
+    """The machine lifts its load, moves its stick out and its bucket in, and returns.
 
     Parameters
     ----------
     load : float           nominal mass in the bucket [kg]
     """
-    p = mb.Parameters(load=load, oil=1.2e9)  # [kg], modulus of compression [Pa]
+    p = mb.Parameters(load=load, oil=1.2e9)  # [kg], bulk modulus of the oil [Pa]
     ground = mb.Ground()
     boom, stick = (
         mb.Body(name, MASSES[name], MASSES[name] * length**2 / 12)
@@ -58,8 +58,8 @@ def scene(*, load: float = 1000.0) -> mb.Scene:
         mb.Gravity(0, -9.81),
     ]
     lift = (1 - ca.cos(2 * np.pi / PERIOD * mb.t)) / 2  # from 0 to 1 and back
-    # Ends, length of a barrel and of a rod, lengths of the cylinder where the motion begins and turns [m], and pressure
-    # at the start, about that which holds the machine [Pa].
+    # Ends; lengths of barrel and rod; lengths of the cylinder at the start and at the reversal of the motion [m]; and
+    # pressure at the start, which approximately holds the machine [Pa].
     cylinders = {
         "boom": (ground.point(0.9, -0.6), boom.point(-0.5, 0.6), 1.4, 2.0, 2.55, 6.5e6),
         "stick": (boom.point(0.3, 0.9), stick.point(-1.9, 0.3), 1.6, 2.52, 2.4, -1.0e6),

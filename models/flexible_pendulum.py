@@ -1,4 +1,4 @@
-"""Elastic rod that swings under gravity in the plane, with a bob at its end.
+"""Elastic rod with a bob at its end. It swings under gravity in the plane.
 
       ////
        (o)
@@ -8,7 +8,7 @@
               `-.
                  `o     bob            g along -y
 
-The rod's frame is clamped to it at the hinge. Its modes follow loads at the bob, which stiffen it as well.
+The rod's frame is clamped at the hinge. Its modes are for loads at the bob; these loads also stiffen the rod.
 
 Source: textbook mechanism, e.g. Shabana, Dynamics of Multibody Systems, ch. 5 (flexible pendulum).
 """

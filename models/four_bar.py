@@ -8,7 +8,7 @@
        =====o---------------o===== > x        g along -y
             0     ground
 
-Grashof's rule holds (1 + 3 < 2.5 + 3): the crank goes round, the rocker rocks.
+Grashof's rule holds (1 + 3 < 2.5 + 3): the crank makes full turns, the rocker oscillates.
 
 Source: textbook linkage, e.g. Norton, Design of Machinery.
 """
@@ -29,11 +29,11 @@ def scene(
     theta: float = 0.5,
     omega: float = 3.0,
 ) -> mb.Scene:
-    """A four-bar let go with a turning crank, on the branch where the coupler lies above the ground.
+    """A four-bar released with a turning crank. The coupler is above the ground.
 
     Parameters
     ----------
-    crank, coupler, rocker, base : float     lengths, `base` between the pivots on the ground [m]
+    crank, coupler, rocker, base : float     lengths; `base` is between the pivots on the ground [m]
     masses : (3,) floats                     of crank, coupler and rocker [kg]
     theta, omega : float                     angle [rad] and speed [rad/s] of the crank at the start
     """

@@ -9,8 +9,8 @@
         ========================/\\====
                                 bump
 
-Each axle hangs on a bushing, stiff along x and soft along y, and its wheel stands on the road by a tyre that does not
-pull: over a steep bump it takes off. The picture moves with the car, so that the road comes towards it.
+Each axle is attached by a bushing, stiff along x and soft along y. Its wheel stands on the road by a tyre that cannot
+pull: over a steep bump the wheel lifts off. The picture moves with the car, so that the road moves towards the car.
 
 Source: textbook ride model, e.g. Gillespie, Fundamentals of Vehicle Dynamics (1992), chapter 5; own values.
 """
@@ -25,13 +25,13 @@ RADIUS = 0.3
 
 
 def scene(*, speed: float = 10.0, height: float = 0.08, length: float = 0.6) -> mb.Scene:
-    """A car in equilibrium, whose front wheel is at the foot of the bump at the start.
+    """A car in equilibrium. At the start its front wheel is at the foot of the bump.
 
     Parameters
     ----------
     speed : float      [m/s]
-    height : float     of the bump [m]
-    length : float     of the bump [m]
+    height : float     height of the bump [m]
+    length : float     length of the bump [m]
     """
     p = mb.Parameters(speed=speed, height=height, suspension=22e3, tyre=190e3)
     mass, axle, g = 690.0, 40.0, 9.81

@@ -21,7 +21,7 @@ import symmb as mb
 
 
 def scene(*, theta: float = 0.6, phi_dot: float = -2.0, omega3: float = 100.0) -> mb.Scene:
-    """A top with phi = psi = 0 and theta' = 0 at the start; the default makes it loop.
+    """A top with phi = psi = 0 and theta' = 0 at the start. By default its path has loops.
 
     Parameters
     ----------

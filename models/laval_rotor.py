@@ -1,4 +1,4 @@
-r"""Laval (Jeffcott) rotor: a disc on an elastic shaft that damps from inside and turns at a constant speed.
+r"""Laval (Jeffcott) rotor: a disc on an elastic shaft with internal damping, at a constant speed.
 
               share of the length
         |<---------->|
@@ -8,12 +8,13 @@ r"""Laval (Jeffcott) rotor: a disc on an elastic shaft that damps from inside an
      bearing       |_|            bearing     +--- x      z to the viewer
                    disc
 
-The shaft is massless, of circular section, and simply supported at its ends. Away from its middle the disc tilts when
-the shaft bends, and gyroscopic moments split the whirl into a forward and a backward one. The air damps the disc from
-outside. The material of the shaft damps the changes that an observer on the shaft sees: above some speed this drives
-the forward whirl. Two slides and two hinges without mass carry the disc, so that the shaft bends in axes at rest.
+The shaft is massless, of circular section, and simply supported at its ends. If the disc is not at its middle, the disc
+tilts when the shaft bends, and gyroscopic moments split the whirl into a forward and a backward whirl. Air damps the
+disc (external damping). The material of the shaft damps changes in axes that turn with the shaft. Above some speed this
+drives the forward whirl. Two massless slides and two massless hinges carry the disc, so that the shaft bends in fixed
+axes.
 
-Source: Genta, Dynamics of Rotating Systems (2005), sec. 3.2 to 3.5; own values. Reference: in the middle of the shaft,
+Source: Genta, Dynamics of Rotating Systems (2005), sec. 3.2 to 3.5; own values. Reference for a disc in the middle:
 whirl grows above the speed omega (1 + external damping / internal damping), omega the bending frequency.
 """
 
@@ -22,16 +23,16 @@ import numpy as np
 import symmb as mb
 
 DENSITY = 7850.0
-"""Of the disc [kg/m^3]."""
+"""Density of the disc [kg/m^3]."""
 
 
 def scene(*, speed: float = 300.0, share: float = 0.3) -> mb.Scene:
-    """A tenth of a second of straight running, or of whirl where a push is set.
+    """A tenth of a second of straight running, or of whirl if a push is given.
 
     Parameters
     ----------
-    speed : float      of the shaft [rad/s]
-    share : float      of the shaft's length between the left bearing and the disc
+    speed : float      speed of the shaft [rad/s]
+    share : float      distance of the disc from the left bearing, relative to the shaft's length
     """
     p = mb.Parameters(
         speed=speed,
@@ -65,7 +66,7 @@ def scene(*, speed: float = 300.0, share: float = 0.3) -> mb.Scene:
     for i, joints in enumerate(((to_y, to_z), (about_z, about_y))):
         for joint, own, rate, turned in zip(joints, (y, z), (y_rate, z_rate), (z, y), strict=True):
             sign = 1 if own is y else -1
-            seen = [rate[k] + sign * p.speed * turned[k] for k in (0, 1)]  # by an observer who turns along
+            seen = [rate[k] + sign * p.speed * turned[k] for k in (0, 1)]  # rates in axes that turn with the shaft
             law = sum(-K[i][k] * (own[k] + p.internal * seen[k]) for k in (0, 1)) - (
                 p.external * rate[0] if i == 0 else 0
             )

@@ -7,8 +7,8 @@
       |         |         |
     ==o=========o=========o==
 
-It starts with all cranks upright and B0 moving at 1 m/s to the right. When the cranks lie flat (at 0.71 s) the rows
-lose rank: no run goes through there without care.
+At the start all cranks are upright and B0 moves at 1 m/s to the right. When the cranks lie flat (at 0.71 s) the rows
+lose rank: runs need special treatment to pass this position.
 
 Source: IFToMM benchmark A02; Gonzalez, Dopico, Lugris, Cuadrado (2006), Multibody System Dynamics 16, 179-190.
 """
@@ -28,8 +28,8 @@ def scene(N: int = 2) -> mb.Scene:
     p = mb.Parameters(length=1.0, mass=1.0)
     ground, L = mb.Ground(), p.length
     rod = p.mass, p.mass * L**2 / 12  # mass and moment of inertia
-    cranks = [mb.Body(f"crank{i}", *rod) for i in range(N + 1)]  # along their y
-    couplers = [mb.Body(f"coupler{i}", *rod) for i in range(N)]  # along their x
+    cranks = [mb.Body(f"crank{i}", *rod) for i in range(N + 1)]  # along their y axes
+    couplers = [mb.Body(f"coupler{i}", *rod) for i in range(N)]  # along their x axes
     joints = [mb.Revolute(f"foot{i}", ground.point(i * L, 0), crank.point(0, -L / 2)) for i, crank in enumerate(cranks)]
     for i, coupler in enumerate(couplers):
         left, right = cranks[i].point(0, L / 2), cranks[i + 1].point(0, L / 2)

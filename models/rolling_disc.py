@@ -7,9 +7,9 @@
              \\  /             contact c = r - R u
     ==========c/============  g = 9.81 m/s^2 along -z
 
-One holonomic row, height of the contact = 0; two velocity-only rows, no slip of the material point at the contact.
-Steady rolling on a circle with precession W and angular velocity w along n, A and C the moments of inertia across and
-along n:
+One holonomic row: height of the contact = 0. Two velocity-only rows: no slip of the material point at the contact.
+Steady rolling on a circle with precession W and angular velocity w along n (A and C are the moments of inertia across
+and along n):
 
     (C + m R^2) w W sin(alpha) - A W^2 sin(alpha) cos(alpha) + m g R cos(alpha) = 0
 
@@ -24,7 +24,7 @@ import symmb as mb
 
 
 def steady_spin(alpha: float, precession: float, radius: float = 0.5, g: float = 9.81) -> float:
-    """Angular velocity along the axis [rad/s] with which a uniform disc rolls steadily on a circle.
+    """Angular velocity along the axis [rad/s] for steady rolling of a uniform disc on a circle.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def steady_spin(alpha: float, precession: float, radius: float = 0.5, g: float =
 
 
 def scene(*, alpha: float = 1.2, precession: float = 2.0, spin: float | None = None) -> mb.Scene:
-    """A uniform disc set rolling.
+    """A uniform disc that starts to roll.
 
     Parameters
     ----------

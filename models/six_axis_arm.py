@@ -1,4 +1,4 @@
-r"""A six-axis arm from a URDF file: proportional and derivative control of every joint, and a load that is uncertain.
+r"""A six-axis arm from a URDF file, with an uncertain load. Proportional-derivative control acts on every joint.
 
               forearm_roll
          elbow    |      wrist_bend
@@ -11,10 +11,10 @@ r"""A six-axis arm from a URDF file: proportional and derivative control of ever
         | waist |
        -----------
 
-The arm leaves its zero pose, in which the upper arm points up and the forearm points along x. Each motor has a linear
-law of the joint's angle and rate, without a share that holds the arm against gravity: the load decides how far it sags.
+The arm leaves its zero pose. In this pose the upper arm points up and the forearm points along x. Each motor torque is
+linear in the joint's angle and rate, without gravity compensation. So the load determines how far the arm sags.
 
-Source: own design; the machine is in six_axis_arm.urdf beside this file.
+Source: own design; the machine is in six_axis_arm.urdf in the same folder.
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ import numpy as np
 import symmb as mb
 
 TARGETS = {"waist": 0.8, "shoulder": 0.4, "elbow": -0.3, "forearm_roll": 1.0, "wrist_bend": -0.6, "tool_roll": 2.0}
-"""Angles that the motors aim at [rad]."""
+"""Target angles of the motors [rad]."""
 GAINS = {
     "waist": (3000.0, 500.0),
     "shoulder": (5000.0, 800.0),
@@ -37,7 +37,7 @@ GAINS = {
 
 
 def scene() -> mb.Scene:
-    """The arm goes to its targets within two seconds."""
+    """The arm moves to its targets within two seconds."""
     p = mb.Parameters(load=3.0, forearm=4.0, elbow_y=-0.45)
     robot = mb.load_urdf(
         Path(__file__).with_suffix(".urdf"),

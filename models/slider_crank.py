@@ -1,4 +1,4 @@
-"""Planar slider-crank of two uniform rods and a slider, moved by gravity or its own swing.
+"""Planar slider-crank of two uniform rods and a slider, moved by gravity or its initial speed.
 
             o
      l1   /   ` .   l2
@@ -6,7 +6,7 @@
     ===o. . . . . . .[m3]. . > x        g along -y
        |                =======
 
-Variants: the rods' lengths and masses; nearly equal lengths pass close to a dead point.
+Variants: lengths and masses of the rods. With nearly equal lengths the motion passes close to a dead point.
 
 Source: textbook mechanism, e.g. Haug (1989), Computer Aided Kinematics and Dynamics of Mechanical Systems, vol. 1.
 """
@@ -27,7 +27,7 @@ def scene(
     theta: float = np.pi / 4,
     omega: float = 0.0,
 ) -> mb.Scene:
-    """A slider-crank let go.
+    """A slider-crank released with a given speed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Slider-crank with an elastic connecting rod, its crank driven at 150 rad/s.
+"""Slider-crank with an elastic connecting rod. Its crank is driven at 150 rad/s.
 
             o  ~ ~
      l1   /    `  ~  l2, elastic
@@ -6,12 +6,12 @@
     ===o. . . . . . . .`[m3]. . > x        no gravity
        |                =======
 
-The rod's frame is clamped to the crank pin and points to the wrist pin. Its shapes are two sines across and, along the
-rod, the two quadratic functions of a finite element with a node at half length.
+The rod's frame is clamped to the crank pin and points to the wrist pin. Its shapes are two sine functions across the
+rod and, along the rod, the two quadratic functions of a finite element with a node at half length.
 
 Source: Simeon, Modelling a flexible slider crank mechanism by a mixed system of DAEs and PDEs, Math. Modelling of
-Systems 2 (1996); problem "crank" of the Test Set for IVP Solvers, whose program takes the masses of the shapes along
-the rod without the 1/15 of their integrals, and pi = 3.1415927.
+Systems 2 (1996); problem "crank" of the Test Set for IVP Solvers. The program of this problem omits the factor 1/15 in
+the masses of the shapes along the rod, and uses pi = 3.1415927.
 """
 
 import casadi as ca
@@ -32,7 +32,7 @@ def rod_modes(*, published: bool = False) -> tuple[mb.Modes, np.ndarray]:
 
     Parameters
     ----------
-    published : bool       as the program has it by which the published solution was found
+    published : bool       True: as in the program that computed the published solution
     """
     pi, share = (3.1415927, 1.0) if published else (np.pi, 1 / 15)
     mass = DENSITY * WIDTH * HEIGHT * L2
@@ -44,7 +44,7 @@ def rod_modes(*, published: bool = False) -> tuple[mb.Modes, np.ndarray]:
     squares, shapes = eigh(stiffness, gram)
     along, across = mass * np.array([0, 0, 2 / 3, 1 / 6]), mass * np.array([2 / pi, 0, 0, 0])
     x_along, x_across = mass * L2 * np.array([0, 0, 1 / 3, 1 / 6]), mass * L2 * np.array([1 / pi, -0.5 / pi, 0, 0])
-    # Integrals of an across shape times an along one, of which the moment of momentum u_x v_y - u_y v_x is made.
+    # Integrals of a shape across times a shape along. The moment of momentum u_x v_y - u_y v_x consists of them.
     mixed = np.zeros((4, 4))
     mixed[:2, 2:] = mass * np.array([[16 / pi**3, 1 / pi - 8 / pi**3], [0, -0.5 / pi]])
     n, turn = 4, np.array([0.0, 0.0, 1.0])

@@ -19,12 +19,12 @@ import symmb as mb
 
 
 def scene(*, theta: float = 1.0, phi_dot: float = 2.0) -> mb.Scene:
-    """The pendulum started sideways.
+    """The pendulum with an initial speed to the side.
 
     Parameters
     ----------
     theta : float        angle from the downward vertical at the start [rad]
-    phi_dot : float      its speed about the vertical [rad/s]
+    phi_dot : float      its initial speed about the vertical [rad/s]
     """
     p = mb.Parameters(length=1.0, mass=1.0, phi_dot=phi_dot)
     ball = mb.Body("ball", mass=p.mass, pose=mb.Particle())

@@ -1,4 +1,4 @@
-"""Cantilever that is spun up about its root, in the plane: centrifugal forces stiffen it.
+"""Cantilever that is spun up about its root, in the plane. Centrifugal forces stiffen the beam.
 
                                .- '
        psi(t)            . - '     tip
@@ -23,7 +23,7 @@ SPEED, RISE = 6.0, 15.0
 
 def modes(count: int, *, stiffening: bool = True) -> mb.Modes:
     """Cantilever modes in the plane."""
-    area = 1.0  # the beam is given by its stiffnesses and the mass of a metre
+    area = 1.0  # any value: stiffnesses and mass per metre define the beam
     section = mb.Section(area, BENDING / AXIAL, BENDING / AXIAL, 2 * BENDING / AXIAL).without_shear()
     material = mb.Material(E=AXIAL / area, density=LINE_MASS / area, nu=0.3)
     beam = mb.Beam([(0, 0, 0), (LENGTH, 0, 0)], section, material, elements=20)
@@ -36,7 +36,7 @@ def scene(*, count: int = 3, stiffening: bool = True) -> mb.Scene:
     Parameters
     ----------
     count : int            modes of the beam
-    stiffening : bool      whether the beam grows shorter as it bends
+    stiffening : bool      whether bending shortens the beam (geometric stiffening)
     """
     p = mb.Parameters(omega_s=SPEED)
     ground = mb.Ground()

@@ -1,4 +1,4 @@
-r"""A Stewart platform: six legs with cylinders carry a load around a loop.
+r"""A Stewart platform: six legs with cylinders carry a load along a closed path.
 
                  ___load___
            _____|__________|_____       platform
@@ -9,8 +9,8 @@ r"""A Stewart platform: six legs with cylinders carry a load around a loop.
         ===o====o===o====o===o====o===  universal joints on the base     z up, g = 9.81 m/s^2
 
 Each leg is a cylinder on a universal joint and a rod on a spherical joint. The rod slides in the cylinder. A controller
-gives each cylinder a force from the error of its length. The wanted lengths follow in closed form from the wanted
-motion of the platform: to and fro on a loop, during which it rises and turns about z.
+gives each cylinder a force that depends on the error of its length. The required lengths follow in closed form from the
+required motion of the platform: a closed path on which the platform rises and turns about z.
 
 Source: Stewart (1965), A platform with six degrees of freedom, Proc. Inst. Mech. Eng. 180; own values.
 """
@@ -21,17 +21,17 @@ import numpy as np
 import symmb as mb
 
 BASE, TOP, HEIGHT = 1.0, 0.6, 1.2
-"""Radii of the rings of joints, and height of the upper one at the start [m]."""
+"""Radii of the rings of joints, and height of the upper ring at the start [m]."""
 MASS, INERTIA = 50.0, (5.0, 5.0, 9.0)
-"""Of the platform without load [kg], [kg m^2]."""
+"""Mass and inertia of the platform without load [kg], [kg m^2]."""
 PART = 0.7
-"""Length of a cylinder, and of a rod; the whole leg is longer than one of them and shorter than both [m]."""
+"""Lengths of a cylinder and of a rod. The leg is longer than each of them and shorter than their sum [m]."""
 SPEED = np.pi
-"""Of the wanted motion [rad/s]."""
+"""Angular frequency of the required motion [rad/s]."""
 
 
 def ring(radius: float, spread: float) -> np.ndarray:
-    """Three pairs of points on a circle [m], (6, 3); a pair is `spread` degrees to both sides of its middle."""
+    """Three pairs of points on a circle [m], (6, 3). The points of a pair are `spread` degrees from its middle."""
     angles = np.radians([120 * (i // 2) + (spread if i % 2 else -spread) for i in range(6)])
     return radius * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(6)])
 
@@ -40,13 +40,13 @@ FEET, HEADS = ring(BASE, 50.0), ring(TOP, 20.0)
 
 
 def wanted_pose(t: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Place of the platform's middle [m], (3,), and its angle about z [rad], at rest at t = 0."""
+    """Position of the platform's middle [m], (3,), and its angle about z [rad]; at rest at t = 0."""
     share = (1 - ca.cos(SPEED * t)) / 2
     return ca.vertcat(0.2 * share, 0.1 * share * ca.sin(SPEED * t), HEIGHT + 0.15 * share), 0.3 * share
 
 
 def wanted_lengths(t: ca.SX) -> list[ca.SX]:
-    """Distances of the legs' ends in the wanted motion [m]."""
+    """Lengths of the legs in the required motion [m]."""
     middle, angle = wanted_pose(t)
     c, s = ca.cos(angle), ca.sin(angle)
     heads = (middle + ca.vertcat(c * x - s * y, s * x + c * y, z) for x, y, z in HEADS)
@@ -54,16 +54,16 @@ def wanted_lengths(t: ca.SX) -> list[ca.SX]:
 
 
 def scene(*, prescribed: bool = False, leg_mass: float = 8.0) -> mb.Scene:
-    """A platform with a load whose mass and place are not known exactly.
+    """A platform with a load. Mass and position of the load are uncertain.
 
     Parameters
     ----------
-    prescribed : bool      the legs follow the wanted lengths exactly, and the forces are those that this needs
-    leg_mass : float       of a cylinder, and of a rod: both are slender [kg]
+    prescribed : bool      if True, the legs follow the required lengths exactly, and the forces are the results
+    leg_mass : float       mass of a cylinder, and of a rod; both are slender [kg]
     """
-    p = mb.Parameters(load=100.0, offset=0.0)  # the load's mass [kg], and its place along the platform's x axis [m]
+    p = mb.Parameters(load=100.0, offset=0.0)  # the load's mass [kg], and its position along the platform's x axis [m]
     total, ground = MASS + p.load, mb.Ground()
-    moved = MASS * p.load / total * p.offset**2  # the load is a point
+    moved = MASS * p.load / total * p.offset**2  # the load is a point mass
     inertia = (INERTIA[0], INERTIA[1] + moved, INERTIA[2] + moved)
     platform = mb.Body("platform", total, inertia, mb.Spatial(), com=(p.load * p.offset / total, 0, 0))
     elements, forces, guess = [platform, mb.Gravity(0, 0, -9.81)], {}, {}
@@ -73,7 +73,7 @@ def scene(*, prescribed: bool = False, leg_mass: float = 8.0) -> mb.Scene:
         start_length = float(np.linalg.norm(along))
         along /= start_length
         across = np.array([-along[1], along[0], 0.0]) / np.hypot(*along[:2])
-        turn = mb.rotation((across[0], across[1], 0.0), float(np.arccos(along[2])))  # of z to the leg
+        turn = mb.rotation((across[0], across[1], 0.0), float(np.arccos(along[2])))  # rotates z to the leg
         lower, upper = (mb.Body(f"{part}{i}", leg_mass, slender, mb.Spatial()) for part in ("cylinder", "rod"))
         toe, tip = lower.point(0, 0, -PART / 2), upper.point(0, 0, PART / 2)
         slide = mb.Prismatic(f"slide{i}", lower.point(0, 0, PART / 2), upper.point(0, 0, -PART / 2), axis=(0, 0, 1))

@@ -1,4 +1,4 @@
-r"""A block on a moving belt, held by a spring: it sticks, breaks away, slips back, and sticks again.
+r"""A block on a moving belt, held by a spring. The block sticks, breaks away, slips back, and sticks again.
 
         |      spring
        /|             ____
@@ -6,8 +6,8 @@ r"""A block on a moving belt, held by a spring: it sticks, breaks away, slips ba
        /|          o===========o
        /|             -> speed
 
-The belt carries the block along until the spring pulls as hard as static friction, mu_s N; sliding friction is lower,
-so the block swings back until its speed is the belt's again. With A = (mu_s - mu_k) N / k, w^2 = k / m and belt speed V
+The belt carries the block until the spring force reaches static friction, mu_s N. Sliding friction is lower, so the
+block swings back until its speed equals the belt's speed. With A = (mu_s - mu_k) N / k, w^2 = k / m and belt speed V
 the period is 2 A / V + 2 (pi - atan(A w / V)) / w.
 
 Source: textbook oscillator, e.g. Leine, van Campen, de Kraker, van den Steen, Stick-slip vibrations induced by
@@ -30,7 +30,7 @@ def scene(
     bristles: float = 3e4,
     stribeck: float = 2e-3,
 ) -> mb.Scene:
-    """A block that is carried off from where its spring is at rest, over three and a half periods.
+    """A block that starts at the rest position of its spring. The run shows three and a half periods.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ def scene(
     normal_force : float       between block and belt [N]
     static, kinetic : float    coefficients of friction [-]
     bristles : float           stiffness [1/m]
-    stribeck : float           speed of slip at which friction falls to the kinetic one [m/s]
+    stribeck : float           speed of slip at which friction falls to kinetic friction [m/s]
 
-    The period above is that of stiff bristles and a sudden fall; with these values it is 0.3 % shorter.
+    The period above is for stiff bristles and a sudden fall. With the default values the period is 0.3 % shorter.
     """
     p = mb.Parameters(stiffness=stiffness, speed=speed)
     wall = mb.Ground().point(0, 0)

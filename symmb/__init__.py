@@ -5,7 +5,7 @@ Declare bodies, joints and forces; symmb derives the equations, compiles, simula
 by subject:
 """
 
-# The public names stand in `__init__.pyi`; each room is loaded when one of its names is first used.
+# The public names are listed in `__init__.pyi`. Each room is loaded when one of its names is first used.
 
 from importlib import import_module
 from textwrap import fill
@@ -26,7 +26,7 @@ def __dir__() -> list[str]:
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from importlib.metadata import version  # it takes as long to load as all else here
+        from importlib.metadata import version  # this import takes as long as all other imports together
 
         return version("symmb")
     if name == "__citation__":

@@ -1,4 +1,4 @@
-"""The program `symmb`, as `python -m symmb` runs it."""
+"""The program `symmb`, started by `python -m symmb`."""
 
 from runpy import run_module
 

@@ -1,4 +1,4 @@
-"""How to cite symmb: the data of `CITATION.cff`, and the address of the project where it has one."""
+"""How to cite symmb: the data of `CITATION.cff`, and the address of the project if the project has an address."""
 
 import re
 from importlib.metadata import metadata
@@ -7,11 +7,11 @@ from pathlib import Path
 _PACKAGE = Path(__file__).parent
 _FILE = "CITATION.cff"
 ADDRESSES = "Repository", "Homepage"
-"""Names in `[project.urls]` of `pyproject.toml` whose address a citation has: the first one that is there."""
+"""Names in `[project.urls]` of `pyproject.toml`. A citation has the address of the first name that is present."""
 
 
 def citation() -> str:
-    """The entry in BibTeX. A wheel holds the file; a checkout has it beside the package."""
+    """The entry in BibTeX. A wheel contains `CITATION.cff`; a checkout has the file beside the package."""
     file = _PACKAGE / _FILE
     text = (file if file.exists() else _PACKAGE.parent / _FILE).read_text(encoding="utf-8")
     text = text.partition("\nreferences:")[0]

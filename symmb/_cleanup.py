@@ -1,4 +1,4 @@
-"""What must not outlive this process: temporary folders, incomplete files, and programs that it has started."""
+"""What must not outlive this process: temporary folders, incomplete files, and programs that the process started."""
 
 import os
 import shutil
@@ -19,37 +19,37 @@ from typing import Any
 from symmb._interrupts import SIGNALS, deferred_interrupts
 
 PREFIX = "symmb-"
-"""Beginning of the names of temporary folders. The number of their process follows."""
+"""Start of the names of temporary folders. The number of the process follows."""
 
 _MARK, _FOLDER = ".symmb", "run"
-"""The file in a temporary folder that tells who has made it, since other folders may have such names too, and the
-folder beside it that is used."""
+"""The mark of a temporary folder: a file that names the process that made the folder, because other programs may use
+such names too. The temporary files are in the folder beside the mark."""
 _TITLE = "temporary folder of symmb"
 _FOLDERS: set[str] = set()
 _FILES: set[str] = set()
 _GROUPS: dict[int, Path | None] = {}
-"""Leaders of groups, with the folder in which they make theirs."""
+"""Leaders of process groups, with the folder in which each leader makes its folders."""
 _PROGRAMS: set[int] = set()
-"""Leaders of groups that need not end anything themselves."""
+"""Leaders of process groups that need not end any program themselves."""
 _STARTS = threading.Lock()
-"""Held while a program is started, and for good by a process that is about to end."""
+"""Lock while a program is started. A process that is about to end never releases the lock."""
 _SEARCHED: set[Path] = set()
 _LEADS = False
 _WATCHES = 0
-"""The process that looks whether its parent is still there."""
+"""The process that checks whether its parent still runs."""
 _TICK = 0.2
-"""Time between looks whether the parent is still there [s]."""
+"""Time between checks whether the parent still runs [s]."""
 _GRACE = 0.5
 """Time for a process to end its programs and to remove its folders [s]."""
 _SOON = 0.005
-"""Time between looks whether a process has ended [s]."""
+"""Time between checks whether a process has ended [s]."""
 
 
 @contextmanager
 def temporary_folder(base: Path | None = None) -> Iterator[Path]:
-    """A new folder that is removed at the end of the block, in `base` or where temporary files are.
+    """A new folder that is removed at the end of the block, in `base` or in the system's folder for temporary files.
 
-    It raises OSError if it cannot be created.
+    It raises OSError if the folder cannot be created.
     """
     folder = _new_folder(base)
     try:
@@ -62,7 +62,7 @@ def temporary_folder(base: Path | None = None) -> Iterator[Path]:
 def lasting_folder() -> Path:
     """A new folder that is removed at the end of this process, also in workers of a pool, which skip `atexit`.
 
-    It raises OSError if it cannot be created.
+    It raises OSError if the folder cannot be created.
     """
     folder = _new_folder(None)
     Finalize(None, _remove, (folder.parent,), exitpriority=0)
@@ -70,7 +70,7 @@ def lasting_folder() -> Path:
 
 
 def _new_folder(base: Path | None) -> Path:
-    """A folder in one with the mark of this process. Those of processes that were killed are removed before."""
+    """A folder in a folder with the mark of this process. Folders of killed processes are removed before."""
     place = Path(base or tempfile.gettempdir()).resolve()
     if place not in _SEARCHED:
         _SEARCHED.add(place)
@@ -87,7 +87,7 @@ def _new_folder(base: Path | None) -> Path:
 
 
 def _remove(outer: str | Path) -> None:
-    """Remove a folder, its mark last: where another process still writes into it, somebody else has to remove it."""
+    """Remove a folder, and its mark last: if another process still writes into the folder, a later call removes it."""
     inner = os.path.join(outer, _FOLDER)
     _remove_tree(inner)
     if not os.path.lexists(inner):
@@ -95,7 +95,7 @@ def _remove(outer: str | Path) -> None:
 
 
 def _remove_tree(folder: str | Path) -> None:
-    """Remove a folder, also where a program has closed folders in it."""
+    """Remove a folder, even if a program has withdrawn permissions of folders in it."""
     shutil.rmtree(folder, ignore_errors=True)
     if os.path.lexists(folder):
         for place, inner, _ in os.walk(folder):
@@ -120,11 +120,11 @@ def temporary_file(path: Path) -> Iterator[None]:
 
 
 def run_program(command: Sequence[str], seconds: float, folder: Path | None = None) -> tuple[int, str]:
-    """Run a program, and return its exit status and what it wrote.
+    """Run a program, and return its exit status and its output.
 
-    The program and those that it starts are a group of processes. They end when the time is over, and when this call is
-    interrupted. Temporary files of the program go into the folder, if it is given. It raises OSError if it cannot be
-    started, and TimeoutExpired if it takes longer.
+    The program and the programs that it starts are a group of processes. The group ends when the time is over, or when
+    this call is interrupted. If a folder is given, the program writes temporary files there. OSError is raised if the
+    program cannot be started, and TimeoutExpired if the program takes longer.
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "errors": "replace"}
@@ -135,15 +135,15 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
 
 @contextmanager
 def process_group(command: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[Any]"]:
-    """A program in a group of processes of its own. What is left of the group is ended with the block.
+    """A program in a process group of its own. Processes of the group that still run at the end of the block are ended.
 
-    It raises OSError if it cannot be started.
+    It raises OSError if the program cannot be started.
     """
-    if _LEADS:  # its parent, which ends it, does not know the program
+    if _LEADS:  # the parent, which ends this process, does not know the program
         signal.signal(signal.SIGTERM, lambda number, frame: _end_now())
     process = None
     try:
-        with deferred_interrupts(), _STARTS:  # an end before the process is known would leave it behind
+        with deferred_interrupts(), _STARTS:  # an interrupt before the process is known would leave the process running
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True, **options)
             _PROGRAMS.add(process.pid)
         yield process
@@ -155,24 +155,24 @@ def process_group(command: Sequence[str], **options: Any) -> Iterator["subproces
 
 
 def lead_group() -> None:
-    """Make this forked process, with the programs that it starts, a group that its parent ends."""
+    """Make this forked process, with the programs that it starts, a group. The parent ends the group."""
     global _LEADS
     os.setsid()
     _LEADS = True
-    for known in (_GROUPS, _PROGRAMS, _FOLDERS, _FILES):  # the parent's
+    for known in (_GROUPS, _PROGRAMS, _FOLDERS, _FILES):  # the lists of the parent
         known.clear()
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
-    signal.set_wakeup_fd(-1)  # that of the parent
+    signal.set_wakeup_fd(-1)  # the descriptor belongs to the parent
 
 
 def note_group(leader: int, base: Path | None = None) -> None:
-    """A forked process that leads a group, and where it makes folders, if not where temporary files are."""
+    """A forked process that leads a group, and the folder in which the process makes folders (default: temporary)."""
     _GROUPS[leader] = base
 
 
 def end_groups(*leaders: int) -> None:
-    """End forked processes and the programs that they started, and remove their folders."""
+    """End forked processes and the programs that these processes started, and remove their folders."""
     for leader in leaders:
         with suppress(OSError):
             os.kill(leader, signal.SIGTERM)
@@ -183,22 +183,22 @@ def end_groups(*leaders: int) -> None:
                 time.sleep(_SOON)
         _kill(leader)
         with suppress(OSError):
-            os.kill(leader, signal.SIGKILL)  # it may not lead its group yet
+            os.kill(leader, signal.SIGKILL)  # the process may not lead its group yet
         for path in Path(_GROUPS.pop(leader, None) or tempfile.gettempdir()).glob(f"{PREFIX}{leader}-*"):
             if _maker(path) is not None:
                 _remove(path)
 
 
 def _has_ended(child: int) -> bool:
-    """Whether a child has ended, which stays to be waited for."""
+    """Whether a child has ended. The child can still be waited for."""
     if hasattr(os, "waitid"):
         return os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
     return os.waitpid(child, os.WNOHANG)[0] != 0
 
 
 def clean_up() -> None:
-    """End the programs, and remove the folders and files, of a process that is about to end at once."""
-    _STARTS.acquire(timeout=_GRACE)  # a thread may be starting a program, and must start no other
+    """End the programs, and remove the folders and files, of a process that ends now."""
+    _STARTS.acquire(timeout=_GRACE)  # a thread may be starting a program, and must not start another program
     for program in list(_PROGRAMS):
         _kill(program)
     end_groups(*_GROUPS)
@@ -210,32 +210,32 @@ def clean_up() -> None:
 
 
 def outlive(parent: int) -> None:
-    """Clean up for a parent that ends, whatever ends it, and end the group that this process leads."""
+    """Clean up for a parent that ends for any reason, and end the group that this process leads."""
     clean_up()
     deadline = time.monotonic() + _GRACE
     while os.getppid() == parent and time.monotonic() < deadline:
         time.sleep(_SOON)
     group = os.getpgid(0)
     with suppress(OSError):  # there may be too many processes
-        warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python warns of forks in programs with threads
         if os.fork() > 0:
             return
-        os.setsid()  # a process by itself: other threads of this one may still write into the parent's folders
+        os.setsid()  # in a process of its own, because other threads may still write into the folders of the parent
     _kill(group)
     remove_left_folders()
     os._exit(0)
 
 
 def end_with_parent() -> None:
-    """Let this worker of a pool end with its parent, which alone hears of interrupts, or when it is terminated."""
+    """End this worker of a pool with its parent, or when the worker is terminated. Only the parent gets interrupts."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.set_wakeup_fd(-1)  # that of the parent, if it was forked
+    signal.set_wakeup_fd(-1)  # the descriptor belongs to the parent, if the process was forked
     signal.signal(signal.SIGTERM, lambda number, frame: _end_now())
     watch_parent()
 
 
 def watch_parent() -> None:
-    """End this process with its parent, if it is of a pool: those of Python go on where their parent is killed."""
+    """End this worker of a pool with its parent. Workers of Python's pools go on if their parent is killed."""
     global _WATCHES
     if parent_process() is not None and os.getpid() != _WATCHES:
         _WATCHES = os.getpid()
@@ -245,9 +245,9 @@ def watch_parent() -> None:
 def _watch_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(_TICK)
-    os.kill(os.getpid(), signal.SIGTERM)  # the main thread ends all: it would start the next program beside this one
+    os.kill(os.getpid(), signal.SIGTERM)  # the main thread cleans up, and would otherwise start the next program
     time.sleep(1.0)
-    _end_now()  # it is in compiled code, which notices no signals
+    _end_now()  # the main thread is in compiled code, which does not react to signals
 
 
 def _end_now() -> None:
@@ -256,9 +256,9 @@ def _end_now() -> None:
 
 
 def remove_left_folders(place: Path | None = None) -> None:
-    """Remove the user's temporary folders of processes that were killed, in a place or where temporary files are."""
+    """Remove the user's temporary folders of killed processes, in a folder or in the system's temporary folder."""
     place = (place or Path(tempfile.gettempdir())).resolve()
-    if place == Path(os.curdir).resolve():  # where nothing is temporary
+    if place == Path(os.curdir).resolve():  # a current folder has no temporary files
         return
     for path in place.glob(f"{PREFIX}*-*"):
         maker = _maker(path)
@@ -267,7 +267,7 @@ def remove_left_folders(place: Path | None = None) -> None:
 
 
 def _maker(folder: Path) -> tuple[int, str] | None:
-    """The process of this machine that made a temporary folder, and its begin; None if another or nobody did so."""
+    """The process of this machine that made a temporary folder, and its start time; None for other folders."""
     mark = folder / _MARK
     try:
         if folder.is_symlink() or mark.is_symlink() or not mark.is_file() or folder.stat().st_uid != os.getuid():
@@ -281,7 +281,7 @@ def _maker(folder: Path) -> tuple[int, str] | None:
 
 
 def _machine() -> str:
-    """What tells this machine, since it was started, and this container from others that share folders with it."""
+    """A text that identifies this machine since its last start, and this container: others may share its folders."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
         return f"{os.uname().nodename} {boot} {os.readlink('/proc/self/ns/pid')}"
@@ -290,10 +290,10 @@ def _machine() -> str:
 
 
 def _begin_of(process: int) -> str:
-    """When a process began, as the system tells it; empty if it does not run."""
+    """The start time of a process, as the system reports it; empty if the process does not run."""
     try:
         status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-        return "" if status[0] in "ZX" else status[19]  # ended, though nobody has waited for it
+        return "" if status[0] in "ZX" else status[19]  # Z and X: the process has ended, but was not waited for
     except OSError:
         return "" if Path("/proc/self/stat").exists() else _runs(process)
 
@@ -314,7 +314,7 @@ def _kill(group: int) -> None:
 
 
 def _forget_starts() -> None:
-    """Make a new lock in a process that was forked: a thread of the parent may have had the old one."""
+    """Make a new lock in a forked process, because a thread of the parent may have held the old lock."""
     global _STARTS
     _STARTS = threading.Lock()
 

@@ -1,14 +1,14 @@
-"""Doubts that concern some outputs alone."""
+"""Warnings that concern only some outputs."""
 
 from collections.abc import Iterable
 
 
 class Doubt(str):
-    """A sentence about what cannot be trusted. Plain texts concern all outputs.
+    """A sentence that says what is uncertain. Plain texts concern all outputs.
 
     Attributes
     ----------
-    outputs : names            of which more is doubted than their estimated error tells
+    outputs : names            outputs that are more uncertain than their estimated error says
 
     Examples
     --------
@@ -25,5 +25,5 @@ class Doubt(str):
 
 
 def concerned(doubt: str, names: Iterable[str]) -> tuple[str, ...]:
-    """Which of some outputs a doubt concerns."""
+    """Which of the outputs a warning concerns."""
     return tuple(name for name in names if not isinstance(doubt, Doubt) or name in doubt.outputs)

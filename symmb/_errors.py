@@ -1,4 +1,4 @@
-"""The errors a user meets, one for each stage that can fail, and the warning."""
+"""The errors that users see, one class for each stage that can fail, and the warning."""
 
 import warnings
 from collections.abc import Iterator, Sequence
@@ -6,11 +6,11 @@ from contextlib import contextmanager
 from typing import Protocol
 
 LONGEST_TEXT = 1500
-"""Most characters of an error: names and lists of names that users give may have any length."""
+"""Most characters of an error. Names and lists of names that users give may have any length."""
 
 
 class SymmbError(Exception):
-    """Root of all errors raised on purpose by symmb.
+    """Base class of all errors that symmb raises on purpose.
 
     Examples
     --------
@@ -27,7 +27,7 @@ class SymmbError(Exception):
 
 
 class DeclarationError(SymmbError, ValueError):
-    """A scene, a system or an option is declared wrongly. The text names the fault and the remedy.
+    """A scene, a system or an option is declared wrongly. The text states the fault and the remedy.
 
     Examples
     --------
@@ -66,25 +66,25 @@ def faults_of(owner: str, end: str = "") -> Iterator[None]:
 
 
 class NoParameterError(DeclarationError, KeyError):
-    """A name of a parameter that there is not. Mappings ask for a KeyError."""
+    """A parameter with this name does not exist. It is also a KeyError, because mappings raise a KeyError."""
 
     __str__ = Exception.__str__
 
 
 class NoHandleError(DeclarationError, AttributeError):
-    """A coordinate or a rate that there is not. `hasattr` asks for an AttributeError."""
+    """A coordinate or rate with this name does not exist. It is also an AttributeError, which `hasattr` expects."""
 
 
 class FileError(SymmbError, OSError):
-    """A file or a folder cannot be read, made or written; the text names it."""
+    """A file or a folder cannot be read, made or written. The text names the file or the folder."""
 
 
 class MissingFileError(FileError, FileNotFoundError):
-    """A file, or the folder that it belongs into, is not there."""
+    """A file, or the folder for a file, does not exist."""
 
 
 class AssemblyError(SymmbError, ValueError):
-    """The start does not satisfy the constraints, or the constraints are redundant there.
+    """The start values violate the constraints, or the constraints are redundant at the start.
 
     Examples
     --------
@@ -100,7 +100,7 @@ class AssemblyError(SymmbError, ValueError):
 
 
 class SimulationError(SymmbError, RuntimeError):
-    """A run broke down; the text names time and parameter values.
+    """A run failed. The text names the time and the parameter values.
 
     Examples
     --------
@@ -116,7 +116,7 @@ class SimulationError(SymmbError, RuntimeError):
 
 
 class PropagationError(SymmbError, ValueError):
-    """A method needs something that the simulator cannot give.
+    """A method needs something that the simulator does not provide.
 
     Examples
     --------
@@ -131,7 +131,7 @@ class PropagationError(SymmbError, ValueError):
 
 
 class SymmbWarning(UserWarning):
-    """Something that the user should know about a result, or about how it is computed.
+    """Important information about a result, or about its computation.
 
     Examples
     --------
@@ -154,22 +154,22 @@ class _Doubted(Protocol):
 
 
 class WithWarnings:
-    """A result whose `doubts` are also called `warnings`."""
+    """A result with warnings. Their older name is `doubts`."""
 
     @property
     def warnings(self: _Doubted) -> tuple[str, ...]:
-        """Warnings in sentences: what is uncertain. `doubts` is another name of it."""
+        """Sentences that say what is uncertain. `doubts` is another name of this property."""
         return self.doubts
 
 
 def _shortened(text: str) -> str:
-    """A text whose middle is left out if it is long."""
+    """A text. If the text is too long, its middle is left out."""
     half = LONGEST_TEXT // 2
     return text if len(text) <= LONGEST_TEXT else f"{text[:half]} ... {text[-half:]}"
 
 
 def text_of(error: BaseException) -> str:
-    """Kind and text of an exception of the user's code in one line. The text of some cannot be made."""
+    """Type and text of an exception of the user's code in one line. Some exceptions have no text."""
     try:
         text = " ".join(str(error).split())
     except Exception:
@@ -178,6 +178,6 @@ def text_of(error: BaseException) -> str:
 
 
 def warn_of(doubts: Sequence[str], subject: str) -> None:
-    """One SymmbWarning about what is uncertain in a result, at the user's line that called the caller."""
+    """Issue one SymmbWarning about what is uncertain in a result, at the line of the user's code that made the call."""
     if doubts:
         warnings.warn(f"{subject}: {' '.join(doubts)}", SymmbWarning, stacklevel=3)

@@ -5,23 +5,23 @@ from collections.abc import Collection, Sequence
 from html import escape
 
 _PLAIN = 'class="tex2jax_ignore mathjax_ignore"'
-"""Dollar signs in names are not mathematics."""
+"""Dollar signs in names do not start mathematics."""
 _SCROLLED = 'style="overflow-x: auto; max-width: 100%"'
 
 
 def page(*parts: str) -> str:
-    """Parts below each other."""
+    """The parts, one below the other."""
     return f"<div {_SCROLLED}>{''.join(parts)}</div>"
 
 
 def text(lines: str) -> str:
-    """Lines as they are."""
+    """Text whose line breaks and spaces are kept."""
     style = "font-family: monospace; white-space: pre-wrap; margin: 0.4em 0"
     return f'<pre {_PLAIN} style="{style}">{escape(lines)}</pre>' if lines else ""
 
 
 def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
-    """Rows of cells, the first of which is the head; the columns named in ``left`` begin below each other.
+    """Rows of cells. The first row is the head. The columns named in ``left`` are aligned on the left.
 
     Examples
     --------
@@ -42,12 +42,12 @@ def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
 
 
 def formula(latex: str) -> str:
-    """Displayed mathematics, which notebooks typeset."""
+    """A displayed formula, which notebooks typeset."""
     return f'<div class="tex2jax_process mathjax_process" {_SCROLLED}>$$ {escape(latex)} $$</div>'
 
 
 def frame(document: str, title: str) -> str:
-    """A document of its own, which reaches nothing of the page around it."""
+    """A separate document, which cannot access the page around it."""
     style = "width: 100%; height: 480px; border: 1px solid #e3e7eb; background: white"
     inside = f'srcdoc="{escape(document)}" title="{escape(title)}"'
     return f'<iframe {inside} sandbox="allow-scripts" loading="lazy" style="{style}"></iframe>'

@@ -1,4 +1,4 @@
-"""Interrupts of long work: a KeyboardInterrupt that has, in `partial`, what was found so far."""
+"""Interrupts of long work: a KeyboardInterrupt whose attribute `partial` holds the results so far."""
 
 import signal
 import threading
@@ -13,21 +13,21 @@ Handler = Callable[[int, FrameType | None], Any]
 SIGNALS = tuple(
     getattr(signal, f"SIG{name}") for name in ("INT", "TERM", "HUP", "QUIT") if hasattr(signal, f"SIG{name}")
 )
-"""Those that end the command line in order."""
+"""Signals that end the command line with a cleanup."""
 _SWALLOW = {"casadi.py", "weakref.py", "_weakrefset.py"}
-"""Files with functions that C code calls. C code ignores what they raise: CasADi reads shapes in this way, and Python
+"""Files with functions that C code calls. C code ignores exceptions in them: CasADi reads shapes this way, and Python
 removes objects."""
 _AGAIN = 1e-3
-"""Time after which an interrupt that met such a function is sent again [s]."""
+"""Time after which an interrupt that was raised in such a function is sent again [s]."""
 
 
 def carry(interrupt: KeyboardInterrupt, partial: Any) -> None:
-    """Let an interrupt carry a result so far, in place of that of an inner part."""
+    """Attach a result so far to an interrupt. It replaces the result of an inner part."""
     interrupt.partial = partial  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def carry_runs(interrupt: KeyboardInterrupt, runs: list[Any]) -> None:
-    """Let an interrupt carry runs of an integration, from which its caller makes a result."""
+    """Attach runs of an integration to an interrupt. The caller makes a result from these runs."""
     interrupt.runs = runs  # pyright: ignore[reportAttributeAccessIssue]
 
 
@@ -38,9 +38,9 @@ def runs_of(interrupt: KeyboardInterrupt) -> list[Any]:
 
 @contextmanager
 def _handlers(replaced: Callable[[Handler], Handler]) -> Iterator[dict[int, Handler]]:
-    """A context in which other handlers of SIGNALS act. It knows those that act outside."""
+    """A context in which other handlers of SIGNALS are active. The context knows the handlers outside of it."""
     previous: dict[int, Handler] = {}
-    if threading.current_thread() is threading.main_thread():  # only there do handlers run
+    if threading.current_thread() is threading.main_thread():  # handlers run in the main thread only
         for number in SIGNALS:
             handler = signal.getsignal(number)
             if callable(handler):
@@ -54,7 +54,7 @@ def _handlers(replaced: Callable[[Handler], Handler]) -> Iterator[dict[int, Hand
 
 
 class _Repeated:
-    """A handler that sends an interrupt again if it meets code that swallows it."""
+    """A handler that sends an interrupt again if the interrupted code ignores the exception."""
 
     def __init__(self, handler: Handler) -> None:
         self.handler = handler.handler if isinstance(handler, _Repeated) else handler
@@ -75,7 +75,7 @@ class _Repeated:
             signal.raise_signal(self.due)
 
     def end(self) -> None:
-        """Handle an interrupt that is still to be sent again."""
+        """Handle an interrupt that has not been sent again yet."""
         if self.due:
             number, self.due = self.due, 0
             self.handler(number, None)
@@ -83,9 +83,9 @@ class _Repeated:
 
 @contextmanager
 def kept_interrupts() -> Iterator[None]:
-    """A context, or a decorator, for work with CasADi's expressions, which would lose every tenth interrupt.
+    """A context or decorator for work with CasADi's expressions. Otherwise CasADi would lose every tenth interrupt.
 
-    It stands at all entrances to such work. Between them the handlers of the program act, which others ask for.
+    It is used at all entry points of such work. Between them the handlers of the calling program are active.
     """
     if isinstance(signal.getsignal(signal.SIGINT), _Repeated):
         yield
@@ -105,7 +105,7 @@ def kept_interrupts() -> Iterator[None]:
 
 
 class Interrupts(ExitStack):
-    """A context for calls that swallow interrupts, such as those of CasADi's integrators: `noticed` tells of one."""
+    """A context for calls that ignore interrupts, such as CasADi's integrators: `noticed` says if one arrived."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -127,14 +127,14 @@ class Interrupts(ExitStack):
 
         def notice(number: int, frame: FrameType | None) -> None:
             self.noticed = True
-            own(number, frame)  # what it raises may end the call at once
+            own(number, frame)  # an exception of this handler may end the call at once
 
         return notice
 
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """A context for short work that must not be interrupted: an interrupt that arrives is raised at its end."""
+    """A context for short work without interrupts: an interrupt that arrives is raised at the end of the context."""
     arrived: list[tuple[int, FrameType | None]] = []
     previous: dict[int, Handler] = {}
     try:

@@ -1,4 +1,4 @@
-"""Arrays with named dimensions, as xarray and pandas take them. Both are optional, and load when they are asked for."""
+"""Arrays with named dimensions for xarray and pandas. Both packages are optional, and are loaded on demand."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,9 +26,9 @@ class Labelled:
     Attributes
     ----------
     coordinates, variables : dict      name -> (names of its dimensions, array)
-    attributes : dict                  name -> text or number; those that are None are left out
+    attributes : dict                  name -> text or number; attributes that are None are left out
     units : dict                       variable or coordinate -> unit
-    rows : tuple of str                dimensions that are rows of a table
+    rows : tuple of str                dimensions that become rows of a table
     """
 
     coordinates: Mapping[str, Named]
@@ -38,7 +38,7 @@ class Labelled:
     rows: Sequence[str] = ("method", "sample", "time", "output")
 
     def to_xarray(self) -> "Dataset":
-        """A Dataset whose attributes are texts and numbers, so that every NetCDF engine can write it."""
+        """A Dataset whose attributes are texts and numbers, so that every NetCDF engine can write the Dataset."""
         xarray = optional_package("xarray", "to_xarray", "data")
 
         def entries(named: Mapping[str, Named]) -> dict[str, Any]:
@@ -47,7 +47,7 @@ class Labelled:
         return xarray.Dataset(entries(self.variables), entries(self.coordinates), self._attributes)
 
     def to_pandas(self) -> "DataFrame":
-        """A table with one row a time and output, and method if there are several; bounds are columns."""
+        """A table with one row for each time, output and, for comparisons, method. The two bounds are columns."""
         pandas = optional_package("pandas", "to_pandas", "data")
         dims = [name for name in self.rows if self.coordinates.get(name, ((),))[0] == (name,)]  # not a parameter's name
         sizes = [len(self.coordinates[name][1]) for name in dims]
@@ -63,7 +63,7 @@ class Labelled:
         return frame
 
     def _is_column(self, name: str, own: Sequence[str], dims: Sequence[str]) -> bool:
-        """Whether a variable of some dimensions belongs into a table: series and coordinates, or all without times."""
+        """Whether a variable belongs in a table: series and coordinates do, and all variables if there are no times."""
         is_series = "time" in own or name in self.coordinates or "time" not in dims
         return is_series and set(own) <= {*dims, "bound"}
 
@@ -76,9 +76,9 @@ class Labelled:
 
 
 class NamedColumns(np.ndarray):
-    """Values (n_t, n_y) of outputs, whose columns are also found by names. They are read-only, and their copies not.
+    """Values (n_t, n_y) of outputs. Columns can be selected by name. The values are read-only; copies are writable.
 
-    What is computed from them has no names.
+    Results of calculations with these values have no names.
     """
 
     names: tuple[str, ...] = ()
@@ -112,7 +112,7 @@ class NamedColumns(np.ndarray):
 
 
 class Counted:
-    """A result that says how many runs it took."""
+    """A result that reports the number of its runs."""
 
     evaluations: Any
 
@@ -123,7 +123,7 @@ class Counted:
 
 
 class Result:
-    """A result that prints as its text, and whose numbers xarray and pandas take."""
+    """A result that prints as text, and that can be converted to xarray and pandas."""
 
     __post_init__ = look_up_by_name
 
@@ -134,10 +134,10 @@ class Result:
         raise NotImplementedError
 
     def to_xarray(self) -> "Dataset":
-        """The result as an xarray.Dataset, which `to_netcdf` keeps in a file.
+        """The result as an xarray.Dataset. `to_netcdf` writes the Dataset to a file.
 
-        Dimensions are time and output, for bounds also bound (lower, upper), for comparisons method, which is chosen
-        by `sel({"method": "Vertex()"})`, as `sel(method=...)` has another meaning. Parameters are
+        Dimensions are time and output; for bounds also bound (lower, upper), and for comparisons also method. Select a
+        method by `sel({"method": "Vertex()"})`, because `sel(method=...)` has another meaning. Parameters are
         coordinates: of a run by their names, of bounds as `box`, of failed runs along the dimension sample. Units,
         method and warnings (`doubts`) are attributes.
 
@@ -149,7 +149,7 @@ class Result:
         return self._labelled().to_xarray()
 
     def to_pandas(self) -> "DataFrame":
-        """The result as a pandas.DataFrame with a row for each time and output, and for each method of a comparison.
+        """The result as a pandas.DataFrame with one row for each time and output, and for each method of a comparison.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class Result:
 
 
 def _columns(name: str, dims: Sequence[str], values: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    """Columns of a variable: bounds are two, of which those of the values are called lower and upper alone."""
+    """Columns of a variable. Bounds are two columns; the bounds of the values are called lower and upper."""
     if "bound" not in dims:
         return [(name, values)]
     prefix = "" if name == "value" else f"{name}_"
@@ -168,7 +168,7 @@ def _columns(name: str, dims: Sequence[str], values: np.ndarray) -> list[tuple[s
 
 
 def _spread(own: Sequence[str], values: np.ndarray, dims: list[str], sizes: Sequence[int]) -> np.ndarray:
-    """Values over some dimensions, repeated along the others, as one column."""
+    """Values over some dimensions as one column. The values are repeated along the other dimensions."""
     order = np.argsort([dims.index(name) for name in own])
     ordered = np.transpose(values, order.tolist())
     shape = [size if dim in own else 1 for dim, size in zip(dims, sizes, strict=True)]
@@ -178,8 +178,8 @@ def _spread(own: Sequence[str], values: np.ndarray, dims: list[str], sizes: Sequ
 def over_outputs(
     t: np.ndarray, names: Sequence[str], units: Sequence[str], *alike: str
 ) -> tuple[dict[str, Named], dict[str, str]]:
-    """Coordinates of values over times and outputs, and units: if all outputs have the same, also those of variables
-    alike.
+    """Coordinates of values over times and outputs, and units. If all outputs have the same unit, variables have the
+    unit too.
     """
     coordinates: dict[str, Named] = {"time": (("time",), t), "output": (("output",), texts(names))}
     if any(units):
@@ -188,7 +188,7 @@ def over_outputs(
 
 
 def over_parameters(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Named]:
-    """Coordinates of values over parameters; `parameter_unit` is one if a parameter has a unit."""
+    """Coordinates of values over parameters. `parameter_unit` is one of them if a parameter has a unit."""
     own = {"parameter": [*names]} | ({"parameter_unit": [units.get(name, "") for name in names]} if units else {})
     return {name: (("parameter",), texts(some)) for name, some in own.items()}
 
@@ -203,12 +203,12 @@ def each_parameter(
 
 
 def known(variables: Mapping[str, Named]) -> dict[str, Named]:
-    """Variables without those whose array is None."""
+    """Variables whose array is not None."""
     return {name: named for name, named in variables.items() if named[1] is not None}
 
 
 def unit_text(names: Sequence[str], units: Sequence[str]) -> str | None:
-    """Names and units of the outputs that have one, for an attribute."""
+    """Names and units of the outputs with a unit, for an attribute."""
     return ", ".join(f"{name}: {unit}" for name, unit in zip(names, units, strict=False) if unit) or None
 
 
@@ -217,7 +217,7 @@ def texts(values: Sequence[str]) -> np.ndarray:
 
 
 def parameter_names(names: Sequence[str], taken: Sequence[str]) -> list[str]:
-    """Names of coordinates for parameters. Those that others have taken begin with "parameter_"."""
+    """Names of coordinates for parameters. If a name is already used, "parameter_" is put before it."""
     free = []
     for name in (name.replace("/", "_") for name in names):
         while name in (*taken, *free):

@@ -1,4 +1,4 @@
-"""Names: which ones are allowed, and what a user may have meant by an unknown one."""
+"""Names: which names are allowed, and suggestions for unknown names."""
 
 import re
 from collections import Counter
@@ -13,11 +13,11 @@ from symmb._errors import DeclarationError
 T = TypeVar("T")
 
 LONGEST = 100
-"""Most characters of a name: longer ones do not fit into tables and pictures."""
+"""Most characters of a name: longer names do not fit into tables and pictures."""
 
 
 def public_names() -> dict[str, list[str]]:
-    """The public names by subject, as `__init__.pyi` lists them."""
+    """The public names by subject, as listed in `__init__.pyi`."""
     with open(f"{__file__.removesuffix('_names.py')}__init__.pyi", encoding="utf-8") as file:
         _, *parts = re.split(r"^# (.*)$", file.read(), flags=re.MULTILINE)
     lists = [re.findall(r" as (\w+)", text) for text in parts[1::2]]
@@ -28,7 +28,7 @@ def shown(value: object) -> str:
     """A value in one line of a message."""
     try:
         text = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
-    except Exception:  # of the user's class
+    except Exception:  # an exception of the user's class
         text = f"an object of {type(value).__name__}"
     text = " ".join(text.encode("utf-8", "backslashreplace").decode().split())
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
@@ -44,7 +44,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """' Did you mean 'x'?' or a list of what is known, for the end of an error message."""
+    """' Did you mean 'x'?' or a list of the known names, for the end of an error message."""
     known = [*map(str, known)]
     text = name if isinstance(name, str) else ""
     close = [own for own in known if own.casefold() == text.casefold()] or get_close_matches(text, known, n=1)
@@ -55,25 +55,25 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def normal(name: T) -> T:
-    """A name in one form: letters as Python takes them in names, NFKC, so that µ and μ are one; v² stays what it is."""
+    """A name in normal form: letters as Python normalises identifiers (NFKC), so µ and μ are equal; v² stays v²."""
     if not isinstance(name, str) or name.isascii():
         return name
     return normalize("NFC", "".join(normalize("NFKC", c) if f"_{c}".isidentifier() else c for c in name))  # pyright: ignore
 
 
 def normal_keys(owner: str, named: T) -> T:
-    """A mapping whose names are in this form; anything else as it is. DeclarationError if two names are one."""
+    """A mapping with its names in normal form; other values unchanged. DeclarationError if two names become equal."""
     if not isinstance(named, Mapping) or all(not isinstance(name, str) or name.isascii() for name in named):
         return named
     result = {normal(name): value for name, value in named.items()}
     if len(result) < len(named):
         twice = [name for name, count in Counter(map(normal, named)).items() if count > 1]
-        raise DeclarationError(f"{owner}: {shown(twice[0])} stands there twice, in two forms.")
+        raise DeclarationError(f"{owner}: the name {shown(twice[0])} is given twice, in two Unicode forms.")
     return result  # pyright: ignore[reportReturnType]
 
 
 class ByName(dict[str, T]):
-    """Values by names in this form, and the units of those that have one. Look-ups take other forms too."""
+    """Values by names in normal form, and the units of the values that have a unit. Look-ups accept other forms too."""
 
     _units: Mapping[str, str] = {}
 
@@ -95,29 +95,29 @@ class ByName(dict[str, T]):
 
 
 def look_up_by_name(result: Any) -> None:
-    """Make the dictionaries of a frozen dataclass such ones. It is the dataclass's `__post_init__`."""
+    """Convert the dictionaries of a frozen dataclass to this type. It is the `__post_init__` of the dataclass."""
     for own in fields(result):
         if type(value := getattr(result, own.name)) is dict:
             object.__setattr__(result, own.name, ByName(value))
 
 
 def name_fault(name: object, without: str = "") -> str:
-    """Why a name is not allowed, as a sentence; empty if it is.
+    """Why a name is not allowed, as a sentence; empty if the name is allowed.
 
-    Names are printed in tables, pictures, LaTeX and C, where a line break or a control character would do harm.
+    Names are printed in tables, pictures, LaTeX and C. Line breaks and control characters would damage these.
     A name must not contain the characters `without` either.
     """
     if not isinstance(name, str):
-        return f"a name is a text, got {shown(name)}."
+        return f"a name must be a text, got {shown(name)}."
     if not name.isprintable() or name != name.strip() or not 1 <= len(name) <= LONGEST:
-        return f"a name has 1 to {LONGEST} printable characters, without spaces at its ends."
+        return f"a name must have 1 to {LONGEST} printable characters, without spaces at its ends."
     if any(c in name for c in without):
-        return f"a name is a text without {' '.join(without.replace(' ', '␣'))}."
+        return f"a name must not contain {' '.join(without.replace(' ', '␣'))}."
     return ""
 
 
 def name_faults(names: Sequence[object]) -> list[str]:
-    """Why some of the names are not allowed: each with its fault, and those that are given twice."""
+    """Why some of the names are not allowed: the fault of each name, and the names that are used twice."""
     faults = [f"{shown(name)}: {fault}" for name in names if (fault := name_fault(name))]
     texts = [normal(name) for name in names if isinstance(name, str)]
     return faults + [f"{name!r}: the name is used twice." for name, count in Counter(texts).items() if count > 1]

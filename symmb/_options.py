@@ -1,4 +1,4 @@
-"""Options of frozen objects such as methods, rules and solvers: how they print, and checks of their values."""
+"""Options of frozen objects such as methods, rules and solvers: their printed form, and checks of their values."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence, Set
@@ -16,9 +16,9 @@ from symmb._types import Array
 
 
 def constructor_text(instance: Any, *leading: str) -> str:
-    """The call that makes an options object; fields at their defaults are left out.
+    """The call that makes an options object. Fields with default values are left out.
 
-    ``leading`` are texts for the first fields, shown as they are ("" shows nothing).
+    ``leading`` are texts for the first fields, shown without names ("" shows nothing).
     """
     options = [
         f"{option.name}={getattr(instance, option.name)!r}"
@@ -29,7 +29,7 @@ def constructor_text(instance: Any, *leading: str) -> str:
 
 
 def number_text(value: float) -> str:
-    """A number in a message, as short as it may be; integers may be beyond doubles."""
+    """A number in a message, as short as possible. Integers may exceed the range of doubles."""
     try:
         return f"{value:g}"
     except OverflowError:
@@ -37,16 +37,16 @@ def number_text(value: float) -> str:
 
 
 def is_real(value: object) -> TypeGuard[float]:
-    """Whether a value is a real number, perhaps nan. Texts, truth values and durations are not."""
+    """Whether a value is a real number, or nan. Texts, truth values and durations are not numbers."""
     kinds = int | float | np.integer | np.floating
     return isinstance(value, kinds) and not isinstance(value, bool | np.timedelta64)
 
 
 def numbers_of(value: object) -> Array | None:
-    """A number, or nested lists or an array of numbers, as doubles; None of anything else.
+    """A number, or nested lists or an array of numbers, as doubles; None for anything else.
 
-    Texts, durations, times, truth values, bytes, complex numbers, what masks hide, and what does not fit into memory
-    are no numbers.
+    Texts, durations, times, truth values, bytes, complex numbers, masked values, and values that do not fit into memory
+    are not accepted as numbers.
     """
     if isinstance(value, str | bytes | bytearray | memoryview | bool | Mapping | Set) or np.ma.is_masked(value):
         return None
@@ -60,7 +60,7 @@ def numbers_of(value: object) -> Array | None:
         array = np.asarray(float(value) if isinstance(value, int) else value)
         if array.dtype.kind == "O" and all(is_real(entry) for entry in array.ravel()):  # integers beyond 64 bits
             array = array.astype(float)
-    except Exception:  # ragged, inside itself, symbolic, beyond doubles, or of the user's class
+    except Exception:  # ragged, recursive, symbolic, beyond doubles, or an exception of the user's class
         return None
     return np.ascontiguousarray(array, dtype=float).reshape(array.shape) if array.dtype.kind in _REAL else None
 
@@ -68,25 +68,25 @@ def numbers_of(value: object) -> Array | None:
 _REAL = "iuf"
 """Kinds of NumPy's types that are real numbers."""
 _NO_NUMBERS = {bool, np.bool_, bytes, bytearray, memoryview}
-"""Types that NumPy takes for numbers in a list."""
+"""Types that NumPy converts to numbers in a list, but that are not accepted as numbers."""
 
 
 def _has_others(values: Sequence[object]) -> bool:
-    """Whether nested lists hold what NumPy takes for numbers, and is none."""
+    """Whether nested lists contain a value of one of these types."""
     kinds = set(map(type, values))
     inside = (part for part in values if isinstance(part, list | tuple)) if kinds & {list, tuple} else ()
     return not _NO_NUMBERS.isdisjoint(kinds) or any(map(_has_others, inside))
 
 
 def python_number(value: float) -> float:
-    """A number as Python's own: NumPy's integers overflow, and CasADi crashes at its long doubles."""
+    """A number as Python's own type: NumPy's integers overflow, and CasADi crashes with NumPy's long doubles."""
     return int(value) if is_whole(value) else float(value)
 
 
 def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
-    """Real numbers as an array of a shape, of which lengths may be free (None), perhaps behind leading axes.
+    """Real numbers as an array of a shape. Lengths may be free (None). Leading axes may be allowed.
 
-    It raises DeclarationError if they are no numbers, or have another shape.
+    It raises DeclarationError if the values are not numbers, or have another shape.
     """
     array = numbers_of(value)
     if array is None:
@@ -99,16 +99,16 @@ def require_numbers(owner: str, name: str, value: object, *shape: int | None, le
 
 
 def require_name(owner: str, what: str, name: object, known: Collection[str]) -> str:
-    """A name in its normal form; DeclarationError unless it is known."""
+    """A name in its normal form; DeclarationError if the name is not known."""
     if not isinstance(name, str) or (form := normal(name)) not in known:
         raise DeclarationError(f"{owner}: no {what} {shown(name)}.{did_you_mean(name, known)}")
     return form
 
 
 def require_names(owner: str, what: str, names: object, known: Iterable[str]) -> list[str]:
-    """A list of names that are all known.
+    """A list of names. All must be known.
 
-    It raises DeclarationError if it is no list of names, or a name is not known.
+    It raises DeclarationError if the value is not a list of names, or a name is not known.
     """
     if isinstance(names, str):
         raise DeclarationError(f'{owner}: expected a list of names, got the text {names!r}. Write ["{names}"].')
@@ -121,15 +121,15 @@ def require_names(owner: str, what: str, names: object, known: Iterable[str]) ->
 
 
 def is_finite_number(value: object) -> TypeGuard[float]:
-    """Whether a value is a real number, neither nan nor infinite. Texts and truth values are not."""
+    """Whether a value is a finite real number. Texts and truth values are not numbers."""
     try:
         return is_real(value) and math.isfinite(value)
-    except OverflowError:  # an integer beyond floats
+    except OverflowError:  # an integer beyond the range of doubles
         return False
 
 
 def require_instance(owner: str, value: object, kind: type, example: str) -> None:
-    """DeclarationError unless a value is of a class."""
+    """DeclarationError unless a value is an instance of a class."""
     if not isinstance(value, kind):
         raise DeclarationError(f"{owner}: expected {example}, got {shown(value)}.")
 
@@ -161,12 +161,12 @@ def require_callable(owner: str, value: object, *arguments: str) -> None:
             signature(value).bind(*arguments)
     except TypeError:
         raise DeclarationError(f"{owner} must be a function of {', '.join(arguments)}, got {shown(value)}.") from None
-    except ValueError:  # a function of C may not tell
+    except ValueError:  # a function of C may have no signature
         pass
 
 
 def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:
-    """DeclarationError unless a value is an object with a method of this name, such as `example`."""
+    """DeclarationError unless a value is an object with a method of this name. `example` is such an object."""
     if isinstance(value, type) or not callable(getattr(value, has, None)):
         raise DeclarationError(f"{owner}: {name} must be an object such as {example}, got {shown(value)}.")
 
@@ -177,7 +177,7 @@ def is_whole(value: object) -> TypeGuard[int]:
 
 
 def whole(owner: str, name: str, value: object, least: int, most: float = math.inf) -> int:
-    """A whole number as Python's own; DeclarationError unless it is one from ``least`` to ``most``."""
+    """A whole number as Python's own type; DeclarationError unless the number is from ``least`` to ``most``."""
     if not is_whole(value) or not least <= value <= most:
         end = "" if most == math.inf else f" and at most {most}"
         raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}{end}, got {shown(value)}.")
@@ -185,21 +185,21 @@ def whole(owner: str, name: str, value: object, least: int, most: float = math.i
 
 
 def dimensions(owner: object, d: object, *, n: object = 0, order: object = 0) -> tuple[int, int, int]:
-    """A number of parameters, of points and an order as Python's integers; DeclarationError unless they are whole."""
+    """A number of parameters, of points and an order as Python's integers; DeclarationError if one is not whole."""
     name = type(owner).__name__
     return whole(name, "d", d, 1), whole(name, "n", n, 0), whole(name, "order", order, 0)
 
 
 def require_whole(options: object, name: str, least: int, most: float = math.inf) -> None:
-    """A field of a frozen object becomes Python's integer; DeclarationError unless it is one in this range."""
+    """Convert a field of a frozen object to Python's integer; DeclarationError unless the value is in this range."""
     value = whole(type(options).__name__, name, getattr(options, name), least, most)
     object.__setattr__(options, name, value)
 
 
 def require_between(options: object, name: str, text: str, low: float, high: float = math.inf) -> None:
-    """A field of a frozen object becomes Python's number; DeclarationError unless it is finite and from low to high.
+    """Convert a field of a frozen object to Python's float; DeclarationError unless finite and from low to high.
 
-    `text` says which ends belong to the range: "[)" contains the lower one only.
+    `text` says which ends belong to the range: "[)" contains the lower end only.
     """
     value = getattr(options, name)
     number = python_number(value) if is_finite_number(value) else math.nan
@@ -214,9 +214,9 @@ def require_between(options: object, name: str, text: str, low: float, high: flo
 
 
 def optional_package(name: str, what: str, extra: str) -> Any:
-    """A package, or a module of one, that is loaded when `what` needs it; symmb[extra] installs it.
+    """A package, or a module of a package, that `what` needs; it is loaded now. symmb[extra] installs the package.
 
-    It raises ImportError if it is not installed.
+    It raises ImportError if the package is not installed.
     """
     try:
         return import_module(name)

@@ -1,4 +1,4 @@
-"""The functions of `show` that results of lower wings call. They load when they are first asked for."""
+"""The functions of `show` that results of lower wings call. The functions are loaded at their first use."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -9,7 +9,7 @@ UPWARD = {
     "write_bounds": "symmb.show.report",
     "write_comparison": "symmb.show.report",
 }
-"""Name of a function -> its room. No other arrow leads up: tests/test_architecture.py"""
+"""Name of a function -> its room. No other import goes upwards: tests/test_architecture.py"""
 
 
 def presentation(name: str) -> Callable[..., Any]:

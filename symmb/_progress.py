@@ -1,5 +1,5 @@
-"""The progress of long work, shown by tqdm: in terminals and notebooks as one line that is replaced, elsewhere not at
-all."""
+"""The progress of long work, shown by tqdm. Terminals and notebooks show one line that is updated; elsewhere nothing
+is shown."""
 
 import os
 import sys
@@ -10,27 +10,27 @@ from types import TracebackType
 from typing import Any, ClassVar
 
 _PATIENCE, _PERIOD = 1.0, 0.2
-"""Time before the bar appears, so that short work shows none, and time between two updates of it [s]."""
+"""Time before the bar appears, so that short work shows no bar, and time between two updates of the bar [s]."""
 _UNKNOWN = "{desc} [{elapsed}]"
 _KNOWN = "{{desc}} |{{bar:12}}| {{n_fmt}} of {{total_fmt}} {} [{{elapsed}}, {{remaining}} left, {{rate_fmt}}]"
-"""What a bar shows where the number of runs is not known, and where it is."""
+"""The format of a bar if the number of runs is unknown, and if it is known."""
 
 _REACHED = ", estimated error "
-"""What divides the name of a method from the error that it has reached."""
+"""The separator between the name of a method and the error that the method has reached."""
 
 
 class Progress:
-    """A context that shows how far the work is, how fast, and how long it still takes.
+    """A context that shows how much of the work is done, the speed, and the remaining time.
 
-    A call tells the label of the work, the runs that are done and all its runs. The time goes on between two calls:
-    equations are derived and compiled meanwhile. Work inside other work that is shown has no bar of its own.
+    A call passes the label of the work, the number of finished runs and the number of all runs. The clock also runs
+    between two calls, for example while equations are derived and compiled. Nested work has no bar of its own.
     """
 
     _outermost: ClassVar["Progress | None"] = None
 
     def __init__(self, label: str, unit: str = "runs") -> None:
         self._text, self._done, self._total, self._unit = label, 0, 0, unit
-        self._stream = sys.stderr  # solvers redirect it for a moment
+        self._stream = sys.stderr  # solvers redirect sys.stderr temporarily
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self.is_shown = self._stream is not None and (_in_notebook() or self._stream.isatty())
@@ -41,7 +41,7 @@ class Progress:
     def __enter__(self) -> "Progress":
         if self.is_shown and not os.environ.get("TQDM_DISABLE") and Progress._outermost is None:
             Progress._outermost = self
-            with suppress(RuntimeError):  # no thread can be started
+            with suppress(RuntimeError):  # the thread may fail to start
                 self._thread.start()
         return self
 
@@ -77,7 +77,7 @@ class Progress:
 def shown(
     progress: Callable[[str, int, int], None] | None, label: str, unit: str = "runs"
 ) -> Iterator[Callable[[str, int, int], None] | None]:
-    """Who gets the progress: the function that a caller gave, or a bar where people may see it."""
+    """The function that receives the progress: the caller's function, or a bar if a person may see the bar."""
     if progress is not None:
         yield progress
         return
@@ -86,7 +86,7 @@ def shown(
 
 
 class RunProgress:
-    """Progress of one method: the finished runs and all runs, and the error that it has reached."""
+    """Progress of one method: the finished runs, all runs, and the error that the method has reached."""
 
     def __init__(self, show: Callable[[str, int, int], None], label: str) -> None:
         self._show, self._label, self._reached = show, label, ""
@@ -103,7 +103,7 @@ class RunProgress:
 def shown_runs(
     progress: Callable[[int, int], None] | None, label: str, unit: str = "runs"
 ) -> Iterator[Callable[[int, int], None] | None]:
-    """The same for a single method, whose runs, or other units of work, are told without a label."""
+    """Progress of a single method. Its runs, or other units of work, are reported without a label."""
     if progress is not None:
         yield progress
         return
@@ -115,15 +115,15 @@ def _new_bar(stream: Any, done: int, unit: str) -> Any:
     from tqdm import tqdm
 
     file = _CellLine.of_cell() if _in_notebook() else stream
-    tqdm.set_lock(threading.RLock())  # that of tqdm is shared with other processes, which draw no bars
+    tqdm.set_lock(threading.RLock())  # tqdm's own lock is shared with other processes, which show no bars
     tqdm.monitor_interval = 0
     return tqdm(file=file, initial=done, leave=False, dynamic_ncols=True, unit=f" {unit}", disable=False)
 
 
 class _CellLine:
-    """A file whose last line stands below a cell of a notebook, one for all bars of the cell.
+    """A file whose last line is shown below a cell of a notebook. All bars of the cell share the file.
 
-    Lines of the standard error stay in exports, one below the other. This one is empty at the end.
+    Exported notebooks show all lines of the standard error, one below the other. This line is empty at the end.
     """
 
     _last: ClassVar["tuple[int, _CellLine] | None"] = None
@@ -133,7 +133,7 @@ class _CellLine:
 
     @classmethod
     def of_cell(cls) -> "_CellLine":
-        """That of the cell which runs."""
+        """The line of the cell that runs now."""
         number = sys.modules["IPython"].get_ipython().execution_count
         if cls._last is None or cls._last[0] != number:
             cls._last = number, cls()
@@ -152,7 +152,7 @@ class _CellLine:
 
 
 def _in_notebook() -> bool:
-    """Whether this is the kernel of a notebook."""
+    """Whether this process is the kernel of a notebook."""
     module = sys.modules.get("IPython")
     shell = module.get_ipython() if module is not None and hasattr(module, "get_ipython") else None
     return hasattr(shell, "kernel")

@@ -1,4 +1,4 @@
-"""Texts such as "pce:2:paper" that stand for an object on the command line."""
+"""Texts such as "pce:2:paper" that select an object on the command line."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -10,7 +10,7 @@ from symmb._names import did_you_mean
 from symmb._options import shown
 
 _WHOLE = {"ORDER", "BOXES", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES", "STEPS"}
-"""The numbers of the forms that are whole; any other is a real one."""
+"""The numbers in forms that must be integers. All other numbers are real."""
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class Spec:
 
     Attributes
     ----------
-    form : str      words and, in capitals, numbers, between colons; what stands in brackets may be left out
-    text : str      the constructor that it stands for
-    build           makes the object from the numbers given, by position
+    form : str      words and, in capitals, numbers, separated by colons; parts in brackets are optional
+    text : str      the constructor that the text selects
+    build           makes the object from the given numbers, by position
     """
 
     form: str
@@ -30,25 +30,25 @@ class Spec:
 
     @property
     def word(self) -> str:
-        """What stands before the first colon."""
+        """The text before the first colon."""
         return re.split(r"[:\[]", self.form)[0]
 
     def matches(self, spec: str) -> re.Match[str] | None:
-        """Whether the text has this form, its numbers not yet read."""
+        """Whether the text has this form. The numbers in the text are not checked."""
         pattern = self.form.replace("[", "(?:").replace("]", ")?")
         return re.fullmatch(re.sub(r"[A-Z]+", "([^:=]*)", pattern), spec)
 
     def read(self, match: re.Match[str]) -> Any:
-        """The object that a matching text stands for."""
+        """The object that a matching text selects."""
         names = re.findall(r"[A-Z]+", self.form)
         numbers = [(name, text) for name, text in zip(names, match.groups(), strict=True) if text is not None]
         return self.build(*(_number(name, text, match.string) for name, text in numbers))
 
 
 def read_spec(text: str, specs: Sequence[Spec], what: str) -> Any:
-    """The object of a kind that a text stands for, by the forms that are known.
+    """The object that a text selects, by the known forms.
 
-    It raises DeclarationError if the text has none of these forms, or its numbers are out of range.
+    It raises DeclarationError if the text does not match a form, or its numbers are out of range.
     """
     for spec in specs:
         match = spec.matches(text)

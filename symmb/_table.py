@@ -6,12 +6,12 @@ import numpy as np
 
 
 def is_timeless(t: Sequence[float] | np.ndarray) -> bool:
-    """Whether the only time is 0, as of a result that has no times: it is neither told nor drawn."""
+    """Whether the only time is 0, as in results without times. Such a time is neither printed nor drawn."""
     return len(t) == 1 and t[0] == 0
 
 
 def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = ()) -> list[list[str]]:
-    """Rows below their head, whose columns "at [s]" are left out where there are no times, or none is stated.
+    """Rows below their head. The columns "at [s]" are left out if there are no times, or all cells are empty.
 
     Examples
     --------
@@ -24,17 +24,17 @@ def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = 
 
 
 def time_text(t: Sequence[float] | np.ndarray, i: int, *values: np.ndarray) -> str:
-    """Time number i; none where values (n_t,) are the same at all times, as those of a figure of the motion."""
+    """Time number i as text; empty if the values (n_t,) are the same at all times, as for scalar outputs."""
     return "" if len(t) > 1 and all(np.ptp(own) == 0 for own in values) else f"{t[i]:.6g}"
 
 
 def at_time(t: Sequence[float] | np.ndarray, i: int) -> str:
-    """The words for time number i behind a value; none where there are no times."""
+    """The words for time number i after a value; empty if there are no times."""
     return "" if is_timeless(t) else f" at {t[i]:g} s"
 
 
 def aligned(lines: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
-    """Lines of cells as texts; the columns named in ``left`` begin below each other, the others end so.
+    """Lines of cells as texts. The columns named in ``left`` are aligned on the left, the others on the right.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Threads of linear algebra: one, where results must not depend on how many processors add up numbers."""
+"""Threads of linear algebra: one thread if results must not depend on the number of processors."""
 
 import ctypes
 import sys
@@ -16,7 +16,7 @@ _FUNCTIONS = (
     ),
     ("MKL_Get_Max_Threads", "MKL_Set_Num_Threads"),
 )
-"""Names of the functions that tell and set the number of threads, of OpenBLAS and its copies, and of MKL."""
+"""Names of the functions that get and set the number of threads, of OpenBLAS and its copies, and of MKL."""
 _LOCK = threading.Lock()
 _users = 0
 _before: dict[str, int] = {}
@@ -24,7 +24,7 @@ _before: dict[str, int] = {}
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """A context in which the linear algebra of NumPy and SciPy has one thread, where it is OpenBLAS or MKL."""
+    """A context in which the linear algebra of NumPy and SciPy uses one thread, if the library is OpenBLAS or MKL."""
     _enter()
     try:
         yield
@@ -34,7 +34,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def threads_as_before() -> Iterator[None]:
-    """A context inside of `one_thread` for work of others, which may use all threads."""
+    """A context inside `one_thread` for the user's code, which may use all threads."""
     _leave()
     try:
         yield
@@ -56,7 +56,7 @@ def _leave() -> None:
     global _users
     with _LOCK:
         _users -= 1
-        if not _users:  # other threads of this process may be inside as well
+        if not _users:  # other threads of this process may be in the context as well
             for path, (_, put) in _libraries("scipy.linalg" in sys.modules).items():
                 if path in _before:
                     put(_before.pop(path))
@@ -64,12 +64,12 @@ def _leave() -> None:
 
 @cache
 def _libraries(with_scipy: bool) -> dict[str, tuple[Callable[[], int], Callable[[int], None]]]:
-    """Functions of each library that is loaded, by its path; SciPy may load another one than NumPy."""
+    """Functions of each loaded library, by its path. SciPy may load another library than NumPy."""
     found = {}
     for path in _paths(with_scipy):
         try:
             library = ctypes.CDLL(path)
-        except OSError:  # removed, or of another kind
+        except OSError:  # the file is removed, or is not a library
             continue
         for get, put in _FUNCTIONS:
             if hasattr(library, get) and hasattr(library, put):
@@ -78,7 +78,7 @@ def _libraries(with_scipy: bool) -> dict[str, tuple[Callable[[], int], Callable[
 
 
 def _paths(with_scipy: bool) -> list[str]:
-    """Files of libraries that this process has loaded; beside the packages where the system does not list them."""
+    """Files of the libraries that this process has loaded, or files beside the packages if the system has no list."""
     maps = Path("/proc/self/maps")
     if maps.exists():
         lines = maps.read_text().splitlines()

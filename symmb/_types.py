@@ -1,4 +1,4 @@
-"""Type names shared by all floors."""
+"""Type names that all floors share."""
 
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -15,10 +15,10 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
 Expr = Any
-"""A number, a CasADi SX scalar or, where a law or a mass is asked for, a SymPy expression."""
+"""A number, a CasADi SX scalar or, for laws and masses, a SymPy expression."""
 Executor = Any
-"""An object with `submit` or with an ordered `map`, or a function that makes one."""
+"""An object with `submit` or with an ordered `map`, or a function that makes such an object."""
 Figure: TypeAlias = "matplotlib.figure.Figure"
 Axes: TypeAlias = "matplotlib.axes.Axes"
 GivenAxes: TypeAlias = "matplotlib.axes.Axes | Sequence[matplotlib.axes.Axes] | np.ndarray | None"
-"""The axes that a caller wants a picture in: one, or one an output; None for a new figure."""
+"""The axes of the caller for a picture: one, or one for each output; None for a new figure."""

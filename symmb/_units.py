@@ -1,4 +1,4 @@
-"""Units of parameters and outputs: a table of them, texts such as "N/mm", and quantities such as "235 mm"."""
+"""Units of parameters and outputs: a table of units, texts such as "N/mm", and quantities such as "235 mm"."""
 
 import math
 import re
@@ -14,11 +14,11 @@ from symmb._options import is_finite_number, numbers_of, shown
 from symmb._types import Array
 
 BASES = "m", "kg", "s", "rad", "A", "K"
-"""Base units, which are those of FMI as well. An angle counts as a dimension: rpm is no Hz."""
+"""Base units, the same as in FMI. An angle counts as a dimension, so rpm and Hz differ."""
 
 
 class Unit(NamedTuple):
-    """A unit over SI units: number * pi**pi, and powers of the `BASES`."""
+    """A unit in SI units: number * pi**pi, and powers of the `BASES`."""
 
     number: Fraction
     pi: int
@@ -35,7 +35,7 @@ class Unit(NamedTuple):
 
 
 _LONGEST, _LARGEST = 100, 10**100
-"""Characters of a unit, and its factor over SI units: more is no unit of a machine, and beyond the range of numbers."""
+"""Most characters of a unit, and largest factor to SI units: larger values exceed the range of numbers."""
 NO_UNIT = Unit(Fraction(1), 0, (0,) * len(BASES))
 _PREFIXES = {"u": -6, "\N{MICRO SIGN}": -6, "\N{GREEK SMALL LETTER MU}": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 _KINDS = {
@@ -51,7 +51,7 @@ _KINDS = {
     "t": (1000, 0, (0, 1), ""), "in": ("0.0254", 0, (1,), ""), "ft": ("0.3048", 0, (1,), ""),
     "lb": ("0.45359237", 0, (0, 1), ""), "lbf": ("4.4482216152605", 0, (1, 1, -2), ""),
 }  # fmt: skip
-"""Units with their number, power of pi, powers of the `BASES`, and the prefixes that they take."""
+"""Units with their number, power of pi, powers of the `BASES`, and the allowed prefixes."""
 _TABLE = {
     prefix + name: Unit(Fraction(number) * Fraction(10) ** power, pi, (*powers, *NO_UNIT.powers[len(powers) :]))
     for name, (number, pi, powers, prefixes) in _KINDS.items()
@@ -70,11 +70,11 @@ _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
 
 
 def unit_of(owner: str, text: str) -> Unit:
-    """The unit that a text such as "N/mm", "kg m^2" or "N s/(m rad)" tells; "" and "1" are none.
+    """The unit of a text such as "N/mm", "kg m^2" or "N s/(m rad)". The texts "" and "1" have no unit.
 
     Raises
     ------
-    DeclarationError    if it is no unit, has another zero than the SI unit, or does not tell what is divided by what
+    DeclarationError    if the text is not a unit, its zero differs from the zero of the SI unit, or it is ambiguous
     """
     if text.strip() in ("", "1"):
         return NO_UNIT
@@ -88,11 +88,11 @@ def unit_of(owner: str, text: str) -> Unit:
             continue
         factors = _TIMES.split(piece)
         if k and len(factors) > 1:
-            raise DeclarationError(f"{owner}: {shown(text)} may be read in two ways. Write brackets, as N/(m s).")
+            raise DeclarationError(f"{owner}: {shown(text)} is ambiguous. Write brackets, as N/(m s).")
         for factor in factors if k or piece != "1" else ():
             match = _FACTOR.fullmatch(factor)
             if match is None:
-                raise DeclarationError(f"{owner}: {shown(text)} is no unit. Write it as mm, N/mm, kg m^2 or N/(m s).")
+                raise DeclarationError(f"{owner}: {shown(text)} is not a unit. Write mm, N/mm, kg m^2 or N/(m s).")
             unit = unit.times(_named(owner, text, match[1]), int(match[2] or 1) * (-1 if k else 1))
     if not Fraction(1, _LARGEST) < unit.number < _LARGEST:
         raise DeclarationError(f"{owner}: {shown(text)} is beyond the range of numbers.")
@@ -102,32 +102,32 @@ def unit_of(owner: str, text: str) -> Unit:
 def _named(owner: str, text: str, name: str) -> Unit:
     if _OFFSET.fullmatch(name):
         raise DeclarationError(
-            f"{owner}: {shown(text)}: the zero of {name} is not that of K. Give temperatures, and differences, in K."
+            f"{owner}: {shown(text)}: the zero of {name} is not the zero of K. Give temperatures and differences in K."
         )
     if name not in _TABLE:
         where = "" if name == text.strip() else f" in {shown(text)}"
-        raise DeclarationError(f"{owner}: {shown(name)}{where} is no known unit.{did_you_mean(name, _TABLE)}")
+        raise DeclarationError(f"{owner}: {shown(name)}{where} is not a known unit.{did_you_mean(name, _TABLE)}")
     return _TABLE[name]
 
 
 def scaled(value: Any, ratio: Unit, inverse: bool = False) -> Any:
-    """A number or an expression times a ratio of units, or over it. Of 1/1000 it is divided by 1000, which is exact."""
+    """A number or an expression times a ratio of units, or divided by it. For 1/1000, division by 1000 is exact."""
     divides = ratio.number.numerator == 1 and not ratio.pi
     by = ratio.number.denominator if divides else ratio.factor
     return value if by == 1 else value / by if divides != inverse else value * by
 
 
 def ratio_of(owner: str, what: str, unit: str, own: str) -> Unit:
-    """A unit over that of what it is given for. DeclarationError if it does not fit."""
+    """The ratio of a given unit to the declared unit. DeclarationError if the dimensions differ."""
     given, known = unit_of(owner, unit), unit_of(owner, own)
     if given.powers != known.powers:
-        told = f"is in {own}" if own else f"has no unit: declare it with one, as (..., {unit!r}), or give a number"
+        told = f"is in {own}" if own else f"has no unit: declare it with a unit, as (..., {unit!r}), or give a number"
         raise DeclarationError(f"{owner}: {shown(unit)} does not fit {what}, which {told}.")
     return given.times(known, -1)
 
 
 def dimensions(owner: str, text: str) -> tuple[int, ...]:
-    """Powers of a unit, without that of an angle where there is a length: N m/rad is N m."""
+    """Powers of a unit. The power of the angle is left out if the unit has a length: N m/rad equals N m."""
     powers = unit_of(owner, text).powers
     return (*powers[:3], 0, *powers[4:]) if powers[0] else powers
 
@@ -137,12 +137,12 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
 
     Raises
     ------
-    DeclarationError    if it is none of them; the unit itself is not looked at
+    DeclarationError    if it has another form; the unit itself is not checked
     """
     match = _QUANTITY.fullmatch(given.replace("\N{MINUS SIGN}", "-")) if isinstance(given, str) else None
     if match and re.match(r",\d", match[2]):
         raise DeclarationError(
-            f"{owner} {shown(given)} has a comma. Decimals have a point, as 2.5, and thousands none."
+            f"{owner} {shown(given)} has a comma. Write decimals with a point, as 2.5, and no thousands separators."
         )
     if match and match[2]:
         given = float("".join(match[1].split())), match[2]
@@ -156,13 +156,13 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
 
 
 def number_in(owner: str, what: str, given: object, own: str) -> float:
-    """A quantity as a number in a unit, in which bare numbers are. DeclarationError if its unit does not fit."""
+    """A quantity as a number in the given unit. Bare numbers have this unit. DeclarationError if units differ."""
     number, unit = quantity(f"{owner}:", given)
     return scaled(number, ratio_of(owner, what, unit, own)) if unit else number
 
 
 def numbers_in(owner: str, what: str, given: Any, own: str) -> Array | None:
-    """Numbers, ([234, 236], "mm") or ["234 mm", "236 mm"] as numbers in a unit; None if they are none of these.
+    """Numbers, ([234, 236], "mm") or ["234 mm", "236 mm"] as numbers in a unit; None for anything else.
 
     DeclarationError if a unit does not fit.
     """
@@ -176,18 +176,18 @@ def numbers_in(owner: str, what: str, given: Any, own: str) -> Array | None:
 
 
 def number_or_quantity(text: str) -> float | str:
-    """The number of a text, or the text itself if it is one with a unit. ValueError if it is neither."""
+    """The number of a text, or the text itself if it is a number with a unit. ValueError otherwise."""
     match = _QUANTITY.fullmatch(text)
     return text if match and match[2] else float(text)
 
 
 def units_of_parameters(parameters: object) -> Mapping[str, str]:
-    """Units of parameters by name; those without a unit are left out."""
+    """Units of parameters by name. Parameters without a unit are left out."""
     return getattr(parameters, "_units", {})
 
 
 def with_units(values: Mapping[str, str], parameters: object) -> list[str]:
-    """Texts such as "arm = 235 mm" of values of some parameters."""
+    """Texts such as "arm = 235 mm" for the values of some parameters."""
     units = units_of_parameters(parameters)
     return [f"{name} = {value} {typeset(units.get(name, ''))}".rstrip() for name, value in values.items()]
 
@@ -198,36 +198,36 @@ def label(name: str, unit: str) -> str:
 
 
 def typeset(unit: str) -> str:
-    """A unit as it is printed: m/s² for m/s^2, ° for deg, µm for um."""
+    """A unit as printed: m/s² for m/s^2, ° for deg, µm for um."""
     raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
     return re.sub(r"\bu(?=(m|s|g|N|rad)\b)", "µ", re.sub(r"\bdeg\b", "°", raised))
 
 
 def told_units(units: Sequence[str], n: int, parameters: object = None) -> Sequence[str]:
-    """Units of n outputs that texts and .csv files tell: all that are known, if one of them or a parameter has another
-    than SI units, else none."""
+    """Units of n outputs for texts and .csv files: all known units if an output or a parameter has a unit outside
+    the SI, otherwise no units."""
     is_si = all(map(_is_si, units)) and not units_of_parameters(parameters)
     return ("",) * n if is_si or not units else units
 
 
 def told_names(names: Sequence[str], units: Sequence[str], parameters: object = None) -> Sequence[str]:
-    """Names of outputs with the units that texts tell."""
+    """Names of outputs with the units that are printed."""
     return [*map(label, names, told_units(units, len(names), parameters))]
 
 
 def _is_si(text: str) -> bool:
     try:
         return unit_of("", text)[:2] == NO_UNIT[:2]
-    except DeclarationError:  # of an FMU
+    except DeclarationError:  # a unit of an FMU
         return False
 
 
 TIME_HEADINGS = "t", "t [s]"
-"""Of .csv files without units and with them."""
+"""The first column of .csv files without units, and with units."""
 
 
 def headings(names: Sequence[str], units: Sequence[str], parameters: object = None) -> list[str]:
-    """Headings of the time and of outputs in a .csv file. Only where there are units, the time has one."""
+    """Headings of the time and of outputs in a .csv file. The time has a unit only if outputs have units."""
     told = told_units(units, len(names), parameters)
     both = zip(names, told, strict=True)
     own = [f"{name} [{unit}]" if unit or _parted(name)[1] else name for name, unit in both]
@@ -235,7 +235,7 @@ def headings(names: Sequence[str], units: Sequence[str], parameters: object = No
 
 
 def read_headings(first: str, others: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of outputs from headings; no units if the time has none. DeclarationError if it is not first."""
+    """Names and units of outputs from headings; no units if the time has none. DeclarationError if t is not first."""
     if first not in TIME_HEADINGS:
         raise DeclarationError("its first column must be t.")
     names, units = zip(*map(_parted, others), strict=True) if others else ((), ())

@@ -130,7 +130,7 @@ COMMANDS = [
 ]
 TOLD = [
     (["runs", "no_such.db"], "does not exist"),
-    (["runs", "text.db"], "is no run store"),
+    (["runs", "text.db"], "is not a run store"),
     (["runs", "runs.db", "--study", "7"], "no study 7"),
     (["runs", "runs.db", "--export", "runs.xls"], ".nc"),
 ]

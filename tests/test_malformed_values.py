@@ -209,5 +209,5 @@ def test_truth_values_of_modes(option, value):
 
 
 def test_a_folder_whose_name_is_no_name():
-    with pytest.raises(mb.SymmbError, match="no name of a file"):
+    with pytest.raises(mb.SymmbError, match="not the name of a file"):
         mb.DAESimulator(FREE).dae.save_c("\ud800")

@@ -72,7 +72,7 @@ QUESTIONS = [
 ]
 """What a new user asks, the words that they type, and a page that must be among the first three answers."""
 NOTEBOOKS = {
-    "tolerances": ["<iframe srcdoc=", "<table", "data:image/png;base64,", "The largest box that keeps the limits"],
+    "tolerances": ["<iframe srcdoc=", "<table", "data:image/png;base64,", "The largest box that satisfies the limits"],
     "black_boxes": [
         "<table",
         "data:image/png;base64,",

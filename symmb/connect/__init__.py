@@ -1,6 +1,6 @@
 """Simulators as black boxes: parameters in, trajectories out.
 
-The interface, executors, functions, programs and FMUs of others, and the store of their runs.
+The interface, executors, functions, external programs and FMUs, and the store of their runs.
 """
 
 from symmb.connect.black_box import BlackBox

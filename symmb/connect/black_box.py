@@ -1,4 +1,4 @@
-"""Simulators of which nothing is known but their runs: functions, programs, FMUs."""
+"""Simulators known only by their runs: functions, programs, FMUs."""
 
 import time
 from abc import ABC, abstractmethod
@@ -22,20 +22,20 @@ from symmb.connect.simulator import Ensemble, Merging, Progress, Reduction, Simu
 S = TypeVar("S")
 
 _BLOCKS = 64
-"""About how many blocks a study has."""
+"""Approximate number of blocks in a study."""
 _ENOUGH = 0.02
-"""Time that a task should take, beside which that of sending it is small [s]."""
+"""Duration of a task compared with which the time to send it is small [s]."""
 
 
 class BlackBox(ABC):
-    """A simulator that makes one run after the other. A run that raises, or is not finite, is a failed sample.
+    """A simulator that makes one run after the other. A run fails if it raises, or if its values are not finite.
 
     Attributes
     ----------
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
     outputs : n_y names of the columns
-    noise : (n_y,) how far values may be off; None if it is not known
+    noise : (n_y,) errors of the output values; None if not known
     """
 
     parameters: Mapping[str, float]
@@ -50,7 +50,7 @@ class BlackBox(ABC):
         Raises
         ------
         SimulationError
-            If the run fails: messages show the text alone. For other exceptions they also show the kind
+            If the run fails: messages show the text only. For other exceptions messages also show the type
         """
 
     def _declare(
@@ -60,7 +60,7 @@ class BlackBox(ABC):
         outputs: Sequence[str],
         noise: Mapping[str, float] | None,
     ) -> None:
-        """Check and keep what is declared."""
+        """Check and store the declaration."""
         owner, units = type(self).__name__, units_of_parameters(parameters)
         instants = numbers_in(f"{owner}: times", "a time", times, "s")
         if instants is None:
@@ -99,7 +99,7 @@ class BlackBox(ABC):
                 Y[i] = self._shaped(self.response(values))
             except (KeyboardInterrupt, ChangedFileError):
                 raise
-            except BaseException as error:  # the code is the user's: whatever it raises, also sys.exit, fails the run
+            except BaseException as error:  # any exception of the user's code fails the run, also sys.exit
                 t_failed[i] = self.times[0]
                 messages.append(f"{fault_text(error)} ({_text(values)})")
                 continue
@@ -116,12 +116,12 @@ class BlackBox(ABC):
     ) -> S:
         """Run samples P (N, d), and merge the states of blocks in their order.
 
-        A task is one run where runs are slow, and several of a block where they are fast, by what former tasks took.
-        Blocks are the same whatever the tasks are. So the result does not depend on the executor.
+        If runs are slow, a task is one run. If runs are fast, a task is several runs of a block; the durations of
+        earlier tasks decide. Blocks do not depend on the tasks. So the result does not depend on the executor.
         """
         P = checked_samples(self, P, progress)
         all_blocks, tasks = blocks(len(P), samples_of_block(len(P))), list[Array]()
-        seconds = np.inf  # of a run
+        seconds = np.inf  # duration of a run
 
         def next_tasks() -> Iterator[Array]:
             for indices in all_blocks:
@@ -133,7 +133,7 @@ class BlackBox(ABC):
                     yield tasks[-1]
 
         merging, arrived, following = Merging(reduction, progress, P), dict[int, Ensemble](), 0
-        parts: list[Ensemble] = []  # of the next block
+        parts: list[Ensemble] = []  # parts of the next block
         for k, result in finished(partial(timed_runs, self), next_tasks(), executor):
             if isinstance(result, LostTask):
                 arrived[k] = lost_runs(self, tasks[k], result.reason)
@@ -148,7 +148,7 @@ class BlackBox(ABC):
         return merging.state
 
     def _irregular(self, values: Array) -> str:
-        """Which output is not finite first, of values (n_t, n_y)."""
+        """A text that says which of the values (n_t, n_y) is the first that is not finite."""
         k, i = np.argwhere(~np.isfinite(values))[0]
         at = "" if is_timeless(self.times) else f" at t = {self.times[k]:g}"
         return f"{self.outputs[i]} is not finite{at}"
@@ -169,14 +169,14 @@ class BlackBox(ABC):
             raise SimulationError(f"the function returned {_short(result)}, {expected}")
         if values.shape == shape[:1] and shape[1] == 1:
             values = values[:, None]
-        if shape[0] == 1 and values.shape in ((), shape[1:]):  # at one time a number, or one for each output
+        if shape[0] == 1 and values.shape in ((), shape[1:]):  # one time: a number, or one number for each output
             values = values.reshape(1, -1)
         if values.shape != shape:
             raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
         return values
 
     def _columns(self, frame: Any) -> Any:
-        """The outputs of a DataFrame, by their names."""
+        """The outputs in a DataFrame, by their names."""
         names = list(frame.columns)
         if sorted(map(str, names)) != sorted(self.outputs):
             raise SimulationError(f"the function returned the columns {_short(names)}, expected {list(self.outputs)}")
@@ -184,7 +184,7 @@ class BlackBox(ABC):
 
 
 def samples_of_block(n: int) -> int:
-    """How many of n samples are reduced together. Sums depend on it in their last digit."""
+    """How many of n samples are reduced together. The last digit of sums depends on this number."""
     return 1 + n // _BLOCKS
 
 
@@ -209,7 +209,7 @@ def _text(values: Mapping[str, float]) -> str:
 
 
 def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
-    """Runs, and the time of one of them [s]."""
+    """Runs, and the duration of one of them [s]."""
     begin = time.perf_counter()
     ensemble = Ensemble.of(simulator.run(P))
     return ensemble, (time.perf_counter() - begin) / len(P)

@@ -34,17 +34,17 @@ _OWNER = "CommandSimulator"
 _KEEP = ("none", "failed", "all")
 _OUTPUT, _ERRORS = "stdout.txt", "stderr.txt"
 _TOLD = 200
-"""Characters of the program's last message that are told."""
+"""Most characters of the program's last message that are reported."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSimulator(BlackBox):
-    """Trajectories from a program that is started again for each run, in a folder of its own. No shell is used.
+    """Trajectories from a program that is started for each run, in a separate folder, without a shell.
 
     Parameters
     ----------
     command : list of str
-        the program and its arguments; `{name}` stands for a parameter, as in templates
+        the program and its arguments; `{name}` is replaced by the value of a parameter, as in templates
     parameters : mapping
         nominal values by name
     times : (n_t,)
@@ -52,29 +52,29 @@ class CommandSimulator(BlackBox):
     outputs : list of str
         n_y names of the columns
     templates : mapping
-        files that are written into the folder of a run, by name: a str is the text, a Path a file that holds it.
-        `{name}` and `{name:format}` are replaced for declared parameters, without a format by all digits; other braces
-        stay
+        files that are written into the folder of a run, by name: a str is the text, a Path is a file with the text.
+        `{name}` and `{name:format}` are replaced by the values of parameters, without a format by all digits; other
+        braces stay
     read : str or callable
-        the file with the results, a .csv, .json or .npz with a column `time` and one for each output; or a function of
-        the folder that returns (n_t, n_y)
+        the file with the results: a .csv, .json or .npz file with a column `time` and one for each output; or a
+        function of the folder that returns (n_t, n_y)
     timeout : float
-        longest time of a run [s]; the program and all that it started are ended then
+        longest time of a run [s]; then the program and the programs that it started are ended
     files : list of paths
         files and folders that are copied into the folder of a run
     environment : mapping
         variables that are added to those of this process
     retries : int
-        how often a run that fails is made again
+        how often a failed run is made again
     interpolate : bool
-        take other times than the declared ones, and interpolate linearly
+        accept other times than the declared times, and interpolate linearly
     keep : str
-        which folders stay: "failed" (default), "all" or "none". The text of a failed run names its folder, in which
-        stdout.txt and stderr.txt hold what the program wrote
+        which folders are kept: "failed" (default), "all" or "none". The text of a failed run names its folder.
+        stdout.txt and stderr.txt in this folder hold the output of the program
     folder : path
-        where the folders of the runs are made; default: that for temporary files
+        folder for the folders of the runs; default: the folder for temporary files
     noise : mapping
-        how far values may be off, by name of the output
+        errors of the output values, by name of the output
 
     Raises
     ------
@@ -144,10 +144,10 @@ class CommandSimulator(BlackBox):
             raise DeclarationError("\n".join(faults))
         require_timeout(_OWNER, timeout)
         inputs = [Path(program), *sources]
-        for word in self.command[1:]:  # such as /home/model.sh or --input=/home/mesh.inp
+        for word in self.command[1:]:  # words such as /home/model.sh or --input=/home/mesh.inp
             names = {word, word.partition("=")[2]}
             inputs += [Path(name) for name in names if os.path.isabs(name) and os.path.isfile(name)]
-        # Programs are started by a process that ends them, and removes their folders, however this one ends.
+        # Programs are started by a separate process. It ends the programs, and removes their folders, if this one ends.
         calls = LimitedCalls(self._made, None, "the program", self.folder) if hasattr(os, "fork") else None
         vars(self).update(_inputs=DeclaredFiles(path for path in inputs if path.exists()), _calls=calls)
 
@@ -179,10 +179,10 @@ class CommandSimulator(BlackBox):
         if not isinstance(self.keep, str) or self.keep not in _KEEP:
             yield f"keep must be one of {', '.join(map(repr, _KEEP))}, got {shown(self.keep)}."
         if self.folder is not None and not self.folder.is_dir():
-            yield f"folder: {self.folder} does not exist, or is no folder."
+            yield f"folder: {self.folder} does not exist, or is not a folder."
 
     def response(self, values: dict[str, float]) -> Any:
-        """Outputs (n_t, n_y) of one run, or of the first of its repetitions that does not fail."""
+        """Outputs (n_t, n_y) of one run, or of the first successful repetition."""
         try:
             return self._made(**values) if self._calls is None else self._calls(values)
         finally:
@@ -255,14 +255,14 @@ def _require_types(command: Any, files: Any, folder: Any, environment: Any) -> N
 
 
 def _are_paths(things: Any) -> bool:
-    """Whether it is a list of texts and paths that can be handed to the system."""
+    """Whether a value is a list of texts and paths that can be passed to the system."""
     return isinstance(things, list | tuple) and all(
         isinstance(thing, str | Path) and is_text(str(thing)) for thing in things
     )
 
 
 def _program(program: str, made: set[str]) -> str:
-    """The program as it is started: one in the folder of the run, one of the current folder, or one that is found."""
+    """The program as it is started: from the folder of the run, from the current folder, or from the search path."""
     if program.removeprefix("./") in made:
         return f"./{program.removeprefix('./')}"
     found = shutil.which(program)
@@ -274,13 +274,13 @@ def _program(program: str, made: set[str]) -> str:
 
 
 def _kept(folder: Path, base: Path | None) -> Path:
-    """The folder under a name that is not removed."""
+    """Rename the folder, so that it is not removed; return the new path."""
     kept = tempfile.mkdtemp(prefix="symmb_run-", dir=base)
-    return folder.rename(kept)  # onto an empty folder
+    return folder.rename(kept)  # replaces an empty folder
 
 
 def _last_line(folder: Path) -> str:
-    """The last line that the program wrote as an error, or else as output."""
+    """The program's last line of error output, or else of standard output."""
     for name in (_ERRORS, _OUTPUT):
         lines = (folder / name).read_text(encoding="utf-8", errors="replace").split("\n")
         for line in reversed(lines):

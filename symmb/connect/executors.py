@@ -1,4 +1,4 @@
-"""Work on other threads, processes and machines: tasks go out one by one, and come back as they end."""
+"""Work on other threads, processes and machines: tasks are submitted one by one, and return as they end."""
 
 import os
 import pickle
@@ -23,34 +23,34 @@ from symmb._options import shown
 from symmb.connect.limited_calls import end_calls_of
 
 _TRIES = 3
-"""Times that a task is tried whose worker dies: at first among others, then alone."""
+"""How often a task is tried if its worker dies: first together with other tasks, then alone."""
 _AHEAD = 2
-"""Tasks at a time for each worker: one that runs and one that waits."""
+"""Tasks at a time for each worker: one task runs and one waits."""
 _TICK = 0.02
-"""Time between looks at futures that do not call back [s]."""
+"""Time between checks of futures without callbacks [s]."""
 _LOOK = 1.0
-"""Time between looks at futures that should call back, and at results of Dask that do not arrive [s]."""
+"""Time between checks of futures with callbacks, and of missing results of Dask [s]."""
 _GRACE, _SOON = 0.5, 0.02
-"""Time for threads and processes to end when a study is interrupted, and between looks whether they have [s]."""
+"""Time for threads and processes to end when a study is interrupted, and between checks whether they ended [s]."""
 _BITS = 60
-"""Of the number at which those of the tasks begin."""
+"""Bits of the first number of the tasks."""
 _KILLED = "KilledWorker"
-"""What Dask raises for a task after it has tried it on several workers."""
+"""Exception of Dask for a task that failed on several workers."""
 _CANCELLED = "CancelledError"
-"""What futures raise, also those of asyncio, if the executor was shut down or its cluster is gone."""
+"""Exceptions of futures, also of asyncio, if the executor was shut down or its cluster has ended."""
 _UNKNOWN_WORKERS = 512
-"""Tasks at a time, over _AHEAD, of an executor that does not tell its workers, such as that of a cluster."""
+"""Tasks at a time, divided by _AHEAD, if an executor does not report its number of workers (such as a cluster)."""
 _FEW_WORKERS = 8
-"""The same of a cluster with fewer workers when the first tasks go out. With each task that ends two more may go out
-beside: the cluster may get more workers, and how long tasks take tells how much one should hold."""
+"""The same for a cluster that has fewer workers at the start. For each task that ends, two more may be submitted:
+the cluster may get more workers, and the duration of tasks determines how many a worker should hold."""
 _LOCAL = "LocalCluster"
-"""Dask's cluster of one machine. Where a worker dies twice within 15 s, it ends the process that would start the next
-one, and may come to be without workers for ever, until it is told again how many it should have."""
+"""Dask's cluster on one machine. If a worker dies twice within 15 s, Dask ends the process that would start the next
+worker. The cluster may then have no workers, until the number of workers is set again."""
 _PATIENCE = 30.0
-"""Time in which an executor must begin one of its first tasks, if its futures tell what runs [s]. Processes of MPI take
-some seconds to start. Dask may wait for hours for workers, and its futures do not tell."""
+"""Time in which an executor must start one of its first tasks, if its futures report running tasks [s]. MPI takes some
+seconds to start processes. Dask may wait hours for workers, and its futures do not report running tasks."""
 _THREADS: dict[int, threading.Thread] = {}
-"""Where tasks run, by their numbers, of this process."""
+"""Threads that run tasks of this process, by the numbers of the tasks."""
 _END = object()
 
 Numbered = tuple[int, Any]
@@ -58,12 +58,12 @@ Numbered = tuple[int, Any]
 
 
 class RefusedError(BrokenExecutor):
-    """An executor does not take a task, or cancels it. No worker has died."""
+    """An executor refuses a task, or cancels it. No worker has died."""
 
 
 @dataclass(frozen=True)
 class LostTask:
-    """A task whose worker died each time that it was tried."""
+    """A task whose worker died at each attempt."""
 
     reason: str
 
@@ -75,24 +75,24 @@ class _Task:
 
 
 def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[Numbered]:
-    """Numbers of items with f(item), as the tasks end; `LostTask` in place of a result if workers die.
+    """Numbers of items with f(item), as the tasks end; `LostTask` instead of a result if workers die.
 
     Parameters
     ----------
     f : picklable if the executor runs in other processes
-    items : taken when there is a worker for them
-    executor : with `submit`, as those of concurrent.futures, loky, mpi4py and Dask; with an ordered `map`; or a
-        function that makes one, and makes another when it breaks; None: here, one after the other
+    items : taken when a worker is free
+    executor : with `submit`, as in concurrent.futures, loky, mpi4py and Dask; with an ordered `map`; or a
+        function that makes an executor, and makes another when it breaks; None: in this thread, one after the other
 
     Raises
     ------
-    DeclarationError        if it is none of these, or what it has to run cannot be pickled
-    SimulationError         if an executor breaks that no function makes anew, raises, or returns other results
+    DeclarationError        if the executor is none of these, or f cannot be pickled
+    SimulationError         if an executor breaks and no function can make another, raises, or returns other results
     """
     if executor is None:
         yield from enumerate(map(f, items))
         return
-    first = secrets.randbits(_BITS)  # so that results of one call are not taken for those of another
+    first = secrets.randbits(_BITS)  # so that results of different calls cannot be confused
     with _Pool(executor) as pool:
         for k, result in (_submitted if pool.submits else _mapped)(f, enumerate(items, first), pool):
             yield k - first, result
@@ -118,7 +118,7 @@ def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -
         sent.remove(k)
         yield k, result
     if next(waiting, None) is not None or sent:
-        raise SimulationError("executor: its map has ended without the results of all its tasks.")
+        raise SimulationError("executor: its map has ended without the results of all tasks.")
 
 
 def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
@@ -131,7 +131,7 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
             try:
                 while len(running) < most and (following := next(tasks, None)) is not None:
                     k, item = following
-                    running[k] = _Task(item, None)  # if the executor is broken already, it is tried again
+                    running[k] = _Task(item, None)  # if the executor is already broken, the task is tried again
                     running[k] = _begun(f, item, k, pool, done)
                 if not running:
                     break
@@ -149,29 +149,29 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
                 pool.renew(error)
                 for k, task in suspects.items():
                     yield k, _alone(f, k, task.item, pool)
-        for k, (item, lost) in killed.items():  # Dask blames all tasks of a worker, also those that it had not begun
+        for k, (item, lost) in killed.items():  # Dask reports all tasks of a dead worker, also waiting ones
             yield k, lost if len(killed) == 1 else _alone(f, k, item, pool)
-    finally:  # where it is interrupted, or an error ends it
+    finally:  # also after an interrupt or an error
         for task in running.values():
             if task.future is not None:
                 with suppress(Exception):
                     task.future.cancel()
-        _end_calls(running)  # or else a pool of threads waits for programs
+        _end_calls(running)  # otherwise a pool of threads waits for programs
 
 
 def _require_same_versions(versions: Mapping[str, Any]) -> None:
-    """SimulationError if a worker of Dask has another symmb or another Python than its client."""
+    """SimulationError if a Dask worker has another version of symmb or Python than its client."""
     for address, worker in versions["workers"].items():
         for name, length in (("symmb", None), ("python", 2)):  # 3.11 of 3.11.7
             here, there = (
                 ".".join(str(each["packages"].get(name)).split(".")[:length]) for each in (versions["client"], worker)
             )
             if here != there:
-                raise SimulationError(f"executor: the worker {address} has {name} {there}, and here is {here}.")
+                raise SimulationError(f"executor: worker {address} has {name} {there}, but this process has {here}.")
 
 
 def _end_calls(tasks: Iterable[int]) -> None:
-    """End the calls that threads make for some tasks, also those that are about to begin."""
+    """End the calls of threads for some tasks, also calls that are about to start."""
     deadline = time.monotonic() + _GRACE
     while (threads := [_THREADS[k] for k in [*tasks] if k in _THREADS]) and time.monotonic() < deadline:
         end_calls_of(threads)
@@ -182,7 +182,7 @@ def _begun(f: Callable[[Any], Any], item: Any, k: int, pool: "_Pool", done: "que
     future = pool.submit(partial(_reply, f), (k, item))
     with _as_simulation_error(BrokenExecutor):
         if isinstance(future, type) or not all(callable(getattr(future, name, None)) for name in ("done", "result")):
-            raise SimulationError(f"executor: its submit has returned {shown(future)}, which is no future.")
+            raise SimulationError(f"executor: its submit returned {shown(future)}, which is not a future.")
         if hasattr(future, "add_done_callback"):
             future.add_done_callback(lambda _: done.put(k))
     return _Task(item, future)
@@ -195,7 +195,7 @@ def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]", pool: "_Poo
             calls_back = all(hasattr(task.future, "add_done_callback") for task in running.values())
         with suppress(queue.Empty):
             k = done.get(timeout=_LOOK if calls_back else _TICK)
-            if k in running:  # it is not if a look has found it
+            if k in running:  # otherwise a check has already found it
                 return k
         with _as_simulation_error(BrokenExecutor):
             for k, task in running.items():
@@ -205,7 +205,7 @@ def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]", pool: "_Poo
 
 
 def _alone(f: Callable[[Any], Any], k: int, item: Any, pool: "_Pool") -> Any:
-    """The result of a task during which a worker died, tried alone."""
+    """The result of a task, tried alone because a worker died while running it."""
     last = BrokenExecutor()
     for _ in range(_TRIES - 1):
         try:
@@ -222,7 +222,7 @@ def _alone(f: Callable[[Any], Any], k: int, item: Any, pool: "_Pool") -> Any:
 
 
 def _reply(f: Callable[[Any], Any], task: Numbered) -> tuple[int, int, bytes]:
-    """The number of a task, a checksum, and the result in bytes: not every executor returns what it ran."""
+    """The number of a task, a checksum, and the result in bytes. Some executors return results of other tasks."""
     k, item = task
     watch_parent()
     _THREADS[k] = threading.current_thread()
@@ -234,16 +234,16 @@ def _reply(f: Callable[[Any], Any], task: Numbered) -> tuple[int, int, bytes]:
 
 
 def _unpacked(reply: Any, sent: Container[int]) -> Numbered:
-    """The number of a task that was sent, and its result."""
-    with suppress(Exception):  # whatever it is, its comparison may raise
+    """The number of a submitted task, and its result."""
+    with suppress(Exception):  # comparison of an unknown object may raise
         k, checksum, content = reply
         if k in sent and zlib.crc32(content, k) == checksum:
             return k, pickle.loads(content)
-    raise SimulationError("executor: it has returned something else than the results of its tasks, each once.")
+    raise SimulationError("executor: it returned something other than the results of its tasks.")
 
 
 class _Pool:
-    """The executor of a user, which must offer what is called here, and how to make another."""
+    """The executor of a user: it must have the methods that are called here. It may be made again by a function."""
 
     def __init__(self, given: Any) -> None:
         named = ("submit", "map")
@@ -258,7 +258,7 @@ class _Pool:
         if fault is not None and isinstance(self.executor, ProcessPoolExecutor):
             if self._make is not None:
                 _end_processes(self.executor)
-            elif issubclass(fault, KeyboardInterrupt):  # as a terminal does: or else the pool waits for its tasks
+            elif issubclass(fault, KeyboardInterrupt):  # like a terminal: otherwise the pool waits for its tasks
                 for process in list(self.executor._processes or ()):
                     with suppress(ProcessLookupError):
                         os.kill(process, signal.SIGINT)
@@ -272,12 +272,12 @@ class _Pool:
             except SymmbError:
                 raise
             except Exception as error:
-                raise DeclarationError(f"executor: the function that makes one raises {text_of(error)}.") from error
+                raise DeclarationError(f"executor: the function that makes it raises {text_of(error)}.") from error
         self.workers_at_first = 0
         self.has_begun, self._since = False, time.monotonic()
         self._options: dict[str, Any] = {}
         if hasattr(getattr(self.executor, "_client", None), "get_executor"):
-            # Dask's executor: futures that it makes from those of its client may never end where workers die.
+            # Dask's executor: futures that it makes from futures of its client may never end if workers die.
             self._options, self.executor = getattr(self.executor, "_kwargs", {}), self.executor._client
         self.is_dask = hasattr(self.executor, "get_executor")
         if self.is_dask:
@@ -290,12 +290,12 @@ class _Pool:
             _require_same_versions(versions)
         self.submits = callable(getattr(self.executor, "submit", None))
         maps = callable(getattr(self.executor, "map", None))
-        is_pool = hasattr(self.executor, "apply_async")  # of multiprocessing: no futures
+        is_pool = hasattr(self.executor, "apply_async")  # a pool of multiprocessing has no futures
         if not self.submits and (not maps or is_pool or not _maps_in_order(self.executor)):
             raise DeclarationError(
-                f"executor: {shown(self.executor)} is not supported. Give an object with submit(f, x) or with an "
-                "ordered map(f, *iterables), or a function that makes one. Examples are a ThreadPoolExecutor, a "
-                "ProcessPoolExecutor and a client of Dask."
+                f"executor: {shown(self.executor)} is not supported. Give an object with submit(f, x), or with an "
+                "ordered map(f, *iterables), or a function that makes one. Examples are ThreadPoolExecutor(), "
+                "ProcessPoolExecutor() and a Dask client."
             )
 
     def submit(self, f: Callable[[Any], Any], item: Any) -> Any:
@@ -303,7 +303,7 @@ class _Pool:
             return self.executor.submit(f, item, **self._options)
         except (BrokenExecutor, KeyboardInterrupt):
             raise
-        except BaseException as error:  # shut down, or its cluster is gone
+        except BaseException as error:  # the executor is shut down, or its cluster has ended
             _require_sent(error)
             raise RefusedError(text_of(error)) from None
 
@@ -313,10 +313,10 @@ class _Pool:
         return answer if isinstance(answer, LostTask) else _unpacked(answer, (k,))[1]
 
     def _answer(self, future: Any) -> Any:
-        """What the future of a task returns, or `LostTask`."""
+        """The value of the future of a task, or `LostTask`."""
         try:
             seconds = _LOOK
-            while self.is_dask:  # a result may be lost with its worker, and then has to be made again
+            while self.is_dask:  # a result may be lost with its worker, and must then be computed again
                 with suppress(TimeoutError):
                     return future.result(timeout=seconds)
                 self.look([future])
@@ -334,12 +334,12 @@ class _Pool:
 
     @property
     def workers(self) -> int:
-        """How many tasks run side by side."""
+        """How many tasks run at the same time."""
         told = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
         return told if isinstance(told, int) and told > 0 else _UNKNOWN_WORKERS
 
     def look(self, futures: Sequence[Any]) -> None:
-        """SimulationError if the executor has begun no task yet, and has had the time."""
+        """SimulationError if the executor has not started any task within the time limit."""
         cluster: Any = getattr(self.executor, "cluster", None)
         if type(cluster).__name__ == _LOCAL and len(cluster.requested) < len(cluster.plan):
             cluster.scale(len(cluster.plan))
@@ -347,18 +347,18 @@ class _Pool:
             states = [getattr(future, "running", None) for future in futures]
             self.has_begun = self.has_begun or any(not callable(runs) or runs() for runs in states)
         if not self.has_begun and time.monotonic() - self._since > _PATIENCE:
-            raise SimulationError(f"executor: it has begun none of its tasks in {_PATIENCE:.0f} s. Has it no workers?")
+            raise SimulationError(f"executor: no task has started in {_PATIENCE:.0f} s. Check that it has workers.")
 
     def renew(self, error: BaseException) -> None:
-        """Make another executor in the place of a broken one."""
+        """Make another executor that replaces a broken one."""
         if self._make is None:
             raise SimulationError(
-                f"executor: {_reason(error)}. The study ends here. Give a function that makes the executor, such as "
-                "lambda: ProcessPoolExecutor(8): then symmb makes another, and finds the run at which workers die."
+                f"executor: {_reason(error)}. The study ends here. Pass a function that makes the executor, such as "
+                "lambda: ProcessPoolExecutor(8). Then symmb makes another, and finds the run that kills workers."
             ) from None
         self._end()
         self._start(self._make)
-        try:  # a task that harms no worker
+        try:  # a test task that harms no worker
             self._answer(self.submit(int, 0))
         except BrokenExecutor as fault:
             raise _made_broken(fault) from None
@@ -366,18 +366,18 @@ class _Pool:
     def _end(self) -> None:
         """Shut down an executor that was made here."""
         if self._make is not None and hasattr(self.executor, "shutdown"):
-            # Waiting tasks are cancelled one by one: with cancel_futures ProcessPoolExecutor waits for ever for tasks
+            # Waiting tasks are cancelled one by one: with cancel_futures, ProcessPoolExecutor waits forever for tasks
             # that it could not pickle.
             try:
                 self.executor.shutdown(wait=True)
             except KeyboardInterrupt:
                 raise
-            except BaseException as error:  # the results are there
-                warnings.warn(f"executor: its shutdown has raised {text_of(error)}.", SymmbWarning, stacklevel=2)
+            except BaseException as error:  # the results are complete
+                warnings.warn(f"executor: its shutdown raised {text_of(error)}.", SymmbWarning, stacklevel=2)
 
 
 def _end_processes(pool: ProcessPoolExecutor) -> None:
-    """End the processes of a pool, whatever they do."""
+    """End the processes of a pool, even if they are busy."""
     processes = list((pool._processes or {}).values())
     pool.shutdown(wait=False)
     for process in processes:
@@ -385,11 +385,11 @@ def _end_processes(pool: ProcessPoolExecutor) -> None:
     deadline = time.monotonic() + _GRACE
     for process in processes:
         process.join(max(deadline - time.monotonic(), 0.0))
-        process.kill()  # it may be in compiled code, which notices no signals
+        process.kill()  # compiled code does not react to other signals
 
 
 def _maps_in_order(executor: Any) -> bool:
-    """Whether its map is that of a function over items: tables and modules have others of that name."""
+    """Whether its map applies a function to items: the `map` of tables and modules is different."""
     try:
         return list(islice(executor.map(abs, [-1, 2]), 3)) == [1, 2]
     except Exception:
@@ -398,23 +398,23 @@ def _maps_in_order(executor: Any) -> bool:
 
 @contextmanager
 def _as_simulation_error(*kept: type[BaseException]) -> Iterator[None]:
-    """A context for a call of the user's executor. What it raises becomes a sentence, unless it is symmb's or kept."""
+    """A context for a call of the user's executor. Exceptions become sentences, except symmb's and the kept types."""
     try:
         yield
     except (SymmbError, KeyboardInterrupt, *kept):
         raise
-    except BaseException as error:  # asyncio's CancelledError is no Exception
+    except BaseException as error:  # asyncio's CancelledError is not an Exception
         _require_sent(error)
-        cause = None if isinstance(error, StopIteration) else error  # contextlib would take it for its own
-        raise SimulationError(f"executor: it has raised {text_of(error)}.") from cause
+        cause = None if isinstance(error, StopIteration) else error  # contextlib would treat it as its own
+        raise SimulationError(f"executor: it raised {text_of(error)}.") from cause
 
 
 def _require_sent(error: BaseException) -> None:
-    """DeclarationError if what is to run cannot be pickled."""
+    """DeclarationError if the simulator or f cannot be pickled."""
     if "pickle" in text_of(error):
         raise DeclarationError(
-            f"executor: the simulator cannot be sent to other processes ({text_of(error)}). Its functions must be "
-            "those of a module, not lambdas or functions inside of others."
+            f"executor: the simulator cannot be sent to other processes ({text_of(error)}). Use functions "
+            "of a module, not lambdas or functions inside other functions."
         ) from None
 
 

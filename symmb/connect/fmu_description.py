@@ -1,4 +1,4 @@
-"""What an FMU says of itself, and whether symmb can run it: its version, interfaces, variables and their units."""
+"""The model description of an FMU, and whether symmb can run it: version, interfaces, variables and their units."""
 
 import os
 import shutil
@@ -27,15 +27,15 @@ _REAL = "Real", "Float64", "Float32"
 _WHOLE = {"Integer": "int32", "Enumeration": "int32"} | {
     f"{sign}Int{bits}": f"{sign}int{bits}".lower() for sign in ("", "U") for bits in (8, 16, 32, 64)
 }
-"""Types of FMI for whole numbers, and NumPy's names of them."""
+"""Types of FMI for integers, and NumPy's names of them."""
 _AGAINST_SCHEMA = "ERROR (line", "FATAL (line"
-"""How FMPy begins to tell faults in the form of a description; others are those of its content."""
+"""Start of FMPy's messages about the form of a description; its other messages are about the content."""
 _DIMENSIONLESS = "1", "-"
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of an FMU: its name, its number in the FMU, the type by which it is read and written, its unit."""
+    """A variable of an FMU: its name, its value reference, the type for reading and writing, its unit."""
 
     name: str
     reference: int
@@ -47,7 +47,7 @@ class Variable:
         return self.type in _WHOLE
 
     def fault_of(self, value: float) -> str:
-        """Why the variable cannot have a value; empty if it can."""
+        """Why the variable cannot have a value; empty if the value is valid."""
         if not self.is_whole:
             return ""
         limits = np.iinfo(_WHOLE[self.type])
@@ -57,20 +57,20 @@ class Variable:
 
 @dataclass(frozen=True)
 class FMU:
-    """What is needed to run an FMU by one of its interfaces.
+    """The data that are needed to run an FMU by one of its interfaces.
 
     Attributes
     ----------
     path, digest : the file
     version : 2 or 3, of FMI
     fmi_type : "CoSimulation" or "ModelExchange"
-    identifier, token : the name of its library, and what the library is asked for
+    identifier, token : the name of its library, and the token that the library checks
     n_states, n_indicators : numbers of continuous states and of event indicators
-    tells_steps : whether it wants to know when a step of the solver is complete
-    tolerance : relative tolerance that its solver is given; None: its own
-    step : that of its default experiment [s]; None if it tells none
-    grid : the step of its solver, of which communication steps are multiples [s]; None if it tells none
-    is_uniform : whether its communication steps have one length
+    tells_steps : whether the FMU must be called when a step of the solver is complete
+    tolerance : relative tolerance for the solver of the FMU; None: its default
+    step : step of its default experiment [s]; None if not stated
+    grid : the step of its solver [s], communication steps are multiples of it; None if not stated
+    is_uniform : whether all communication steps must have the same length
     """
 
     path: Path
@@ -89,26 +89,26 @@ class FMU:
 
 
 def fmpy(module: str = "") -> Any:
-    """FMPy, or a module of it. It raises ImportError if it is not installed."""
+    """FMPy, or a module of FMPy. It raises ImportError if FMPy is not installed."""
     return optional_package(f"fmpy.{module}" if module else "fmpy", OWNER, "fmu")
 
 
 def described(path: Path, fmi_type: str | None) -> tuple[FMU, dict[str, Any]]:
     """An FMU, and FMPy's descriptions of its variables by their names.
 
-    It raises DeclarationError if it is no FMU, has another interface, or has no binary for this computer.
+    It raises DeclarationError if the file is not an FMU, has another interface, or has no binary for this computer.
     """
     fmpy()
     names = _files(path)
     code = file_digest(path)
     try:
-        folder = extracted(path, code)  # now, so that the workers that this process forks find it
+        folder = extracted(path, code)  # now, so that workers forked from this process find the folder
     except SimulationError as error:
         raise DeclarationError(f"{OWNER}: {error}.") from None
     description = _description(path, folder)
     major = str(description.fmiVersion).partition(".")[0]
     if major not in ("2", "3"):
-        raise DeclarationError(f"{OWNER}: {path.name} is of FMI {description.fmiVersion}, and only 2 and 3 are read.")
+        raise DeclarationError(f"{OWNER}: {path.name} is of FMI {description.fmiVersion}. Only 2 and 3 are supported.")
     chosen = _interface(path, description, fmi_type)
     interface = description.coSimulation if chosen == CO_SIMULATION else description.modelExchange
     _require_binary(path, names, int(major), interface.modelIdentifier)
@@ -133,28 +133,28 @@ def described(path: Path, fmi_type: str | None) -> tuple[FMU, dict[str, Any]]:
 
 def _files(path: Path) -> list[str]:
     """The names of the files in an FMU."""
-    if not os.path.isfile(path):  # also of a name that is too long for a file
+    if not os.path.isfile(path):  # also if the name is too long for a file
         raise DeclarationError(f"{OWNER}: there is no file {path}.")
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
             require_usual_size(archive)
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
-        raise DeclarationError(f"{OWNER}: {path.name} is no FMU, or is damaged: {text_of(error)}.") from None
+        raise DeclarationError(f"{OWNER}: {path.name} is not an FMU, or is damaged: {text_of(error)}.") from None
     if "modelDescription.xml" not in names:
-        raise DeclarationError(f"{OWNER}: {path.name} is no FMU: it contains no modelDescription.xml.")
+        raise DeclarationError(f"{OWNER}: {path.name} is not an FMU: it contains no modelDescription.xml.")
     return names
 
 
 def _description(path: Path, folder: Path) -> Any:
-    """FMPy's model description. It must follow the schema of FMI: otherwise FMPy may overlook states."""
+    """FMPy's model description. It must follow the schema of FMI. Otherwise FMPy may miss states."""
     read = fmpy("model_description").read_model_description
     try:
         return read(str(folder))
-    except Exception as error:  # FMPy raises whatever comes of a wrong file
+    except Exception as error:  # a wrong file may cause any exception in FMPy
         reason = error
     problems = getattr(reason, "problems", [])
-    if problems and not problems[0].startswith(_AGAINST_SCHEMA):  # others do no harm, such as an unknown unit
+    if problems and not problems[0].startswith(_AGAINST_SCHEMA):  # other problems are harmless, such as unknown units
         return read(str(folder), validate=False)
     text = " ".join((problems or [text_of(reason)])[0].split())[:300].rstrip(".")
     raise DeclarationError(f"{OWNER}: modelDescription.xml of {path.name} cannot be read: {text}.")
@@ -168,9 +168,9 @@ def _interface(path: Path, description: Any, given: str | None) -> str:
             f"{OWNER}: fmi_type must be one of {', '.join(map(repr, FMI_TYPES))}, got {shown(given)}."
         )
     if not has:
-        raise DeclarationError(f"{OWNER}: {path.name} is neither for co-simulation nor for model exchange.")
+        raise DeclarationError(f"{OWNER}: {path.name} supports neither co-simulation nor model exchange.")
     if given is not None and given not in has:
-        raise DeclarationError(f"{OWNER}: {path.name} has no interface {given}, only {has[0]}.")
+        raise DeclarationError(f"{OWNER}: {path.name} does not support {given}, only {has[0]}.")
     return given or has[0]
 
 
@@ -182,7 +182,7 @@ def _require_binary(path: Path, names: Sequence[str], version: int, identifier: 
     others = sorted({name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1})
     told = f"only for {', '.join(others)}" if others else "nor for any other platform"
     if platform in others:
-        told = f"for its folder lacks {identifier}{module.sharedLibraryExtension}"
+        told = f"because its folder lacks {identifier}{module.sharedLibraryExtension}"
     sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
     remedy = f" FMPy may compile its sources: python -m fmpy compile {path.name}" if sources else ""
     raise DeclarationError(f"{OWNER}: {path.name} has no binary for {platform}, {told}.{remedy}")
@@ -198,9 +198,9 @@ def _number(text: Any) -> float | None:
 
 
 def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str, float]) -> tuple[Variable, ...]:
-    """The variables of an FMU that parameters set.
+    """The variables of an FMU that correspond to parameters.
 
-    It raises DeclarationError if there is no such variable, it cannot be set, or it is not a number.
+    It raises DeclarationError if a variable does not exist, cannot be set, or is not a number.
     """
     found = tuple(variable_of(path, known, name, "parameter") for name in parameters)
     for variable, value in zip(found, parameters.values(), strict=True):
@@ -213,22 +213,22 @@ def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str,
 
 
 def variable_of(path: Path, known: Mapping[str, Any], name: str, role: str) -> Variable:
-    """A variable of an FMU. It raises DeclarationError if there is none, or it is not a number."""
+    """A variable of an FMU. It raises DeclarationError if the variable does not exist, or is not a number."""
     variable = known.get(name)
     if variable is None:
         raise DeclarationError(f"{OWNER}: {path.name} has no variable {name!r}.{did_you_mean(name, known)}")
     if variable.shape:
         size = " x ".join(map(str, variable.shape))
-        raise DeclarationError(f"{OWNER}: {role} {name!r} is an array ({size}), and only single numbers are taken.")
+        raise DeclarationError(f"{OWNER}: {role} {name!r} is an array ({size}). Only single numbers are supported.")
     if variable.type not in (*_REAL, *_WHOLE, *(["Boolean"] if role == "output" else [])):
-        raise DeclarationError(f"{OWNER}: {role} {name!r} is of the type {variable.type}, and must be a number.")
+        raise DeclarationError(f"{OWNER}: {role} {name!r} is of the type {variable.type}. It must be a number.")
     declared = variable.declaredType and variable.declaredType.unit
     unit = variable.unit or declared or ""
     return Variable(name, variable.valueReference, variable.type, "" if unit in _DIMENSIONLESS else unit)
 
 
 def _fixed_by(variable: Any) -> str:
-    """Why a variable cannot be set before a run; empty if it can."""
+    """Why a variable cannot be set before a run; empty if the variable can be set."""
     if variable.variability == "constant":
         return "it is a constant"
     if variable.causality == "structuralParameter":
@@ -245,9 +245,9 @@ _LOCK = threading.Lock()
 
 
 def extracted(path: Path, code: str) -> Path:
-    """The folder that an FMU with this digest is extracted to, once for this process and those that it forks.
+    """The folder to which an FMU with this digest is extracted, once for this process and its forked processes.
 
-    It raises SimulationError if it cannot be extracted, or is no longer the file that was declared.
+    It raises SimulationError if the FMU cannot be extracted, or the file has changed since its declaration.
     """
     with _LOCK:
         folder = _EXTRACTED.get(code)
@@ -256,7 +256,7 @@ def extracted(path: Path, code: str) -> Path:
         if not path.is_file() or file_digest(path) != code:
             raise SimulationError(f"{path.name} has changed since it was declared")
         calls = _extraction()
-        calls.begin()  # before there is a folder that a killed process would leave
+        calls.begin()  # before the folder exists, so that a killed process does not leave the folder
         folder = lasting_folder()
         try:
             calls({"filename": str(path), "unzipdir": str(folder)})

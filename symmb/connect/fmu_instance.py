@@ -1,4 +1,4 @@
-"""An instance of an FMU, in a process of its own: how it is made, started, read, and what it tells."""
+"""An instance of an FMU in a separate process: how it is made, started and read, and its messages."""
 
 import ctypes
 import faulthandler
@@ -17,18 +17,18 @@ from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
 
 ENDED = "the FMU ended the run"
 DISCARD, _FATAL = 2, 4
-"""Status of calls that FMI knows: what was asked for cannot be done, and no call may follow."""
+"""Status of FMI calls: the request cannot be carried out, and no further call is allowed."""
 _WARNING = 1
 _TERMINATED = 3
-"""The kind of status of FMI 2 that tells whether an FMU has ended the run."""
+"""The kind of status in FMI 2 that says whether an FMU has ended the run."""
 _TOLD = 200
-"""Characters of what an FMU says that are told."""
+"""Most characters of an FMU's message that are reported."""
 _LOG: dict[str, str] = {}
-"""The first error and the last warning that FMUs have logged during this run."""
+"""The first error and the last warning that FMUs logged during this run."""
 
 
 class Instance:
-    """A running model. FMPy's classes for FMI 2 and 3, co-simulation and model exchange, look alike here."""
+    """A running model. FMPy's classes for FMI 2 and 3, co-simulation and model exchange, have one interface here."""
 
     def __init__(self, fmu: FMU, folder: Path, logs: bool) -> None:
         self.has_states = fmu.fmi_type != CO_SIMULATION
@@ -58,7 +58,7 @@ class Instance:
         self.model.exitInitializationMode()
 
     def advance(self, t: float, length: float) -> None:
-        """Make a communication step."""
+        """Make one communication step."""
         if self.version == 2:
             try:
                 self.model.doStep(t, length)
@@ -72,7 +72,7 @@ class Instance:
                 raise SimulationError(ENDED)
 
     def reader(self, variables: Sequence[Variable]) -> Callable[[Array], None]:
-        """What reads these variables into a row."""
+        """A function that reads these variables into a row."""
         kinds: dict[str, list[int]] = {}
         for k, variable in enumerate(variables):
             kinds.setdefault(self._accessor(variable.type), []).append(k)
@@ -88,22 +88,22 @@ class Instance:
         return read
 
     def _accessor(self, kind: str) -> str:
-        """The type by which FMI reads and writes a variable."""
+        """The FMI type that reads and writes a variable."""
         return kind if kind != "Enumeration" else "Integer" if self.version == 2 else "Int64"
 
     def free(self) -> None:
-        """Let go of the instance and of its library."""
-        with suppress(Exception):  # it may be broken
+        """Release the instance and its library."""
+        with suppress(Exception):  # the instance may be broken
             self.model.freeInstance()
 
 
 def is_fatal(error: BaseException) -> bool:
-    """Whether no call may follow to the instance that raised this."""
+    """Whether no further call of the instance is allowed after this exception."""
     return getattr(error, "status", None) == _FATAL
 
 
 def listen() -> None:
-    """Forget what was told so far. What FMUs and FMPy print in this process does not reach the user's output."""
+    """Forget earlier messages. Output of FMUs and FMPy in this process does not reach the user's output."""
     _LOG.clear()
     output = _output()
     os.ftruncate(output, 0)
@@ -112,7 +112,7 @@ def listen() -> None:
 
 @cache
 def _output() -> int:
-    """A file that takes the output of this process. A crash of it is a failed run, and is told as that."""
+    """A file for the output of this process. If the process crashes, the run is reported as failed."""
     faulthandler.disable()
     file = tempfile.TemporaryFile()
     for number in (1, 2):
@@ -147,7 +147,7 @@ def _short(text: str) -> str:
 
 
 def _note(*arguments: Any) -> None:
-    """Keep a message. Status, category and text are the last arguments in FMI 2 and 3."""
+    """Store a message. Status, category and text are the last arguments in FMI 2 and 3."""
     status, _, message = arguments[-3:]
     text = (message or b"").decode(errors="replace")
     if status > _WARNING:
@@ -158,12 +158,12 @@ def _note(*arguments: Any) -> None:
 
 @cache
 def _callbacks() -> Any:
-    """FMI 2's functions of the environment. FMPy's C code keeps a pointer to the logger that it was given last."""
+    """FMI 2's callback functions. FMPy's C code keeps a pointer to the last logger."""
     module = fmpy("fmi2")
     callbacks = module.fmi2CallbackFunctions()
     callbacks.logger = module.fmi2CallbackLoggerTYPE(_note)
     callbacks.allocateMemory = module.fmi2CallbackAllocateMemoryTYPE(fmpy().calloc)
     callbacks.freeMemory = module.fmi2CallbackFreeMemoryTYPE(fmpy().free)
-    with suppress(OSError):  # FMPy has it for the usual computers; it fills values into messages
+    with suppress(OSError):  # FMPy supports the common platforms; its C code fills values into messages
         fmpy("logging").addLoggerProxy(ctypes.byref(callbacks))
     return callbacks

@@ -1,4 +1,4 @@
-"""Runs of an FMU, in a process of their own: from one communication point to the next, by FMPy's CVODE if need be."""
+"""Runs of an FMU in a separate process, from one communication point to the next, with FMPy's CVODE if needed."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -18,30 +18,30 @@ from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
 from symmb.connect.fmu_instance import DISCARD, ENDED, Instance, has_error, is_fatal, last_line, listen, logged
 
 _SAME = 1e-12
-"""Difference of times, over the largest one, up to which they are the same."""
+"""Relative difference up to which times are equal."""
 AGREE = 1e-6
-"""Difference of a number of steps from a whole one that is taken to be rounding."""
+"""Difference of a number of steps from an integer that counts as rounding."""
 _MOST_EVENTS = 1000
-"""Events at one time, above which they are taken to go on for ever."""
+"""Most events at one time. More events count as an endless sequence."""
 RTOL = 1e-9
-"""Relative tolerance: bounds subtract runs that differ little. An oscillator is then exact to 1e-7 after ten periods
+"""Relative tolerance. Bounds subtract runs that differ little: an oscillator is exact to 1e-7 after ten periods
 (tests/black_boxes/test_fmu.py)."""
 _MOST_STEPS = 1_000_000
-"""Steps between two communication points. FMPy's 500 are too few for this tolerance."""
+"""Most steps between two communication points. FMPy's default of 500 is too small for this tolerance."""
 
 
 @dataclass
 class FMURunner:
-    """Makes runs, and keeps the instance of the last one.
+    """Makes runs, and keeps the instance of the last run.
 
     Attributes
     ----------
     fmu : its file and interface
     parameters, outputs : its variables
     times : (n_t,) output times [s]
-    step : longest communication step [s]; all have this length if the FMU wants that
-    patience : a run that fails without a reason is made again if it took less [s]: many FMUs tell reasons only where
-        they are asked to log everything
+    step : longest communication step [s]; all steps have this length if the FMU needs it
+    patience : a run that failed without a reason is made again with full logging if it took less [s], because many FMUs
+        report reasons only then
     """
 
     fmu: FMU
@@ -57,7 +57,7 @@ class FMURunner:
     def __call__(self, values: Mapping[str, float], folder: Path, again: bool) -> Array:
         """Outputs (n_t, n_y) of a run with these parameters, of the FMU that was extracted to a folder.
 
-        Where `again` is True and the run before went well, its instance is reset; otherwise a new one is made. It
+        If `again` is True and the previous run succeeded, its instance is reset. Otherwise a new instance is made. It
         raises SimulationError if the run fails.
         """
         listen()
@@ -70,7 +70,7 @@ class FMURunner:
         if is_open and time.perf_counter() - begin < self.patience:
             with suppress(Exception):
                 self._run(values, folder, again=False, logs=True)
-        if isinstance(fault, SimulationError):  # it is a reason itself
+        if isinstance(fault, SimulationError):  # its text is the reason
             text, reason = str(fault).rstrip("."), logged()
         else:
             name = getattr(fault, "function", None)
@@ -117,7 +117,7 @@ class FMURunner:
         self._t = begin + length
 
     def _integration(self, instance: Instance) -> Callable[[Instance, float, float], None]:
-        """Communication steps by the solver, which outlives instances."""
+        """Communication steps by the solver, which is used for several instances."""
         events = _EventMode(instance)
         if self._solver is None:
             self._solver = _new_solver(self.fmu, instance, self.times[0], self.step)
@@ -127,7 +127,7 @@ class FMURunner:
         return lambda instance, begin, length: self._integrate(instance, solver, events, begin + length)
 
     def _integrate(self, instance: Instance, solver: "FMUSolver", events: "_EventMode", end: float) -> None:
-        """Take the solver and the FMU from the present time to another."""
+        """Take the solver and the FMU from the present time to another time."""
         near, count = _SAME * float(np.abs(self.times).max()), 0
         while end - self._t > near or events.next - self._t <= near:
             begin = self._t
@@ -147,10 +147,10 @@ class FMURunner:
                 solver.restart(instance, self._t)
             count = count + 1 if self._t - begin <= near else 0
             if count > _MOST_EVENTS:
-                raise SimulationError("there is one event after the other")
+                raise SimulationError("there are too many events at the same time")
 
     def _steps(self, k: int) -> Iterator[tuple[float, float]]:
-        """Begins and lengths of communication steps between the times k and k + 1."""
+        """Start times and lengths of communication steps between the times k and k + 1."""
         begin, end = self.times[k : k + 2].tolist()
         count = steps_between(begin, end, self.step)
         if self.fmu.is_uniform:
@@ -162,24 +162,24 @@ class FMURunner:
 
 
 def steps_between(begin: float, end: float, step: float) -> int:
-    """How many communication steps there are between two times."""
+    """Number of communication steps between two times."""
     return max(1, ceil((end - begin) / step - AGREE))
 
 
 class FMUSolver(Protocol):
-    """FMPy's solver, which outlives instances, for FMPy does not free all that it takes."""
+    """FMPy's solver. It is used for several instances, because FMPy does not free all its memory."""
 
     def restart(self, instance: Instance, t: float) -> None:
-        """Begin at the states of an instance."""
+        """Start at the states of an instance."""
         ...
 
     def advance(self, t: float, end: float) -> tuple[bool, float]:
-        """Go on to a time. Returns whether an event indicator changed its sign, and the time then."""
+        """Go to a time. Returns whether an event indicator changed its sign, and the time of the change."""
         ...
 
 
 class _EventMode:
-    """The discrete states of an FMU in event mode, and the time at which the FMU wants to be there again."""
+    """The discrete states of an FMU in event mode, and the time of its next time event."""
 
     def __init__(self, instance: Instance) -> None:
         self._update = (
@@ -190,7 +190,7 @@ class _EventMode:
         instance.model.enterContinuousTimeMode()
 
     def update(self) -> None:
-        """Update the discrete states until they stay."""
+        """Update the discrete states until they no longer change."""
         wanted = True
         while wanted:
             wanted, ends, _, _, is_planned, time = self._update()
@@ -200,10 +200,10 @@ class _EventMode:
 
 
 def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolver:
-    """A solver at the states of an instance, whose steps are not longer than `step` [s]."""
+    """A solver at the states of an instance, with steps up to `step` [s]."""
 
     class CVODE(fmpy("sundials").CVodeSolver):
-        """Python drops what callbacks of C raise: it is kept, and raised by `advance`."""
+        """Python ignores exceptions in callbacks of C. The exception is stored, and raised by `advance`."""
 
         fault: Exception | None = None
 
@@ -238,7 +238,7 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolve
         nx=fmu.n_states,
         nz=fmu.n_indicators,
         **_callbacks(instance),
-        input=SimpleNamespace(apply=lambda *_: None),  # inputs stay what they were set to
+        input=SimpleNamespace(apply=lambda *_: None),  # inputs keep their values
         startTime=t,
         maxStep=step,
         relativeTolerance=RTOL,

@@ -1,4 +1,4 @@
-"""An FMU as a simulator: a model that another program has exported."""
+"""An FMU as a simulator: a model exported by another program."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -30,56 +30,56 @@ from symmb.connect.identity import digest
 from symmb.connect.limited_calls import LimitedCalls
 
 _STEPS = 500
-"""Communication steps of a run, as FMPy has them, where neither the user nor the FMU tells the step."""
+"""Communication steps of a run, as in FMPy, if neither the user nor the FMU sets the step."""
 _LONG = 10.0
-"""Time of a run beside which that of making a process is small [s]. Runs of this length get a new one each."""
+"""Duration of a run compared with which a new process is cheap [s]. Such long runs each get a new process."""
 _SHIFT = 1e-6
-"""Change of parameters by which it is tried whether a reset forgets them."""
+"""Change of parameters for the test whether a reset restores the start."""
 _RESET, _NEW_INSTANCE, _NEW_PROCESS = "reset", "new instance", "new process"
 _KINDS: dict[tuple[str, str], str] = {}
-"""How a run is made after another so that it repeats, by the digest of the FMU's file and its interface."""
+"""The way to repeat runs exactly (reset, instance or process), by the digest of the FMU's file and its interface."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FMUSimulator(BlackBox):
     """Trajectories from a Functional Mock-up Unit of FMI 2 or 3, by FMPy, which `pip install 'symmb[fmu]'` installs.
 
-    Runs are made in processes of their own: an FMU that crashes costs one run, and threads run side by side. Each
-    process keeps an instance. It is reset between two runs, if a run after resets is the same to the last bit; this is
-    tried once. Otherwise, and after a failed run, a new instance is made. If a run is not the same in a new instance
-    either, a new process is made.
+    Runs are made in separate processes. If an FMU crashes, only one run fails. Runs of several threads are parallel.
+    Each process keeps an instance. The instance is reset between two runs, if a run after a reset is bitwise the same;
+    this is tested once. Otherwise, and after a failed run, a new instance is made. If a run in a new instance is not
+    the same either, a new process is started.
 
     Parameters
     ----------
     path : str or Path
-        the .fmu file. Processes on other computers must find it there too
+        the .fmu file. Processes on other computers need it at the same path
     parameters : mapping
-        nominal values by name of the variable, in its unit in the model description. They are set before the run starts
+        nominal values by name of the variable, in its unit in the model description. They are set before the start
     times : (n_t,)
-        increasing times of the rows [s]; the run starts at the first of them
+        increasing times of the rows [s]; the run starts at the first time
     outputs : list of str
         n_y names of variables
     fmi_type : str
         "CoSimulation" or "ModelExchange"; default: co-simulation, if the FMU has it
     step : float
-        longest communication step [s]; default: that of the FMU's default experiment, or 1/500 of the time. The FMU
-        stops at all times as well. For model exchange it is the longest step of the solver, FMPy's CVODE; default:
+        longest communication step [s]; default: the step of the FMU's default experiment, or 1/500 of the time. The FMU
+        also stops at all times. For model exchange, this is the longest step of the solver, FMPy's CVODE; default:
         1/500 of the time
     timeout : float
         longest time of a run [s]
     noise : mapping
-        how far values may be off, by name of the output
+        errors of the output values, by name of the output
 
     Attributes
     ----------
     units : tuple of str
-        of the outputs, from the model description; '' where it has none. Boxes know those of the parameters
+        of the outputs, from the model description; '' if not stated. Boxes use the parameters' units
 
     Raises
     ------
     DeclarationError
-        If the file is no FMU that runs on this computer, has no such variable, or the variable is no number or cannot
-        be set, or an option is out of its range
+        If the file is not an FMU that runs on this computer, has no such variable, or the variable is not a number or
+        cannot be set, or an option is out of its range
     ImportError
         If FMPy is not installed
 
@@ -154,7 +154,7 @@ class FMUSimulator(BlackBox):
         return result
 
     def _run(self, values: dict[str, float], kind: str) -> Any:
-        fmpy()  # and its solver, before a process is forked, so that each has them
+        fmpy()  # load FMPy and its solver before a fork, so that each process has both
         if self.fmi_type == MODEL_EXCHANGE:
             fmpy("sundials")
         if kind == _NEW_PROCESS:
@@ -163,7 +163,7 @@ class FMUSimulator(BlackBox):
         return self._calls({"values": values, "folder": folder, "again": kind == _RESET})
 
     def _repeats(self, values: dict[str, float], result: Array, kind: str) -> bool:
-        """Whether a run is the same after one of other parameters. Some FMUs keep what they have found, or crash."""
+        """Whether a run is the same after a run with other parameters. Some FMUs keep earlier values, or crash."""
         whole = {variable.name for variable in self._calls.f.parameters if variable.is_whole}
         others = {name: value if name in whole else value * (1 + _SHIFT) + _SHIFT for name, value in values.items()}
         try:
@@ -173,7 +173,7 @@ class FMUSimulator(BlackBox):
             return False
 
     def identity(self) -> str:
-        """A digest of the file and of how it is run, for `StoredSimulator`."""
+        """A digest of the file and of the way to run it, for `StoredSimulator`."""
         return digest("FMU", self._fmu.digest, self.fmi_type, self.step, RTOL)
 
     def __repr__(self) -> str:
@@ -187,7 +187,7 @@ def _step(fmu: FMU, times: Array, given: float | None) -> float:
     own = fmu.step if fmu.fmi_type == CO_SIMULATION else None
     spans = np.diff(times)
     if fmu.grid is not None and given is None:
-        step = float(spans.max())  # its solver does not depend on communication steps
+        step = float(spans.max())  # the steps of its solver do not depend on communication steps
     else:
         step = given or own or float(times[-1] - times[0]) / _STEPS
     if fmu.is_uniform:
@@ -195,7 +195,7 @@ def _step(fmu: FMU, times: Array, given: float | None) -> float:
     for length, reason in ((fmu.grid, "its solver has steps"), (step if fmu.is_uniform else None, "its steps are")):
         if length is not None and (np.abs(spans / length - np.round(spans / length)) > AGREE * spans / length).any():
             raise DeclarationError(
-                f"{OWNER}: {fmu.path.name} cannot stop at all of the times: {reason} of {length:g} s, and the times "
-                "must be multiples of that after the first."
+                f"{OWNER}: {fmu.path.name} cannot stop at all of the times: {reason} of {length:g} s. Times "
+                "must be multiples of this step, counted from the first time."
             )
     return step

@@ -14,25 +14,25 @@ from symmb.connect.limited_calls import LimitedCalls
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FunctionSimulator(BlackBox):
-    """Trajectories from a function of the parameters, taken as a black box.
+    """Trajectories from a function of the parameters. The function is a black box.
 
     Parameters
     ----------
-    f : called as ``f(**parameters)``, returns (n_t, n_y), or (n_t,) where there is one output. A sample
-        whose call raises, or returns something else, or a value that is masked or not finite, is a failed sample.
-        Picklable (a function of a module) if the executor runs in other processes.
+    f : called as ``f(**parameters)``, returns (n_t, n_y), or (n_t,) if there is one output. A sample fails
+        if its call raises, or returns something else, or a value that is masked or not finite.
+        f must be picklable (a function of a module) if the executor runs in other processes.
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
     outputs : n_y names of the columns
-    noise : how far values may be off by name of the output, as ``{"x": 1e-6}``; others have none. None: not known, it
-        is measured if it matters
-    timeout : longest time of a call [s]. Calls are then made in forked processes, which are ended when the time is over
+    noise : errors of the output values by name, as ``{"x": 1e-6}``; other outputs have none. None: not known,
+        and measured if needed
+    timeout : longest time of a call [s]. Calls are then made in forked processes, which are ended after this time
 
     Raises
     ------
     DeclarationError
-        If times do not increase, names repeat or are not allowed, there are no outputs, or a value is no number, or
-        noise is negative or of an output that there is not.
+        If times do not increase, names repeat or are not allowed, there are no outputs, a value is not a number, or
+        noise is negative or names an unknown output
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a simulator computes, as a digest: equal ones give equal runs, as far as symmb can see."""
+"""A digest of what a simulator computes: equal digests mean equal runs, as far as symmb can see."""
 
 import builtins
 import copyreg
@@ -23,7 +23,7 @@ _OURS = __name__.partition(".")[0]
 
 
 class UndigestedError(DeclarationError):
-    """Some of the things have no value that can be compared. `key` is the digest of the others."""
+    """Some objects have no value that can be compared. `key` is the digest of the other objects."""
 
     def __init__(self, text: str, key: str) -> None:
         super().__init__(text)
@@ -31,22 +31,22 @@ class UndigestedError(DeclarationError):
 
 
 def digest(*things: Any) -> str:
-    """A digest of numbers, texts, arrays, expressions, functions, and of what is made of them.
+    """A digest of numbers, texts, arrays, expressions, functions, and of objects made of these.
 
-    A Python function counts by its code, by its defaults, and by the values of all names that the code has from
-    outside. Functions and classes count in the same way, unless they are of Python or of an installed package: these
-    count by their name. Other objects count by what pickle would write of them. It raises UndigestedError if there is
-    something that pickle would not write either.
+    A Python function is identified by its code, its defaults, and the values of all outside names in the code.
+    Functions and classes in the code are identified in the same way. Functions and classes of Python or of an installed
+    package are identified by their name. Other objects are identified by their pickled form. UndigestedError is raised
+    if an object cannot be pickled.
     """
     values = _Digests()
     try:
         key = values.of(things).hex()
     except RecursionError:
-        raise DeclarationError("StoredSimulator: the function depends on objects that are nested too deep.") from None
+        raise DeclarationError("StoredSimulator: the function depends on too deeply nested objects.") from None
     if values.lacking:
         raise UndigestedError(
-            f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}, in which changes "
-            "cannot be seen. Give version=, and another one when what it computes changes.",
+            f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}. symmb cannot see "
+            "its changes. Give version=, and a new version when the function computes something else.",
             key,
         )
     return key
@@ -64,20 +64,20 @@ def file_digest(path: Path) -> str:
 
 
 class _Digests:
-    """Digests of things by their values."""
+    """Digests of objects by their values."""
 
     def __init__(self) -> None:
         self.lacking: list[str] = []
-        """Types of the things that have no digest."""
+        """Types of the objects that have no digest."""
         self._known: dict[int, tuple[Any, bytes]] = {}
-        """Things, which keep their ids so, and their digests."""
+        """Objects and their digests. The objects are kept, so that their ids stay valid."""
         self._depth = 0
 
     def of(self, thing: Any) -> bytes:
-        """The digest of a thing."""
+        """The digest of an object."""
         if id(thing) in self._known:
             return self._known[id(thing)][1]
-        self._known[id(thing)] = thing, f"the one at depth {self._depth}".encode()  # for those that hold themselves
+        self._known[id(thing)] = thing, f"the one at depth {self._depth}".encode()  # the object may contain itself
         self._depth += 1
         state = hashlib.sha256(f"<{type(thing).__qualname__}>".encode())
         for part in self._parts(thing):
@@ -88,7 +88,7 @@ class _Digests:
         return state.digest()
 
     def _parts(self, thing: Any) -> Iterator[bytes | tuple[Any]]:
-        """Parts of a thing: bytes, or things as tuples of one."""
+        """Parts of an object: bytes, or objects in tuples of length one."""
         kind = type(thing)
         if kind in _ATOMS or isinstance(thing, np.generic):
             yield repr(thing).encode(errors="surrogatepass")
@@ -107,7 +107,7 @@ class _Digests:
             yield from self._pickled_parts(thing)
 
     def _pickled_parts(self, thing: Any) -> Iterator[bytes | tuple[Any]]:
-        """What pickle would write of an object."""
+        """The parts of an object that pickle would write."""
         try:
             reduce = copyreg.dispatch_table.get(type(thing))
             reduced = thing.__reduce_ex__(4) if reduce is None else reduce(thing)
@@ -122,7 +122,7 @@ class _Digests:
             return
         items: list[Any]
         make, arguments, state, *items = (*reduced, None, None, None, None)[:5]
-        if isinstance(state, dict):  # without what is computed from the rest when it is asked for
+        if isinstance(state, dict):  # without cached values, which are computed from the others
             kind, computed = type(thing), functools.cached_property
             state = {name: x for name, x in state.items() if not isinstance(getattr(kind, name, None), computed)}
         yield ((make, arguments, state, *(None if some is None else [*some] for some in items)),)
@@ -132,7 +132,7 @@ _CODE = (
     *("co_name", "co_consts", "co_names", "co_varnames", "co_freevars", "co_cellvars", "co_flags"),
     *("co_argcount", "co_posonlyargcount", "co_kwonlyargcount", "co_exceptiontable"),
 )
-"""What counts of code, beside its instructions. Its lines and its file do not."""
+"""The parts of code that count besides its instructions. Line numbers and file names do not count."""
 
 
 def _pairs(mapping: Mapping[Any, Any]) -> Iterator[tuple[Any]]:
@@ -144,12 +144,12 @@ _PARTS: dict[type, Callable[[Any], Iterable[bytes | tuple[Any]]]] = {
     **dict.fromkeys((list, tuple), lambda things: ((part,) for part in things)),
     **dict.fromkeys((dict, types.MappingProxyType), _pairs),
     **dict.fromkeys((staticmethod, classmethod), lambda method: [(method.__func__,)]),
-    functools.cached_property: lambda member: [(member.func,)],  # that of Python 3.11 holds a lock
+    functools.cached_property: lambda member: [(member.func,)],  # in Python 3.11 it holds a lock
     property: lambda member: [((member.fget, member.fset, member.fdel),)],
     types.CodeType: lambda code: [code.co_code, (tuple(getattr(code, name) for name in _CODE),)],
     ca.Function: lambda function: [function.serialize().encode()],
 }
-"""Parts of things by their types."""
+"""Functions that give the parts of objects, by type."""
 
 
 def _code_parts(thing: types.ModuleType | types.FunctionType | type) -> Iterator[bytes | tuple[Any]]:
@@ -175,13 +175,13 @@ def _code_parts(thing: types.ModuleType | types.FunctionType | type) -> Iterator
 
 
 def _global_names(code: types.CodeType) -> set[str]:
-    """Names that the code takes from its module."""
+    """Names that the code reads from its module."""
     names = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
     return names.union(*(_global_names(part) for part in code.co_consts if isinstance(part, types.CodeType)))
 
 
 def _has_name(thing: Any) -> bool:
-    """Whether a function or a class is known by its name: a function that another one has made is not."""
+    """Whether a function or a class is identified by its name. Functions made inside functions are not."""
     if isinstance(thing, type):
         return _is_installed(thing.__module__)
     module = thing.__globals__.get("__name__")
@@ -189,7 +189,7 @@ def _has_name(thing: Any) -> bool:
 
 
 def _is_installed(module: str | None) -> bool:
-    """Whether a module is of Python, of symmb, or of an installed package."""
+    """Whether a module is part of Python, of symmb, or of an installed package."""
     top = (module or "").partition(".")[0]
     if top in sys.stdlib_module_names or top == _OURS:
         return True
@@ -198,18 +198,18 @@ def _is_installed(module: str | None) -> bool:
 
 
 def _is_member(name: str, member: Any) -> bool:
-    """Whether a member of a class was written there, and not by Python."""
+    """Whether a member of a class was written in its code, and not added by Python."""
     if isinstance(member, types.MemberDescriptorType | types.GetSetDescriptorType) or name == "_abc_impl":
         return False
     return not (name[:2] == name[-2:] == "__") or isinstance(member, types.FunctionType | staticmethod | classmethod)
 
 
 class ChangedFileError(SimulationError):
-    """A file has changed: the study ends, as its runs would not belong together."""
+    """A file has changed. The study ends, because its runs would not belong together."""
 
 
 class DeclaredFiles:
-    """Files and folders as they are now, by their contents."""
+    """Files and folders in their present state, by their contents."""
 
     def __init__(self, paths: Iterable[Path]) -> None:
         self._declared = {path: (_stamp(path), file_digest(path)) for path in paths}
@@ -219,18 +219,18 @@ class DeclaredFiles:
         return [(path.name, content) for path, (_, content) in self._declared.items()]
 
     def require_same(self) -> None:
-        """ChangedFileError if a file has other contents. Files of the same size and date are not read."""
+        """ChangedFileError if a file has other contents. Files with the same size and date are not read."""
         for path, (stamp, content) in self._declared.items():
             try:
                 is_same = _stamp(path) == stamp or file_digest(path) == content
             except OSError:
                 is_same = False
             if not is_same:
-                raise ChangedFileError(f"{path} has changed since the simulator was declared; declare it again.")
+                raise ChangedFileError(f"{path} has changed since the simulator was declared. Declare it again.")
 
 
 def _stamp(path: Path) -> tuple[tuple[str, int, int], ...]:
-    """Names, sizes and dates of a file, or of those in a folder."""
+    """Names, sizes and dates of a file, or of the files in a folder."""
     files = [path, *path.rglob("*")] if path.is_dir() else [path]
-    states = [(file, file.stat()) for file in files if file.is_file()]  # links may lead nowhere
+    states = [(file, file.stat()) for file in files if file.is_file()]  # links may be broken
     return tuple(sorted((str(file), state.st_size, state.st_mtime_ns) for file, state in states))

@@ -1,4 +1,4 @@
-"""Calls of a function in a forked process: it may end there, and is ended when a call takes too long."""
+"""Calls of a function in a forked process. The function may crash, and a call that takes too long is ended."""
 
 import atexit
 import os
@@ -21,11 +21,11 @@ from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._interrupts import deferred_interrupts
 
 _TICK = 0.2
-"""Time between looks whether a process has ended [s]. Processes that it has started may keep its pipe open."""
+"""Time between checks whether a process has ended [s]. Processes that it has started may keep its pipe open."""
 
 
 class _Worker:
-    """A forked process for calls of a thread, and this process' end of the pipe to it."""
+    """A forked process for the calls of a thread, and the parent's end of the pipe to this process."""
 
     def __init__(self, pid: int, pipe: Connection) -> None:
         self.pid, self.pipe, self.thread = pid, pipe, threading.current_thread()
@@ -34,12 +34,12 @@ class _Worker:
 
     @property
     def is_unused(self) -> bool:
-        """Whether nobody will call again: the thread has ended, or what this thread has called is gone."""
+        """Whether no more calls can follow: the thread has ended, or the called object no longer exists."""
         own = self.thread is threading.current_thread()
         return not self.thread.is_alive() or (own and self.caller() is None)
 
     def replies(self, seconds: float | None) -> bool:
-        """Whether a reply arrives in time. It raises EOFError if the process ends without one."""
+        """Whether a reply arrives in time. It raises EOFError if the process ends without a reply."""
         deadline = inf if seconds is None else time.monotonic() + seconds
         while not self.pipe.poll(max(min(_TICK, deadline - time.monotonic()), 0.0)):
             if self.has_ended(os.WNOHANG) and not self.pipe.poll():
@@ -49,7 +49,7 @@ class _Worker:
         return True
 
     def has_ended(self, options: int = 0) -> bool:
-        """Whether the process has ended. Without options it is waited for."""
+        """Whether the process has ended. By default this waits for the end."""
         if self.status is None:
             try:
                 pid, status = os.waitpid(self.pid, options)
@@ -62,14 +62,14 @@ class _Worker:
 
     @property
     def end_text(self) -> str:
-        """How the process ended, if that is known."""
+        """How the process ended, if known."""
         if self.status is None:
             return ""
         return f" by {signal_name(-self.status)}" if self.status < 0 else f" with exit status {self.status}"
 
     def end(self) -> None:
         with _LOCK:
-            if self not in _WORKERS:  # another thread ends it, and its pipe may have the number of another file
+            if self not in _WORKERS:  # another thread ends the process; its pipe may have the number of another file
                 return
             _WORKERS.remove(self)
             self.pipe.close()
@@ -79,23 +79,23 @@ class _Worker:
 
 _WORKERS: set[_Worker] = set()
 _LOCK = threading.Lock()
-"""Of pipes: a process that is forked while another thread opens or closes one would keep it open."""
+"""Lock of pipes: a process forked while another thread opens or closes a pipe would keep the pipe open."""
 _OWN = threading.local()
-"""Workers of this thread, by the keys of what they call, which outlive a copy that was sent to this process."""
+"""Workers of this thread by key. A copy of the called object that was sent to this process finds its worker here."""
 
 
 class LimitedCalls:
-    """A function whose calls do no harm here. Each thread has a process for them, which it keeps.
+    """A function whose calls run in a separate process. Each thread has its own process, and keeps it.
 
-    The process is a copy of this one at its first call: what the function changes elsewhere, this one does not see.
+    The process is a copy of this process at the first call. Later changes of variables there are not visible here.
 
     Parameters
     ----------
     f : function of named values
     seconds : longest time of a call; None: no limit
-    subject : what the function is called in messages
-    base : where the function makes folders, if not where temporary files are
-    key : that of the process, by default a new one
+    subject : name of the function in messages
+    base : folder for folders of the function; default: the folder for temporary files
+    key : key of the process; default: a new key
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class LimitedCalls:
         key: str | None = None,
     ) -> None:
         if not hasattr(os, "fork"):
-            raise DeclarationError(f"Calls of {subject} in their own process need a system that can fork processes.")
+            raise DeclarationError(f"Calls of {subject} in their own process need fork, which Windows does not have.")
         self.f, self.seconds, self.subject, self.base = f, seconds, subject, base
         self.key = key or uuid.uuid4().hex
 
@@ -115,7 +115,7 @@ class LimitedCalls:
         return LimitedCalls, (self.f, self.seconds, self.subject, self.base, self.key)
 
     def __call__(self, values: dict[str, Any]) -> Any:
-        """The result of f(**values). It raises SimulationError if it takes too long, raises, or ends its process."""
+        """The result of f(**values). It raises SimulationError if f takes too long, raises, or ends its process."""
         worker = self.begin()
         try:
             worker.pipe.send(values)
@@ -126,7 +126,7 @@ class LimitedCalls:
             worker.has_ended()
             worker.end()
             raise SimulationError(f"{self.subject} ended its process{worker.end_text}") from None
-        except BaseException:  # also an interrupt: the next call must not get this result
+        except BaseException:  # also an interrupt: the next call must not receive this result
             worker.end()
             raise
         if fault:
@@ -134,13 +134,13 @@ class LimitedCalls:
         return result
 
     def end_process(self) -> None:
-        """End the process of this thread. The next call gets a new one."""
+        """End the process of this thread. The next call starts a new process."""
         worker = vars(_OWN).get(self.key)
         if worker is not None:
             worker.end()
 
     def begin(self) -> _Worker:
-        """The process of this thread, which removes what this one leaves behind, whatever ends it."""
+        """The process of this thread. Its temporary folders are removed when it ends for any reason."""
         own: dict[str, _Worker] = vars(_OWN)
         worker = own.get(self.key)
         if worker is None or worker not in _WORKERS:
@@ -152,18 +152,18 @@ class LimitedCalls:
 
 
 def fault_text(error: BaseException) -> str:
-    """The fault of a run in one line: SimulationErrors are sentences, and of others the kind is told."""
+    """The error of a run in one line. For exceptions other than SimulationError the type is stated too."""
     text = text_of(error)
     return text.removeprefix(f"{type(error).__name__}: ") if isinstance(error, SimulationError) else text
 
 
 def end_calls_of(threads: Collection[threading.Thread]) -> None:
-    """End the processes of calls that some threads make."""
+    """End the processes for the calls of some threads."""
     end_groups(*(worker.pid for worker in list(_WORKERS) if worker.thread in threads))
 
 
 def signal_name(number: int) -> str:
-    """The name of a signal. Those of real time have none."""
+    """The name of a signal. Real-time signals have no name."""
     try:
         return signal.Signals(number).name
     except ValueError:
@@ -173,11 +173,11 @@ def signal_name(number: int) -> str:
 def _fork(f: Callable[..., Any], base: Path | None) -> _Worker:
     with deferred_interrupts(), _LOCK, warnings.catch_warnings():
         mine, theirs = Pipe()
-        warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads: the child calls f alone
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python warns of forks in threads: the child only calls f
         pid = os.fork()
         if pid == 0:
             try:
-                mine.close()  # or else its end would never show
+                mine.close()  # otherwise the end of the child could not be detected
                 _serve(f, theirs)
             finally:
                 os._exit(0)
@@ -189,7 +189,7 @@ def _fork(f: Callable[..., Any], base: Path | None) -> _Worker:
 
 
 def _serve(f: Callable[..., Any], pipe: Connection) -> None:
-    """Call f for what arrives, until the parent is gone."""
+    """Call f for each message, until the parent has ended."""
     lead_group()
     end = threading.Thread(target=_end_with_parent, args=(pipe, os.getppid()), daemon=True)
     end.start()
@@ -206,13 +206,13 @@ def _serve(f: Callable[..., Any], pipe: Connection) -> None:
         try:
             pipe.send(reply)
         except (TypeError, AttributeError, ValueError) as error:
-            pipe.send((f"what the function returned cannot be sent: {text_of(error)}", None))
+            pipe.send((f"the value that the function returned cannot be sent: {text_of(error)}", None))
 
 
 def _end_with_parent(pipe: Connection, parent: int) -> None:
-    """End this process and what it has started when the parent is gone, whatever f is doing."""
+    """End this process and the programs that it started when the parent has ended, even while f runs."""
     poll = select.poll()
-    poll.register(pipe, 0)  # of no events but the end of the connection
+    poll.register(pipe, 0)  # only the end of the connection is reported
     poll.poll()
     outlive(parent)
 
@@ -224,9 +224,9 @@ def _end_all() -> None:
 
 
 def _forget() -> None:
-    """Let go of the parent's workers, in a process that was forked."""
+    """Close the parent's workers in a forked process."""
     global _LOCK
-    _LOCK = threading.Lock()  # a thread of the parent may have had it
+    _LOCK = threading.Lock()  # a thread of the parent may have held the old lock
     for worker in _WORKERS:
         worker.pipe.close()
     _WORKERS.clear()

@@ -16,11 +16,11 @@ from symmb._types import Array
 from symmb.results.files import require_usual_size
 
 _LONGEST = 255
-"""Bytes of the name of a file."""
+"""Most bytes of a file name."""
 
 
 def filled(template: str, values: Mapping[str, float]) -> str:
-    """The text with `{name}` and `{name:format}` replaced for the names of values. Other braces stay.
+    """The text in which `{name}` and `{name:format}` are replaced by values. Other braces stay.
 
     Without a format all digits of a number are written.
 
@@ -43,18 +43,18 @@ def template_faults(template: str, values: Mapping[str, float]) -> Iterator[str]
         try:
             format(float(values[name]), form)
         except (ValueError, MemoryError) as error:
-            yield f"{{{name}:{form}}} is no format of a number ({error}). Use one such as {{{name}:.6e}}"
+            yield f"{{{name}:{form}}} is not a valid number format ({error}). Write, for example, {{{name}:.6e}}"
 
 
 def is_filled(template: str, name: str) -> bool:
-    """Whether a parameter stands in a template."""
+    """Whether a parameter occurs in a template."""
     return re.search(rf"\{{{re.escape(name)}(:[^{{}}]*)?\}}", template) is not None
 
 
 def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str, str]:
-    """Texts by the path of the file in the folder of a run. A Path is a file that is read now.
+    """Texts by the path of the file in the folder of a run. If a Path is given, its file is read now.
 
-    It raises DeclarationError if a path leaves the folder, or a file cannot be read.
+    It raises DeclarationError if a path leads out of the folder, or a file cannot be read.
     """
     if not isinstance(templates, Mapping):
         raise DeclarationError(
@@ -66,7 +66,7 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
             raise DeclarationError(f"{owner}: template {name!r}: the file must be inside the folder of the run.")
         if isinstance(template, Path):
             try:
-                template = template.read_bytes().decode()  # with its line ends
+                template = template.read_bytes().decode()  # keeps the line ends
             except (OSError, UnicodeDecodeError) as error:
                 raise DeclarationError(f"{owner}: template {name!r}: {template} cannot be read: {error}.") from None
         if not isinstance(template, str) or not is_text(template):
@@ -76,7 +76,7 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
 
 
 def is_inside(name: str) -> bool:
-    """Whether the path of a file lies inside the folder to which it is relative."""
+    """Whether the relative path of a file stays inside its folder."""
     place = PurePosixPath(name)
     parts = [part.encode(errors="replace") for part in place.parts]
     return (
@@ -88,7 +88,7 @@ def is_inside(name: str) -> bool:
 
 
 def is_text(text: str) -> bool:
-    """Whether a text can be written into a file and handed to the system."""
+    """Whether a text can be written into a file and passed to the system."""
     return "\0" not in text and text.encode(errors="ignore").decode() == text
 
 
@@ -98,14 +98,14 @@ def _names(values: Mapping[str, float]) -> str:
 
 _TIME = "time"
 _AGREE = 1e-6
-"""Difference of times, over the largest one, up to which they are the same: programs write about six digits."""
+"""Relative difference up to which times are equal: programs write about six digits."""
 
 
 def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: bool) -> Array:
     """Outputs (n_t, n_y) at times from a file with a column `time` and one for each output. Other columns are ignored.
 
-    With a single time the column `time` may be left out. It raises SimulationError if the file cannot be read, lacks a
-    column, or has other times.
+    If there is only one time, the column `time` may be left out. It raises SimulationError if the file cannot be read,
+    lacks a column, or has other times.
     """
     if not path.is_file():
         raise SimulationError(f"the program wrote no file {path.name!r}")
@@ -124,7 +124,7 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
         at = _numbers(columns, _TIME)
     except SimulationError as error:
         raise SimulationError(f"{path.name}: {error}") from None
-    except Exception as error:  # a file of another program: anything may be wrong with it
+    except Exception as error:  # a file of another program may have any error
         raise SimulationError(f"{path.name} cannot be read: {' '.join(str(error).split())[:200]}") from None
     if len(at) != len(values):
         raise SimulationError(f"{path.name}: {len(at)} times, but {len(values)} values of the outputs")
@@ -132,10 +132,10 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
 
 
 def _numbers(columns: Mapping[str, Any], name: str) -> Array:
-    """A column (n,) as numbers; a single one as a column."""
+    """A column (n,) as numbers; a single number as a column."""
     column = columns[name]
     if isinstance(column, list) and (odd := [x for x in column if isinstance(x, str) and "_" in x]):
-        raise SimulationError(f"{name!r}: {odd[0][:40]!r} is no number")  # Python would take it for one
+        raise SimulationError(f"{name!r}: {odd[0][:40]!r} is not a number")  # Python accepts these as numbers
     values = np.atleast_1d(column if isinstance(column, np.ndarray) else np.array(column, dtype=float))
     if values.ndim != 1 or np.iscomplexobj(values):
         raise SimulationError(
@@ -154,18 +154,18 @@ def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bo
     has = f"{name} has {len(at)} times from {at[0]:g} to {at[-1]:g} s"
     declared = f"{len(times)} times from {times[0]:g} to {times[-1]:g} s are declared"
     if not interpolate:
-        raise SimulationError(f"{has}, but {declared}; declare those of the file, or give interpolate=True")
+        raise SimulationError(f"{has}, but {declared}; declare the times of the file, or give interpolate=True")
     if not np.isfinite(at).all() or (np.diff(at) < 0).any():
-        raise SimulationError(f"{name}: its times do not increase, so that nothing can be interpolated")
+        raise SimulationError(f"{name}: its times do not increase, so that interpolation is not possible")
     if at[0] > times[0] + allowed or at[-1] < times[-1] - allowed:
-        raise SimulationError(f"{has}, but {declared}: nothing is known beyond those of the file")
+        raise SimulationError(f"{has}, but {declared}: the file has no values beyond its times")
     return _interpolated(name, at, values, times, allowed)
 
 
 def _interpolated(name: str, at: Array, values: Array, times: Array, allowed: float) -> Array:
-    """Values between those of a file. Of several rows at one time, as at an event, the last one counts from there."""
+    """Values interpolated between times of a file. If rows have the same time (an event), the last one counts after."""
     events = at[1:][np.diff(at) == 0]
-    if len(events):  # declared times at an event have as many digits as those of the file
+    if len(events):  # declared times at an event have as many digits as times of the file
         nearest = events[np.abs(events[:, None] - times).argmin(axis=0)]
         times = np.where(np.abs(nearest - times) <= allowed, nearest, times)
     times = np.clip(times, at[0], at[-1])
@@ -209,7 +209,7 @@ def _json(path: Path) -> Mapping[str, Any]:
 def _npz(path: Path) -> Mapping[str, Any]:
     arrays = np.load(path, allow_pickle=False)
     if not isinstance(arrays, np.lib.npyio.NpzFile):
-        raise SimulationError("it must hold arrays with names")
+        raise SimulationError("it must hold named arrays")
     with arrays:
         require_usual_size(arrays.zip)
         return dict(arrays)

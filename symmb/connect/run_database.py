@@ -20,21 +20,21 @@ from symmb.connect.simulator import Ensemble
 
 DONE, FAILED, TIMED_OUT, LOST = 0, 1, 2, 3
 STATES = "done", "failed", "timed out", "lost"
-"""Runs are lost if their workers died."""
+"""State of runs whose workers died."""
 _APPLICATION, _VERSION = 0x73796D62, 3
-"""What tells the file from those of other programs: "symb" in ASCII, and the version of its tables."""
+"""Marks of the file: "symb" in ASCII, and the version of its tables. Files of other programs differ."""
 _DAMAGE = sqlite3.Error, ValueError, TypeError, IndexError, OverflowError, RecursionError
-"""What damaged files raise."""
+"""Exceptions that damaged files cause."""
 _HEADER = b"SQLite format 3\0"
 _WAIT, _WAIT_AT_FIRST = 60.0, 10.0
-"""Times to wait for another study that writes into the file [s]: for the sake of runs that were made, and before."""
+"""Time to wait for another study that writes to the file [s]: after a run is made, and before."""
 _NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
-"""File systems on which several machines do not share the memory that a write-ahead log needs."""
+"""File systems whose machines do not share memory. A write-ahead log needs shared memory."""
 _AT_A_TIME = 500
-"""Samples that a query asks for: SQLite takes at least 999 variables."""
+"""Samples in one query: SQLite supports at least 999 variables."""
 _STUDY = "digest, simulator, parameters, outputs, times, begun"
 _RUN = "study, sample, state, t_failed, reason, response, events, seconds"
-"""Columns whose checksum is the last column."""
+"""Columns with a checksum, which is the last column."""
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS studies (
     id INTEGER PRIMARY KEY, digest TEXT UNIQUE NOT NULL, simulator TEXT NOT NULL, parameters TEXT NOT NULL,
@@ -55,12 +55,12 @@ INSERT INTO runs SELECT {_RUN}, checksum({_RUN}) FROM former_runs;
 DROP TABLE former_runs;
 DROP TABLE former_studies;
 """
-"""From files of version 2, which had no checksums."""
+"""Conversion of files of version 2, which had no checksums."""
 
 
 @dataclass(frozen=True)
 class StoredStudy:
-    """What the runs of a study have in common, by the digest of their simulator."""
+    """The data that all runs of a study share, by the digest of their simulator."""
 
     digest: str
     simulator: str
@@ -70,16 +70,16 @@ class StoredStudy:
 
 
 class RunDatabase:
-    """Runs of studies in a file. Each one is in the file for good when `add` returns."""
+    """Runs of studies in a file. A run is stored permanently when `add` returns."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection, self._path = connection, path
 
     def begin(self, study: StoredStudy) -> int:
-        """The number of a study, which is entered if it is new."""
+        """The number of a study. A new study is entered."""
         find = "SELECT id FROM studies WHERE digest = ?"
         with self._reading():
-            if found := self._connection.execute(find, (study.digest,)).fetchone():  # nothing need be written
+            if found := self._connection.execute(find, (study.digest,)).fetchone():  # no write is needed
                 return found[0]
         names = json.dumps(study.parameters), json.dumps(study.outputs)
         begun = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
@@ -93,7 +93,7 @@ class RunDatabase:
     def known(self, study: int, P: Array, timeout: float | None = None) -> set[bytes]:
         """Which of the samples P (N, d) have run and need not run again.
 
-        Those that were lost do, and those that timed out and took less than the timeout that there is now [s].
+        Lost runs are made again, and runs that timed out, if the timeout is now longer [s].
         """
         longest = np.inf if timeout is None else timeout
         keys = sample_keys(P)
@@ -110,12 +110,12 @@ class RunDatabase:
         return found
 
     def require_writable(self) -> None:
-        """SimulationError if nothing can be written now, so that no run is made in vain."""
+        """SimulationError if the file cannot be written now. This check prevents runs that would be lost."""
         with self._writing():
             self._connection.execute("BEGIN IMMEDIATE")
 
     def add(self, study: int, p: Array, run: Ensemble, seconds: float, is_lost: bool = False) -> None:
-        """Write the run of a sample p (d,) that took some seconds, unless another study has written it."""
+        """Write the run of a sample p (d,) with its duration [s], unless another study has written this run."""
         reason = "".join(run.messages)
         state = LOST if is_lost else DONE if run.ok[0] else TIMED_OUT if reason.startswith("timed out") else FAILED
         events = None if run.events is None else run.events[0].astype(np.int64).tobytes()
@@ -131,20 +131,20 @@ class RunDatabase:
             )
 
     def read(self, study: int, P: Array, shape: tuple[int, int]) -> Ensemble:
-        """The runs of samples P (N, d), all of which have run."""
+        """The stored runs of samples P (N, d)."""
         rows = []
         query = f"SELECT {_RUN}, checksum FROM runs WHERE study = ? AND sample = ?"
         with self._reading():
             for key in sample_keys(P):
                 own, sample, *row = _sound(self._connection.execute(query, (study, key)).fetchone())
                 if (own, sample) != (study, key):
-                    raise ValueError("it finds other runs than those asked for")
+                    raise ValueError("it returns other runs than requested")
                 state, t_failed, reason, response, of_events, _ = row
                 rows.append((t_failed, reason, response, of_events, state))
             Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)
             ok = np.array([STATES[row[4]] == STATES[DONE] for row in rows], dtype=bool)
             if not np.isfinite(Y[ok]).all():
-                raise ValueError("a run that has not failed is not finite")
+                raise ValueError("a run without failure is not finite")
             t_failed = np.array([np.nan if row[0] is None else row[0] for row in rows], dtype=float)
             events = None
             if rows and rows[0][3] is not None:
@@ -152,13 +152,13 @@ class RunDatabase:
         return Ensemble(Y, ok, t_failed, tuple(str(row[1]) for row in rows if row[4] != DONE), events)
 
     def seconds(self, study: int, p: Array) -> float:
-        """How long the run of a sample p (d,) took, which has run [s]."""
+        """Duration of the stored run of a sample p (d,) [s]."""
         query = "SELECT seconds FROM runs WHERE study = ? AND sample = ?"
         with self._reading():
             return self._connection.execute(query, (study, *sample_keys(p[None]))).fetchone()[0]
 
     def studies(self) -> list[tuple[int, StoredStudy, str, tuple[int, ...]]]:
-        """Number, study, time of its begin, and how many runs have each of the STATES."""
+        """Number, study, start time, and the number of runs in each of the STATES."""
         found = []
         query = f"SELECT id, {_STUDY}, checksum FROM studies ORDER BY id"
         by_state = "SELECT state, count(*) FROM runs WHERE study = ? GROUP BY state"
@@ -179,7 +179,7 @@ class RunDatabase:
             return np.array([np.frombuffer(row[0]) for row in rows]).reshape(-1, d)
 
     def prune(self, states: Sequence[int], study: int | None = None) -> int:
-        """Remove runs with some of the states, of one study or of all; returns how many."""
+        """Remove runs with some of the states, of one study or of all studies; return their number."""
         marks = ", ".join("?" * len(states))
         where, values = ("", ()) if study is None else (" AND study = ?", (study,))
         with self._writing():
@@ -212,7 +212,7 @@ class RunDatabase:
 
 @contextmanager
 def open_run_database(path: Path, create: bool = True) -> Iterator[RunDatabase]:
-    """The run database in a file, which is made if there is none.
+    """The run database in a file. The file is created if it does not exist.
 
     It raises DeclarationError if the file is not a run store, is damaged, or cannot be opened or written.
     """
@@ -233,21 +233,21 @@ def _connected(path: Path, create: bool) -> sqlite3.Connection:
     size = path.stat().st_size if path.exists() else 0
     if not size and not create:
         raise DeclarationError(f"{path} does not exist, or is empty.")
-    is_store = not path.exists() or path.is_file()  # another study may make it in between
+    is_store = not path.exists() or path.is_file()  # another study may create the file meanwhile
     if size and is_store:
         with path.open("rb") as file:
             is_store = file.read(len(_HEADER)) == _HEADER
     if not is_store:
-        raise DeclarationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
+        raise DeclarationError(f"{path} is not a run store. Give another name.")  # SQLite would overwrite short files
     if size and not _is_writable(path):
-        log = Path(f"{path}-wal")  # of a study that was killed
+        log = Path(f"{path}-wal")  # the log of a killed study
         options = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
         return sqlite3.connect(f"{path.resolve().as_uri()}?{options}", timeout=_WAIT_AT_FIRST, uri=True)
     return sqlite3.connect(path, timeout=_WAIT_AT_FIRST)
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
-    """Check that a database is a run store, or make it one if it is new."""
+    """Check that a database is a run store. A new database becomes a run store."""
     is_new = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
     mark = connection.execute("PRAGMA application_id").fetchone()[0]
     version = connection.execute("PRAGMA user_version").fetchone()[0]
@@ -263,17 +263,17 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
         connection.executescript(f"BEGIN IMMEDIATE; {_TABLES if is_new else _TABLES_OF_2} COMMIT;")
     with closing(sqlite3.connect(":memory:")) as plain:
         plain.executescript(_TABLES)
-        if _schema(connection) != _schema(plain):  # a view in the place of a table may have no end
-            raise DeclarationError(f"{path} is damaged (it has other tables than a run store). Give another name.")
+        if _schema(connection) != _schema(plain):  # a view instead of a table may never end
+            raise DeclarationError(f"{path} is damaged (its tables are not those of a run store). Give another name.")
 
 
 def _is_writable(path: Path) -> bool:
-    """Whether the medium of a file, its folder and itself can be written, as SQLite needs for its log."""
+    """Whether the disk, the folder and the file itself can be written. SQLite needs this for its log."""
     return os.access(path.parent, os.W_OK) and (os.access(path, os.W_OK) or not path.exists())
 
 
 def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
-    """Set the journal of a database. SQLite itself does not wait here for others that do the same."""
+    """Set the journal mode of a database. SQLite itself does not wait for other processes that set the mode."""
     deadline = time.monotonic() + _WAIT_AT_FIRST
     while True:
         try:
@@ -286,13 +286,13 @@ def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
 
 
 def _require_unlocked(path: Path, error: Exception) -> None:
-    """SimulationError if an error tells that another program has locked a database."""
+    """SimulationError if an error says that another program has locked a database."""
     if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_BUSY:
         raise SimulationError(f"{path} is locked by another program. Try again when it has ended.") from None
 
 
 def _schema(connection: sqlite3.Connection) -> list[Any]:
-    """What the tables are."""
+    """The definitions of the tables."""
     return connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master ORDER BY name").fetchall()
 
 
@@ -306,10 +306,10 @@ def _checksum(*values: Any) -> int:
 
 
 def _sound(row: Sequence[Any]) -> Sequence[Any]:
-    """A row without its checksum. It raises ValueError if the row has another one."""
+    """A row without its checksum. It raises ValueError if the checksum is wrong."""
     *values, checksum = row
     if checksum != _checksum(*values):
-        raise ValueError("a row has another checksum")
+        raise ValueError("a row has a wrong checksum")
     return values
 
 
@@ -319,7 +319,7 @@ def sample_keys(P: Array) -> list[bytes]:
 
 
 def _is_on_network(path: Path) -> bool:
-    """Whether a file is on a file system of other machines."""
+    """Whether a file is on a network file system."""
     try:
         mounts = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,8 +1,8 @@
-"""The interface between bounding methods and simulations: parameters in, trajectories out, block by block.
+"""The interface between bounding methods and simulations: parameters in, trajectories out, in blocks.
 
-A simulator runs samples in blocks whose limits depend on the sample index alone. A reduction turns each
+A simulator runs samples in blocks. The limits of the blocks depend on the sample index only. A reduction turns each
 block into a small state, and the states are merged in block order. So the result is the same to the last
-bit whether the blocks are run one after another, in threads, in processes or on other machines.
+bit, whether the blocks are run one after another, in threads, in processes or on other machines.
 """
 
 import operator
@@ -22,12 +22,12 @@ from symmb.connect.executors import LostTask, finished
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]
-"""Called with the number of finished samples and the number of all."""
+"""Called with the number of finished samples and the number of all samples."""
 
 BLOCK = 128
-"""Samples of a block: enough for vectorised loops, few enough that 12 outputs x 1001 times take 12 MB."""
+"""Samples of a block: enough for vectorised loops, but 12 outputs x 1001 times take only 12 MB."""
 _SAME = 1e-14
-"""Difference of parameters that is rounding, over their size."""
+"""Relative difference of parameters that counts as rounding."""
 
 
 class Samples(Protocol):
@@ -52,11 +52,11 @@ class Ensemble:
 
     Attributes
     ----------
-    Y : (N, n_t, n_y) outputs, nan from the first invalid time on where a sample failed
+    Y : (N, n_t, n_y) outputs; nan from the first invalid time on if a sample failed
     ok : (N,) bool
-    t_failed : (N,) time at which a sample failed [s], nan where ok
+    t_failed : (N,) time at which a sample failed [s], nan if ok
     messages : a message for each failed sample, in order
-    events : (N, n_t) numbers of events up to each time, between which responses are smooth; None where there are none
+    events : (N, n_t) numbers of events up to each time; responses are smooth between events. None without events
     """
 
     Y: Array
@@ -67,26 +67,26 @@ class Ensemble:
 
     @classmethod
     def of(cls, samples: Samples) -> "Ensemble":
-        """What samples compute at their first use, computed now and here."""
+        """Compute now the values that samples would compute at their first use."""
         return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
 
     def extremes(self) -> tuple[Array, Array]:
-        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
+        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf if all failed."""
         Y = self.Y if self.ok.all() else self.Y[self.ok]
         return Y.min(axis=0, initial=np.inf), Y.max(axis=0, initial=-np.inf)
 
 
 @dataclass(frozen=True)
 class Reduction(Generic[S]):
-    """A reduction of trajectories to a small state. It can be pickled if its functions can.
+    """A reduction of trajectories to a small state. It can be pickled if its functions can be pickled.
 
     Attributes
     ----------
-    init : () -> state of no samples
+    init : () -> state before the first sample
     update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
-    merge : (state, state) -> state of both, the first one with the lower sample numbers
-    trajectories : whether ``update`` uses ``block.Y``; without it, blocks may be larger
-    attained : state -> smallest and largest values (n_t, n_y), if it knows them
+    merge : (state, state) -> state of both; the first state has the lower sample numbers
+    trajectories : whether ``update`` uses ``block.Y``; if not, blocks may be larger
+    attained : state -> smallest and largest values (n_t, n_y), if the state contains them
     """
 
     init: Callable[[], S]
@@ -101,7 +101,7 @@ class Simulator(Protocol):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Nominal values by name; the order is that of the columns of P."""
+        """Nominal values by name, in the order of the columns of P."""
         ...
 
     @property
@@ -130,43 +130,43 @@ class Jets(Protocol):
     """Capability: derivatives of the trajectory with respect to parameters."""
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
-        """Taylor coefficients (order + 1, m, n_t, n_y) in eps of y(t; p0 + eps u), u each of m directions.
+        """Taylor coefficients (order + 1, m, n_t, n_y) in eps of y(t; p0 + eps u), for m directions u.
 
-        The point p0 is (d,), or (m, d) with one for each direction.
+        The point p0 is (d,), or (m, d) with one point for each direction.
         """
         ...
 
 
 @runtime_checkable
 class Kinked(Protocol):
-    """Capability: whether a run meets kinks or jumps of its equations, beyond which expansions do not hold."""
+    """Capability: whether a run meets kinks or jumps of its equations. Expansions do not hold beyond these."""
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
-        """Time at which the run at p0 (d,) first meets one [s], and their names."""
+        """Time at which the run at p0 (d,) first meets a kink or a jump [s], and their names."""
         ...
 
 
 @runtime_checkable
 class Noisy(Protocol):
-    """Capability: how far responses may be off."""
+    """Capability: the errors of the responses."""
 
     @property
     def noise(self) -> Array | None:
-        """(n_y,) errors of the runs in units of the outputs; None if they are not known."""
+        """(n_y,) errors of the runs in units of the outputs; None if not known."""
         ...
 
 
 @runtime_checkable
 class SecondLook(Protocol):
-    """Capability: runs at the nominal parameters, made in two ways, tell how far responses may be off, and doubts."""
+    """Capability: two different runs at the nominal parameters give the errors of the responses, and warnings."""
 
     def second_look(self) -> None:
-        """Make these runs, at the first time."""
+        """Make these runs at the first call."""
         ...
 
 
 def noise_from_runs(simulator: Simulator) -> Array | None:
-    """How far responses may be off (n_y,), after a second look where there is one; None if it is not known."""
+    """Errors of the responses (n_y,), after a second check if the simulator has one; None if not known."""
     if isinstance(simulator, SecondLook):
         simulator.second_look()
     return simulator.noise if isinstance(simulator, Noisy) else None
@@ -182,7 +182,7 @@ class March(Protocol):
 
 
 def blocks(n: int, size: int = BLOCK) -> list[Indices]:
-    """Sample numbers 0 ... n - 1 cut into runs of ``size``, the last one shorter."""
+    """Sample numbers 0 ... n - 1, divided into ranges of ``size``; the last range may be shorter."""
     return [np.arange(start, min(start + size, n)) for start in range(0, n, size)]
 
 
@@ -194,13 +194,13 @@ def stream(
     progress: Progress | None = None,
     block: int = BLOCK,
 ) -> S:
-    """The body of every ``Simulator.stream``: run blocks of samples P (N, d) and merge their states in block order.
+    """The common code of every ``Simulator.stream``: run samples P (N, d) in blocks, merge their states in block order.
 
     Parameters
     ----------
     simulator : picklable if the executor runs in other processes
     executor : as for `executors.finished`
-    progress : called after each block with the finished samples and all
+    progress : called after each block with the numbers of finished samples and of all samples
     block : samples of a block; must not depend on the executor
     """
     P = checked_samples(simulator, P, progress)
@@ -217,7 +217,7 @@ def stream(
 
 
 class Merging(Generic[S]):
-    """The state of the blocks so far, which are merged in their order, and how many they are."""
+    """The merged state of the blocks so far, and the number of these blocks."""
 
     def __init__(self, reduction: Reduction[S], progress: Progress | None, P: Array) -> None:
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
@@ -225,7 +225,7 @@ class Merging(Generic[S]):
         self.state, self.count, self._done = reduction.init(), 0, 0
 
     def reduce(self, block: Samples, indices: Indices) -> None:
-        """Reduce and merge the next block, whose samples do not depend on each other."""
+        """Reduce and merge the next block. Its samples do not depend on each other."""
         self.add(self.reduction.update(self.reduction.init(), block, indices), indices, block.Y)
 
     def add(self, part: S, indices: Indices, Y: Array | None = None) -> None:
@@ -242,10 +242,10 @@ class Merging(Generic[S]):
 def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -> Array:
     """Samples (N, d) of a simulator's parameters.
 
-    It raises DeclarationError if they have another shape or are no finite numbers, or progress is not a function.
+    It raises DeclarationError if their shape is wrong, they are not finite numbers, or progress is not a function.
     """
     if progress is not None and (isinstance(progress, type) or not callable(progress)):
-        raise DeclarationError(f"progress: expected a function of the finished runs and all, got {shown(progress)}.")
+        raise DeclarationError(f"progress: expected a function (finished runs, all runs), got {shown(progress)}.")
     numbers, width = numbers_of(P), len(simulator.parameters)
     if numbers is None:
         got = shown(P)[:100]
@@ -264,12 +264,12 @@ def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -
 def run_blocks(
     simulator: Simulator, P: Array, executor: Executor | None = None, progress: Progress | None = None
 ) -> Ensemble:
-    """All trajectories of samples P (N, d), run block by block."""
+    """All trajectories of samples P (N, d), run in blocks."""
     return joined(list(simulator.stream(P, _GATHER, executor, progress)), len(simulator.times), len(simulator.outputs))
 
 
 def joined(parts: list[Ensemble], n_t: int, n_y: int) -> Ensemble:
-    """Ensembles one after the other. The list is empty then."""
+    """Join ensembles in their order. The list is empty afterwards."""
     if len(parts) == 1:
         return parts.pop()
     ok = np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)])
@@ -297,15 +297,15 @@ _GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append,
 
 
 class Attained:
-    """What runs attain so far.
+    """The extreme values of the runs so far.
 
     Attributes
     ----------
     lower, upper : (n_t, n_y) smallest and largest values
     runs : number of runs
-    blocks : samples (n, d) that run together, some of which attain these values
+    blocks : samples (n, d) that run together; some of them attain the extreme values
     lower_at, upper_at : (n_t, n_y) numbers of these blocks
-    nominal : (n_t, n_y) outputs of a run at the nominal parameters, to rounding; None if there was none
+    nominal : (n_t, n_y) outputs of a run at the nominal parameters, up to rounding; None without such a run
     """
 
     def __init__(self, n_t: int, n_y: int, nominal_parameters: Array | None = None) -> None:
@@ -316,7 +316,7 @@ class Attained:
         self.lower_at, self.upper_at = np.zeros((2, n_t, n_y), dtype=np.intp)
 
     def add(self, lower: Array, upper: Array, P: Array, Y: Array | None) -> None:
-        """Add values (n_t, n_y) of samples P (n, d). With outputs Y (n, n_t, n_y) each sample is a block of its own."""
+        """Add values (n_t, n_y) of samples P (n, d). If outputs Y (n, n_t, n_y) are given, each sample is a block."""
         if self.nominal is None and self._nominal_parameters is not None and Y is not None:
             distance = np.abs(P - self._nominal_parameters)
             is_nominal = (distance <= _SAME * np.abs(self._nominal_parameters)).all(axis=1)
@@ -344,7 +344,7 @@ _STUDY: ContextVar[Attained | None] = ContextVar("study", default=None)
 
 @contextmanager
 def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None) -> Iterator[Attained]:
-    """What the runs of this block attain."""
+    """The extreme values of this block."""
     attained = Attained(n_t, n_y, nominal_parameters)
     token = _STUDY.set(attained)
     try:
@@ -354,7 +354,7 @@ def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None
 
 
 def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None) -> None:
-    """Add values of runs to those of the study, if there is one, see `Attained.add`."""
+    """Add values of runs to the values of the study, if a study is active; see `Attained.add`."""
     study = _STUDY.get()
     if study is not None:
         study.add(lower, upper, P, Y)

@@ -1,4 +1,4 @@
-"""A simulator that keeps every finished run in a file, and takes from there what it knows."""
+"""A simulator that stores every finished run in a file, and reads stored runs instead of making them again."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,31 +34,31 @@ S = TypeVar("S")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoredSimulator(WithWarnings):
-    """Runs of another simulator, each kept in a file as soon as it ends.
+    """Runs of another simulator. Each run is stored in a file as soon as it ends.
 
-    A study that is started again makes only the runs that the file lacks, and so do a finer study and another method.
-    Failed runs are kept with their reason, and are not made again until `symmb runs FILE --prune failed` removes them.
-    Two kinds of them are made again: those whose workers died, and those that timed out if the timeout is now longer.
-    Runs belong together by a digest of the simulator: its model, solver, templates or function, its times and its
-    outputs. For a Python function these are its code, and the values and functions that it takes from outside. Modules
-    of Python and installed packages count by their names: give another `version` if they change.
+    If a study is started again, only missing runs are made. A study with higher resolution, or another method, also
+    uses the stored runs. Failed runs are stored with their reason. `symmb runs FILE --prune failed` removes them.
+    Two kinds of failed runs are made again: if the worker died, and if the run timed out and the timeout is now longer.
+    A digest of the simulator identifies runs: its model, solver, templates or function, its times and its
+    outputs. A Python function is identified by its code, and by the values and functions that the code uses. Python's
+    modules and installed packages are identified by name: give another `version` if they change.
 
-    Every sample is run by itself, also those of a scene, which otherwise run eight side by side.
+    Every sample runs alone. Without a store, eight samples of a scene run in one vector.
 
     Parameters
     ----------
     simulator : DAESimulator, FunctionSimulator, CommandSimulator, FMUSimulator, ...
     path : str or Path
-        the file, an SQLite database; it is made if there is none
+        the file, an SQLite database; it is created if it does not exist
     version : str
-        any text that distinguishes what the digest does not see
+        any text that distinguishes simulators with the same digest
 
     Raises
     ------
     DeclarationError
-        If the simulator has no identity; from a run, if the file is not a run store
+        If the simulator has no identity; in a run, if the file is not a run store
     SimulationError
-        from a run, if the file cannot be written
+        In a run, if the file cannot be written
 
     Examples
     --------
@@ -89,18 +89,18 @@ class StoredSimulator(WithWarnings):
             raise DeclarationError(f"StoredSimulator: {', '.join(figures)} are scalar outputs, which it cannot store.")
         if isinstance(simulator, StoredSimulator):
             raise DeclarationError(
-                "StoredSimulator: the simulator is a StoredSimulator already. Give the simulator inside it."
+                "StoredSimulator: the simulator is already a StoredSimulator. Give the simulator inside it."
             )
         if (identity := getattr(simulator, "identity", None)) is None:
             raise DeclarationError(
-                f"StoredSimulator: {simulator!r} has no method identity(). Give one that returns a text with "
-                "everything that its runs depend on, except the parameters."
+                f"StoredSimulator: {simulator!r} has no method identity(). Add one that returns a text with all data "
+                "that affect its runs, except the parameters."
             )
         if not isinstance(path, str | Path) or not is_text(str(path)):
             raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {shown(path)}.")
         if not isinstance(version, str):
             raise DeclarationError(f"StoredSimulator: version must be a text, got {shown(version)}.")
-        # Told once: a function may change what it has caught, such as a list of its calls.
+        # Computed once: a function may change an outside object, such as a list of its calls.
         try:
             key = identity()
         except UndigestedError as error:
@@ -112,13 +112,13 @@ class StoredSimulator(WithWarnings):
         vars(self).update(units=getattr(simulator, "units", ()), box=getattr(simulator, "box", None))
 
     def second_look(self) -> None:
-        """The second look of the simulator, if it has one. Its runs are not stored."""
+        """The second check of the simulator, if it has one. The runs of the check are not stored."""
         if isinstance(self.simulator, SecondLook):
             self.simulator.second_look()
 
     @property
     def noise(self) -> Array | None:
-        """(n_y,) how far values may be off; None if it is not known."""
+        """(n_y,) errors of the output values; None if not known."""
         return getattr(self.simulator, "noise", None)
 
     @property
@@ -127,21 +127,21 @@ class StoredSimulator(WithWarnings):
         return getattr(self.simulator, "doubts", ())
 
     def run(self, P: Array) -> Ensemble:
-        """Run samples P (N, d) that the file lacks, and read all of them."""
+        """Make the runs of samples P (N, d) that are not in the file, and read all runs."""
         P = checked_samples(self, P, None)
         with open_run_database(self.path) as database:
             number = self._make(database, P, None, None)
             return database.read(number, P, (len(self.times), len(self.outputs)))
 
     def run_seconds(self, p: Array) -> float:
-        """Duration of the run of a sample p (d,) [s]. The run is made if the file lacks it."""
+        """Duration of the run of a sample p (d,) [s]. The run is made if it is not in the file."""
         with open_run_database(self.path) as database:
             return database.seconds(self._make(database, p[None], None, None), p)
 
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run samples P (N, d) that the file lacks, and reduce all of them block by block."""
+        """Make the runs of samples P (N, d) that are not in the file, and reduce all runs in blocks."""
         P = checked_samples(self, P, progress)
         merging = Merging(reduction, None, P)
         with open_run_database(self.path) as database:
@@ -151,7 +151,7 @@ class StoredSimulator(WithWarnings):
         return merging.state
 
     def _make(self, database: RunDatabase, P: Array, executor: Executor | None, progress: Progress | None) -> int:
-        """Make the runs of samples P (N, d) that the database lacks, and return the number of the study."""
+        """Make the runs of samples P (N, d) that are not in the database, and return the number of the study."""
         names, times = tuple(self.parameters), np.ascontiguousarray(self.times)
         key = digest(self.identity, self.version, names, self.outputs, times)
         number = database.begin(StoredStudy(key, repr(self.simulator), names, self.outputs, times))

@@ -1,7 +1,7 @@
-"""What every result can do: become a file, and become a picture.
+"""What every result can do: be saved as a file, and be drawn as a picture.
 
 In:   numbers with names, units and times, from every other wing.
-Out:  files that are written whole or not at all, and pictures.
+Out:  files that are written completely or not at all, and pictures.
 
 files   JSON, NPZ, CSV and tables; one checked reader for all results
 plot    pictures by Matplotlib

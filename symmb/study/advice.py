@@ -10,12 +10,12 @@ from symmb.study.standard import Standard
 from symmb.study.trials import LEFT_OUT, Trial, by_family, by_reason, named
 
 GOOD, STABLE = 1e-3, 0.1
-"""Relative errors below which a run is accurate enough for most purposes, and below which it is not useless."""
+"""Largest relative error of a run that is accurate for most purposes, and of a run that is usable."""
 _FAR = 1e-5
-"""Violation of position rows above which the report mentions it [m, -]."""
+"""Violation of position rows above which the report mentions the violation [m, -]."""
 
 Standards = Mapping[str, Standard]
-"""What the runs of each scene are measured with, by the name of the stress, "" for the scene itself."""
+"""The reference of each scene, by the name of the stress, "" for the scene itself."""
 
 
 def advice(
@@ -27,11 +27,11 @@ def advice(
     span: float,
     doubts: Sequence[str],
 ) -> str:
-    """The best solver, the largest steps of the others, the best solver under each stress, or why there is none.
+    """The best solver, the largest steps of the others, the best solver under each stress; or why none is known.
 
-    What was not tried, and what is doubtful about the model whatever the solver, stand at the end.
-    Only settings are named whose error, with the uncertainty of what it is measured with, and whose drift of energy are
-    small enough. Trials without time are left out.
+    At the end are the solvers that were not tried, and warnings about the model that do not depend on the solver.
+    Only settings with a small error, including the uncertainty of the reference, and a small drift of energy are
+    recommended. Trials that were left out for lack of time are ignored.
     """
     tried, standard = trials, standards[""]
     trials = [t for t in trials if t.reason != LEFT_OUT]
@@ -45,18 +45,18 @@ def advice(
     ]
     broken = [f"{failed} of {of} at {width:.0%}" for width, (failed, of) in corners.items() if failed]
     if broken:
-        lines.append(f"Corners of wider boxes fail: {', '.join(broken)}; bounds there rest on the other runs.")
+        lines.append(f"Corners of wider boxes fail: {', '.join(broken)}. Bounds there use only the other runs.")
     return "\n".join([*lines, *doubts])
 
 
 def is_within(trial: Trial, standard: Standard, limit: float) -> bool:
-    """Whether a run is known to err less than the limit, and keeps its energy."""
+    """Whether the error of a run is known to be below the limit, and energy is conserved."""
     error = standard.error(trial)
     return error is not None and error + standard.uncertainty <= limit and not trial.energy > GOOD
 
 
 def _good(trials: Sequence[Trial], standard: Standard) -> list[Trial]:
-    """The runs that are accurate enough, the fastest first."""
+    """The runs that are accurate enough, fastest first."""
     return sorted((t for t in trials if is_within(t, standard, GOOD)), key=lambda t: t.seconds)
 
 
@@ -64,7 +64,7 @@ def _choice(good: Sequence[Trial], standard: Standard) -> str:
     if standard.fault:
         return f"No setting is known to be good, because there is no reference: {standard.fault}."
     if not good:
-        return f"No setting reached an error of {GOOD:g}: take finer ones, or a shorter horizon."
+        return f"No setting reached an error of {GOOD:g}. Use smaller steps or tolerances, or a shorter horizon."
     first = good[0]
     other = next((t for t in good if t.family != first.family), None)
     also = f", then {_timed(other)}" if other else ""
@@ -80,24 +80,24 @@ def _stiffness(fastest: Stiffness, span: float) -> str:
     text = f"the fastest decay is {fastest.decay:.1e} 1/s, "
     text += f"the fastest oscillation {fastest.frequency:.1e} rad/s"
     if fastest.is_stiff(span):
-        return f"It is stiff: {text}.\nExplicit steps have to follow the decay, implicit ones need not."
+        return f"It is stiff: {text}.\nExplicit steps must resolve the decay, implicit steps need not."
     if fastest.rate * span > STIFF:
-        return f"It swings fast for long: {text}.\nOnly methods that damp this oscillation can take longer steps."
+        return f"It oscillates fast for long: {text}.\nOnly methods that damp this oscillation can take longer steps."
     return f"It is not stiff: {text}. Explicit steps are suitable."
 
 
 def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
-    """The largest step of each family of fixed steps that keeps to the motion, and the families without one."""
+    """The largest usable step of each family with fixed steps, and the families without a usable step."""
     fixed = [trial for trial in trials if trial.family in FIXED]
     stable = by_family([trial for trial in fixed if is_within(trial, standard, STABLE)])
     largest = {family: max(trial.setting for trial in some) for family, some in stable.items()}
     text = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
-    lines = [f"Largest steps tried that keep to the motion (error below {STABLE:g}): {text}."] if text else []
+    lines = [f"Largest steps tried that follow the motion (error below {STABLE:g}): {text}."] if text else []
     return lines + _too_long(by_family([trial for trial in fixed if trial.family not in largest]))
 
 
 def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
-    """Families none of whose steps was small enough, and those whose smaller steps had no time to end."""
+    """Families without a step that was small enough, and families whose smaller steps had no time to finish."""
     enough, cut = list[str](), list[str]()
     for family, trials in families.items():
         least = min((trial.setting for trial in trials if not trial.slow), default=np.inf)
@@ -108,8 +108,7 @@ def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
     lines = [f"No step of {', '.join(enough)} was small enough."] if enough else []
     if cut:
         lines.append(
-            f"Smaller steps of {', '.join(cut)} had no time to end, so that it is not known whether they are small "
-            "enough."
+            f"Smaller steps of {', '.join(cut)} had no time to finish. It is not known whether they are small enough."
         )
     return lines
 
@@ -118,10 +117,10 @@ def _drift(good: Sequence[Trial]) -> list[str]:
     worst = max(good, key=lambda t: t.position.max(initial=0.0), default=None)
     if worst is None or not worst.position.max(initial=0.0) > _FAR:
         return []
-    remedy = "stabilization=Projection(), or take one that keeps them, such as NSTIFFSI2 or StabilizedIndex2"
+    remedy = "stabilization=Projection(), or use a solver that keeps positions, such as NSTIFFSI2 or StabilizedIndex2"
     if worst.family in ("NSTIFFSI2", "StabilizedIndex2"):
         remedy = "a smaller tolerance"
-    return [f"{worst.solver} leaves its position constraints by {worst.position.max():.1g}: give it {remedy}."]
+    return [f"{worst.solver} violates its position constraints by {worst.position.max():.1g}: set {remedy}."]
 
 
 def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
@@ -132,14 +131,12 @@ def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
     width = max(map(len, names))
     lines = [f"  {name:{width}}  {_verdict([t for t in stress if t.scene == name], standards[name])}" for name in names]
     if not any(name.startswith("stiffness") for name in names):
-        lines.append(
-            "  Stiffer springs were not tried: no element has a stiffness, and laws of forces stay as they are."
-        )
+        lines.append("  Stiffer springs were not tried: no element has a stiffness, and force laws were not changed.")
     return [f"For errors up to {GOOD:g} of the motion, under stress:", *lines]
 
 
 def _verdict(trials: Sequence[Trial], standard: Standard) -> str:
-    """The fastest good setting, and the families without one; or why no setting is known to be good."""
+    """The fastest good setting, and the families without a good setting; or why no setting is known to be good."""
     if standard.fault:
         return f"none is known to be good: {standard.fault}"
     good = _good(trials, standard)

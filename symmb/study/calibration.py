@@ -32,14 +32,14 @@ from symmb.study.residuals import (
 
 OWNER = "calibrate"
 _PART = 0.05
-"""Part of a parameter in an undetermined combination from which on it is not determined either."""
+"""Component of a parameter in an undetermined combination from which the parameter itself is undetermined."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved):
-    """Estimates of parameters from data, and how far they can be trusted.
+    """Estimates of parameters from data, and their accuracy.
 
-    `print` shows them, `plot` draws the data and the fitted run, `save` and `load` keep them.
+    `print` shows the estimates, `plot` draws the data and the fitted run, `save` and `load` use a file.
 
     Attributes
     ----------
@@ -48,22 +48,22 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     parameters : dict
         n_p estimates by name
     covariance : (n_p, n_p)
-        of the estimates, for errors of the data that are independent and normal; of parameters that the data do not
-        determine inf, and nan with the others
+        of the estimates, for independent, normal errors of the data; inf for a parameter that the data do not
+        determine, nan for its pairs with the other parameters
     noise : dict
-        output -> standard deviation of its data, as given or as estimated
+        output -> standard deviation of its data, given or estimated
     times, data, residuals : dict
-        output -> (n,) times [s], values, and values less those of the fitted run
+        output -> (n,) times [s], values, and values minus those of the fitted run
     degrees : int
-        number of values less that of what they determine; 0 if the noise was given
+        number of values minus the number of determined quantities; 0 if the noise was given
     undetermined : tuple of str
-        what the data do not determine, in sentences
+        sentences that name what the data do not determine
     doubts : tuple of str
-        what the data do not determine, and why the residuals are not noise: then the estimates may be wrong
+        what the data do not determine, and why the residuals are not noise; the estimates may then be wrong
     evaluations, runs : int
         runs with derivatives
     units : tuple of str
-        of the outputs, '' where they are not known
+        of the outputs, '' if not known
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
 
     @property
     def laws(self) -> dict[str, Any]:
-        """A normal distribution of SciPy for each parameter; `correlation` joins them.
+        """A normal distribution of SciPy for each parameter. `correlation` has their correlations.
 
         Raises
         ------
@@ -131,10 +131,10 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         return self.laws
 
     def box(self, level: float = 0.95) -> Box:
-        """Intervals that hold all true values with at least this probability.
+        """Intervals that contain all true values with at least this probability.
 
-        Each has the level to the power of 1 / n_p, by Šidák's inequality, and Student's quantiles where the noise is
-        estimated.
+        Each interval has the probability level ** (1 / n_p), by Šidák's inequality. The quantiles are Student's if the
+        noise is estimated.
 
         Raises
         ------
@@ -230,20 +230,20 @@ def calibrate(
     *,
     noise: Mapping[str, float] | None = None,
 ) -> Calibration:
-    """Find the parameters whose run comes closest to measured outputs. The search begins at the nominal parameters.
+    """Find the parameters whose run fits measured outputs best. The search starts at the nominal parameters.
 
-    Squares of the residuals over the noise of each output are summed. If the noise is not known, it is estimated from
-    the residuals of each output. The outputs are weighted by it. If the residuals are not noise, further fits begin
-    elsewhere, and the best one counts.
+    The sum of squares of the residuals, divided by the noise of their outputs, is minimised. If the noise is not given,
+    it is estimated from the residuals of each output, and the outputs are weighted by it. If the residuals are not
+    noise, further fits start at other parameters, and the best fit is returned.
 
     Parameters
     ----------
     scene : Scene
     data : mapping
-        output -> values (n_t,) at the times of the scene, or a pair (times, values) of its own; values that are nan are
+        output -> values (n_t,) at the times of the scene, or a pair (times, values) with its own times; nan values are
         left out
     parameters : list of str
-        those to estimate; default: all
+        parameters to estimate; default: all
     solver : Solver
         default: chosen by pilot runs
     noise : mapping
@@ -252,13 +252,13 @@ def calibrate(
     Returns
     -------
     Calibration
-        it has warnings about combinations that the data do not determine, and about residuals that are not noise. Such
-        combinations stay as close to the nominal values as the data allow, in shares of these
+        with warnings about combinations that the data do not determine, and about residuals that are not noise. Such
+        combinations stay as close to the nominal values as the data allow, in relative terms
 
     Raises
     ------
     DeclarationError
-        If an output or a parameter is unknown or named twice, or there are fewer values than parameters
+        If an output or a parameter is unknown or repeated, or there are fewer values than parameters
     SimulationError
         If no run near the nominal parameters succeeds, or the fit does not end
 
@@ -315,20 +315,20 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
 
 
 def _fault(t: Array, y: Array, begin: float) -> str:
-    """What is wrong with data (n,) at times (n,) [s], in a sentence that names {name}; empty if nothing is."""
+    """What is wrong with data (n,) at times (n,) [s]: a sentence that names {name}; empty if the data are valid."""
     if np.isnan(y).all():
-        return "data of {name} are nothing but gaps (nan)."
+        return "all data of {name} are gaps (nan). Give at least one number."
     if np.isinf(y).any():
-        return f"data of {{name}} are infinite at {t[np.isinf(y)][0]:g} s. A gap is nan."
+        return f"data of {{name}} are infinite at {t[np.isinf(y)][0]:g} s. Write a gap as nan."
     if not np.isfinite(t).all():
         return "the times of {name} must be finite."
     if t.min() < begin:
-        return f"the times of {{name}} begin at {t.min():g} s, before the scene does at {begin:g} s."
+        return f"the times of {{name}} start at {t.min():g} s, before the scene starts at {begin:g} s."
     return ""
 
 
 def _noise(noise: Mapping[str, float] | None, measured: Mapping[str, Any]) -> dict[str, float]:
-    """The given noise of each output; empty without any."""
+    """The given noise of each output; empty if not given."""
     if noise is None:
         return {}
     noise = normal_keys(OWNER, noise)
@@ -369,8 +369,8 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
 
 
 class _Minimum(NamedTuple):
-    """Shares of the parameters (n_p,), the noise of the outputs (n_y,), how strongly the data determine combinations
-    of the shares (n_p,), 0 if not at all, and these, in rows."""
+    """Relative parameters (n_p,), the noise of the outputs (n_y,), the sensitivities of combinations of relative
+    parameters (n_p,), 0 if the data do not determine one, and these combinations as rows."""
 
     u: Array
     noise: Array
@@ -379,7 +379,7 @@ class _Minimum(NamedTuple):
 
 
 def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, tuple[str, ...]]:
-    """The fit from the nominal parameters, and its doubts; where there are any, the best one of many fits."""
+    """The fit from the nominal parameters, and its warnings. If there are warnings, the best of many fits."""
     nominal = fit.p[fit.columns] / fit.sizes
     if not np.isfinite(fit(nominal)[0]).all():
         raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) says why.")
@@ -392,12 +392,12 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
         if k == 0 and best is not None and not doubts:
             break
     if best is None:
-        raise SimulationError(f"{OWNER}: the fit has not ended after {STEPS} runs. Give nominal values closer by.")
+        raise SimulationError(f"{OWNER}: the fit has not ended after {STEPS} runs. Give better nominal values.")
     return best, doubts
 
 
 def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[str, float]) -> _Minimum | None:
-    """The fit that begins at some shares; None if it does not end. What data do not determine stays nominal."""
+    """The fit from given relative parameters; None if it does not end. Undetermined combinations stay nominal."""
     basis = np.eye(len(begin))
     for _ in range(2):
         solution = least_squares(fit, begin, basis, known_noise)
@@ -410,13 +410,13 @@ def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[
         sizes = np.where(sizes > least * sizes.max(initial=0.0), sizes, 0.0)
         if (sizes > 0).all():
             break
-        basis = directions[sizes > 0]  # along the others the fit went anywhere
+        basis = directions[sizes > 0]  # changes of the fit in the other directions are arbitrary
         begin = nominal + (begin - nominal) @ basis.T @ basis
     return _Minimum(u, noise, sizes, directions)
 
 
 def _undetermined(names: Sequence[str], direction: Array) -> str:
-    """A combination of parameters that leaves the outputs as they are."""
+    """A sentence about a combination of parameters that does not change the outputs."""
     some = [name for name, part in zip(names, np.abs(direction), strict=True) if part > _PART]
     if len(some) == 1:
         return (

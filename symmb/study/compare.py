@@ -26,18 +26,18 @@ from symmb.study.reference import RUNS, Reference, affordable_runs, find_referen
 from symmb.study.row import LONG, NotRun, Row
 
 _REPEATS, _ENOUGH = 3, 0.1
-"""Least number of runs whose median is the run time. Short runs are repeated until they take this long together [s]."""
+"""Fewest runs for a median run time, and the total time up to which short runs are repeated [s]."""
 _LANES = 8
-"""Runs in a vector of the engine."""
+"""Samples in a vector of the engine."""
 _UNCERTAIN = 0.05
-"""Uncertainty of the reference, over the width, above which errors are doubtful."""
+"""Uncertainty of the reference, relative to the width, above which there is a warning."""
 _WARM_UP = 0.5
-"""Time below which the first run does not count [s]. A longer one counts: the median leaves it out."""
+"""Duration below which the first run does not count [s]. A longer first run counts: the median excludes it."""
 
 _LOG = logging.getLogger("symmb")
 
 Progress = Callable[[str, int, int], None]
-"""Called with the label of the work, the runs that are done and all its runs."""
+"""Called with the label of the work, the number of finished runs and the number of all runs."""
 
 
 def compare(
@@ -52,31 +52,31 @@ def compare(
     executor: Executor | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Comparison:
-    """Bound a scene's outputs by several methods, and measure each: error against run time.
+    """Bound a scene's outputs by several methods, and measure error and run time of each method.
 
     Parameters
     ----------
     scene_or_simulator : Scene, FunctionSimulator, ...
     methods : Method or several
-        or their texts on the command line, such as "pce:4"; default: several settings of each suitable method
+        or texts as on the command line, such as "pce:4"; default: several settings of each suitable method
     box : Box
-        default: the scene's
+        default: the box of the scene
     reference : Method or Bounds
         for errors; default: scanning at two resolutions, with a ten times more accurate solver
     solver : Solver
         of all methods, for a Scene; default: chosen by pilot runs
     times, outputs
-        instead of those of the scene
+        instead of the times and outputs of the scene
     executor : anything with `map`
         runs blocks of samples
     progress : callable
-        called with the label of the work, the finished runs and all its runs; default: a bar, in notebooks and
+        called with the label of the work, the finished runs and all runs; default: a bar, in notebooks and
         terminals
 
     Returns
     -------
     Comparison
-        print it, plot it, save it
+        can be printed, plotted and saved
 
     Raises
     ------
@@ -119,10 +119,10 @@ def compare(
 
 
 def _doubted(comparison: Comparison) -> Comparison:
-    """The comparison with a doubt about runs that failed, and a warning of all its doubts."""
+    """The comparison with a warning about failed runs. All its warnings are issued."""
     counts = {"the reference": comparison.reference.failed or 0} | {row.name: row.failed for row in comparison.rows}
     if failed := ", ".join(f"{count} of {name}" for name, count in counts.items() if count):
-        doubt = f"Runs failed: {failed}. The bounds are those of the others, and what happens near these is not known."
+        doubt = f"Runs failed: {failed}. The bounds are those of the other runs. The failed cases are not known."
         comparison = replace(comparison, doubts=(*comparison.doubts, doubt))
     warn_of(comparison.doubts, f"Comparison of {comparison.scene}")
     return comparison
@@ -144,7 +144,7 @@ def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
 
 @dataclass(frozen=True)
 class _Measured:
-    """A method that ran: its bounds without polynomials, its run time [s], and what check runs say against them."""
+    """A method that ran: its bounds without polynomials, its run time [s], and warnings from check runs."""
 
     bounds: Bounds
     seconds: float
@@ -162,12 +162,12 @@ def compare_simulator(
     progress: Progress | None = None,
     **about: Any,
 ) -> Comparison:
-    """Run each method over the box, and score its bounds with the reference's; see `compare`.
+    """Run each method over the box, and compare its bounds with the reference; see `compare`.
 
-    Without `tighter`, the same simulator with a ten times tighter tolerance, the reference has the error of the solver.
+    `tighter` is the same simulator with a ten times smaller tolerance. Without it the reference has the solver's error.
     `about` are attributes of the Comparison that the caller knows.
     """
-    repeats = 1 if isinstance(simulator, StoredSimulator) else _REPEATS  # a second time runs would be read, not made
+    repeats = 1 if isinstance(simulator, StoredSimulator) else _REPEATS  # repeated runs would be read from the store
     about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": repeats, **about}
     if methods is None:
         methods = default_methods(simulator, box)
@@ -223,7 +223,7 @@ def _measured(
 def _confronted(
     found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
 ) -> tuple[Reference, Array | None, list[str]]:
-    """The reference with what runs attained, within proved bounds; the solver's error; contradictions of the proofs."""
+    """The reference with all attained values, limited by proved bounds; the solver's error; contradicted proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     limits = Limits.of(bounds)
@@ -242,7 +242,7 @@ def _comparison(
     not_run: Sequence[NotRun],
     about: Mapping[str, Any],
 ) -> Comparison:
-    """The rows, whose doubts contain what check runs say, and doubts about the rest: it measures errors."""
+    """The rows, with warnings from check runs, and warnings about the reference, the solver and the proofs."""
     known = tuple(getattr(simulator, "doubts", ()))
     doubts = *known, *_doubts_of([each.bounds for each in ran], known), *_doubt_of_reference(simulator, reference)
     about = {**about, "doubts": (*doubts, *about.get("doubts", ()))}
@@ -258,10 +258,10 @@ def _comparison(
 
 
 def _doubts_of(scored: Sequence[Bounds], known: Sequence[str]) -> list[str]:
-    """The doubts about the bounds, beyond those known, with the methods that they are about."""
+    """The new warnings about the bounds, with the methods that they concern."""
     about = dict[str, list[str]]()
     for bounds in scored:
-        for doubt in replace(bounds, failed=()).doubts:  # a comparison tells failed runs together
+        for doubt in replace(bounds, failed=()).doubts:  # a comparison reports failed runs in one sentence
             about.setdefault(doubt, []).append(bounds.method)
     return [
         doubt if len(methods) == len(scored) > 1 else f"{' and '.join(methods)}: {doubt}"
@@ -271,14 +271,14 @@ def _doubts_of(scored: Sequence[Bounds], known: Sequence[str]) -> list[str]:
 
 
 def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]:
-    """The outputs whose reference is so uncertain that errors of methods cannot be told."""
+    """A warning that lists the outputs with an uncertain reference."""
     uncertain = np.flatnonzero((reference.uncertainty > _UNCERTAIN) & ~reference.yardstick.zero_width)
     if not uncertain.size:
         return []
     names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
     return [
         f"The reference {reference.method} is uncertain: {names} of the width. Smaller errors are not known, and "
-        "bounds that miss it by less count as covering it. Give another, such as PolynomialChaos(tolerance=1e-3)."
+        "bounds that miss it by less count as covering it. Pass another, such as PolynomialChaos(tolerance=1e-3)."
     ]
 
 
@@ -304,7 +304,7 @@ def _row(measured: _Measured, yardstick: Yardstick, setup_seconds: float | None)
 
 
 def _seconds_a_run(simulator: Simulator) -> float:
-    """Time of a run at the nominal parameters, as one of many in lanes and on threads [s]."""
+    """Duration of a run at the nominal parameters, when many runs use vectors and threads [s]."""
     P = np.array([[*simulator.parameters.values()]])
     if isinstance(simulator, StoredSimulator):
         return simulator.run_seconds(P[0])
@@ -319,7 +319,7 @@ def _seconds_a_run(simulator: Simulator) -> float:
 def _announcement(
     methods: Sequence[Method], box: Box, reference: Method | Bounds | None, runs: int, repeats: int
 ) -> str:
-    """How many runs a comparison makes, and whether there are fewer because they are slow."""
+    """How many runs a comparison makes, and whether the number is reduced because runs are slow."""
     d = len(box)
     known = [method.planned_runs(d) for method in methods]
     open_ended = [repr(method) for method, number in zip(methods, known, strict=True) if number is None]
@@ -337,7 +337,7 @@ def _announcement(
 
 
 def _timed(run: Callable[[], Bounds], repeats: int = _REPEATS) -> tuple[Bounds, float]:
-    """The bounds, and the median duration of warm runs [s]; of the only run if it takes long."""
+    """The bounds, and the median duration of warm runs [s], or the only duration if it is long."""
     bounds, seconds = _once(run)
     if seconds > LONG or repeats == 1:
         return bounds, seconds

@@ -14,7 +14,7 @@ from symmb.study.row import Row
 
 
 def labelled(record: Mapping[str, Any], rows: Sequence[Row], reference: Reference, box: Box) -> Labelled:
-    """Bounds of all methods, their cost and their scores. Estimates of methods that have none are nan.
+    """Bounds of all methods, their cost and their scores. If a method estimates no error, the values are nan.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def labelled(record: Mapping[str, Any], rows: Sequence[Row], reference: Referenc
 
 
 def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array | None:
-    """Arrays in one, in which those that are missing are nan; None if all are."""
+    """Arrays stacked in one array. Missing arrays are nan; None if all are missing."""
     if all(array is None for array in arrays):
         return None
     return np.stack([np.full(shape, np.nan) if array is None else array for array in arrays])

@@ -1,4 +1,4 @@
-"""The result of a comparison: print it, plot it, save it."""
+"""The result of a comparison. It can be printed, plotted and saved."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Comparison(plot.OverTime, Result, WithWarnings, Saved):
-    """Bounds of one scene by several methods, measured against one reference.
+    """Bounds of one scene by several methods, compared with one reference.
 
-    `print` gives a table, `save` the file that `load` reads. `plot` draws bounds over time, for the named outputs or
-    the six with the largest errors, by the most accurate setting of each family of methods, over the reference as a
-    filled band; and error against run time, which a single one of the caller's axes takes if no outputs are named.
+    `print` shows a table. `save` writes a file, and `load` reads it. `plot` draws bounds over time, and error against
+    run time. The bounds are of the named outputs, or of the six with the largest errors, by the most accurate setting
+    of each family of methods, over the reference as a filled band. A single axes of the caller shows the errors.
 
     Attributes
     ----------
@@ -46,16 +46,16 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     setup_seconds : float or None
         deriving and compiling [s]
     solver_error : (n_y,) or None
-        rms difference to a ten times tighter solver at the centre and at two opposite corners of the box, in the norm
-        of `Score.error`
+        rms difference to a solver with ten times smaller tolerances, at the centre and two opposite corners of the box,
+        in the norm of `Score.error`
     threads, repeats : int or None
         for run_seconds
     units : tuple of n_y str
-        units of the outputs, '' where they are not known
+        units of the outputs, '' if not known
     reason : str
-        why symmb chose this solver, if it did
+        why symmb chose this solver, if symmb chose it
     doubts : tuple of str
-        what cannot be trusted about the runs, in sentences
+        what is uncertain about the runs, in sentences
 
     Examples
     --------
@@ -88,7 +88,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The outputs, as of other results."""
+        """The outputs, under the name that other results use."""
         return self.outputs
 
     def __str__(self) -> str:
@@ -109,9 +109,9 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             *(report.wrapped(f"warning: {doubt}") for doubt in self.doubts),
             *report.cautions(self.rows),
             *report.zero_width(self.rows, yardstick, self.outputs),
-            "error, outer (error of the bounds widened by the method's estimate), over, under: shares",
-            "of the reference's width, means over outputs. covered: share of times at which outer holds",
-            f"the reference. run [s]: {self._timing()}.",
+            "error: rms over time / rms width. outer: error of the bounds widened by the method's estimate.",
+            "over, under: mean excess and shortfall / mean width. All are means over outputs.",
+            f"covered: fraction of times at which outer contains the reference. run [s]: {self._timing()}.",
             "Sampled bounds are attained, not proved.",
         ]
 
@@ -131,7 +131,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         own = attributes(cls, record)
         reference = Reference(**attributes(Reference, record.record("reference")))
         rows = tuple(Row.of_record(row, reference.yardstick) for row in record.records("methods"))
-        if own["setup_seconds"] is None and rows:  # as in files of earlier versions
+        if own["setup_seconds"] is None and rows:  # in files of earlier versions
             own["setup_seconds"] = rows[0].setup_seconds
         not_run = tuple(NotRun(**attributes(NotRun, method)) for method in record.records("not_run"))
         return cls(**own, reference=reference, rows=rows, not_run=not_run)
@@ -165,14 +165,14 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         )
 
     def report(self, path: str | Path) -> None:
-        """Write a report: one .html file that opens offline, and prints.
+        """Write a report: one .html file that opens offline, and can be printed.
 
-        It has the warnings, the table and the picture, what the comparison assumes and costs, and how to repeat it.
+        It contains the warnings, the table, the picture, the assumptions, the cost, and how to repeat the comparison.
 
         Raises
         ------
         DeclarationError       if the name has another suffix
-        FileError              if the file cannot be written; the previous one is kept
+        FileError              if the file cannot be written; the previous file stays
         """
         presentation("write_comparison")(self, path)
 

@@ -1,4 +1,4 @@
-"""Proved bounds in a comparison: the outer limit of its reference, and a check of the other methods."""
+"""Proved bounds in a comparison: they limit the reference, and check the other methods."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,12 +12,12 @@ from symmb.study.metrics import Yardstick
 from symmb.study.reference import Reference
 
 _SOLVER = 10.0
-"""How far runs may be outside of proved bounds, over the error of their solver at a few points of the box."""
+"""How far runs may be outside of proved bounds, relative to the error of their solver at a few points of the box."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds (n_t, n_y) outside of which no response is, infinite where nothing is proved, and who proves them."""
+    """Proved bounds (n_t, n_y), infinite if nothing is proved, and the methods that prove them."""
 
     lower: Array
     upper: Array
@@ -25,7 +25,7 @@ class Limits:
 
     @classmethod
     def of(cls, bounds: Sequence[Bounds]) -> "Limits | None":
-        """The intersection of all enclosures among bounds; None without any."""
+        """The intersection of all enclosures among the bounds; None if there is no enclosure."""
         proved = [found for found in bounds if found.kind == "enclosure" and np.isfinite(found.upper).any()]
         if not proved:
             return None
@@ -36,8 +36,8 @@ class Limits:
     def limit(self, reference: Reference, attained: bool) -> Reference:
         """The reference within the limits.
 
-        The true bounds are between the values that a reference attained and the limits, so that their distance bounds
-        its error, up to that of the solver. It is the uncertainty where it is less.
+        The true bounds are between the attained values and the limits. So their distance limits the error of the
+        reference, up to the error of the solver. If the distance is smaller than the uncertainty, it replaces this.
         """
         lower, upper = (np.clip(a, self.lower, self.upper) for a in (reference.lower, reference.upper))
         limited = replace(reference, lower=lower, upper=upper)
@@ -51,9 +51,9 @@ class Limits:
     def faults(
         self, bounds: Sequence[Bounds], attained: Reference | None, yardstick: Yardstick, solver_error: Array | None
     ) -> list[str]:
-        """Sentences about runs that are outside, and about bounds that are outside by more than their estimates.
+        """Sentences about runs outside proved bounds, and about bounds outside by more than their estimated errors.
 
-        `attained` is the reference as it was found, if its bounds are values of runs, and `solver_error` (n_y,) is in
+        `attained` is the original reference, if its bounds are values of runs. `solver_error` (n_y,) is in
         the norm of `Score.error`.
         """
         error = np.zeros(len(bounds[0].names)) if solver_error is None else _SOLVER * solver_error
@@ -76,15 +76,15 @@ class Limits:
                 if (where := farthest(lower, upper))
             ),
             *(
-                f"{name} estimates its error too low. Its bounds are farther outside of the proved bounds of {by} than "
-                f"it says: {where}."
+                f"{name} underestimates its error. Its bounds are farther outside of the proved bounds of {by} than "
+                f"its estimate: {where}."
                 for name, lower, upper in estimates
                 if (where := farthest(lower, upper))
             ),
         ]
 
     def _farthest(self, slack: Array, times: Array, outputs: Sequence[str], lower: Array, upper: Array) -> str:
-        """Where bounds are farthest outside by more than a slack (n_y,), over it; empty if they are nowhere."""
+        """Where bounds are farthest outside by more than a tolerance (n_y,), and by how much; empty if inside."""
         outside = np.maximum(self.lower - lower, upper - self.upper)
         shares = np.where(outside > 0, outside, 0.0) / slack
         t, y = (int(i) for i in np.unravel_index(np.argmax(shares), shares.shape))

@@ -16,14 +16,14 @@ from symmb.run.integrate import (
 )
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
-"""Relative tolerances that are tried: coarse, usual and fine."""
+"""Relative tolerances to try: coarse, usual and fine."""
 STEPS = (50, 200, 800, 3200)
-"""Numbers of fixed steps over the horizon that are tried."""
+"""Numbers of fixed steps over the horizon to try."""
 _STEPS_PER_RADIAN = (0.5, 2.0, 8.0, 32.0)
-"""Fixed steps for each radian of the fastest motion, tried where those over the horizon are longer: explicit methods
-are stable with the first, and resolve the motion with the others."""
+"""Fixed steps for each radian of the fastest motion, tried if the steps above are longer. Explicit methods
+are stable with the first number, and accurate with the others."""
 _MOST = 200_000
-"""Most fixed steps that are tried: they take a tenth of a second or more, and RungeKutta's some seconds to compile."""
+"""Most fixed steps to try. They take a tenth of a second or more, and RungeKutta needs some seconds to compile them."""
 CONTROLLED = frozenset({"DormandPrince", "Rosenbrock", "StabilizedIndex2", "CVODES, stiff", "CVODES"})
 """Families that run with tolerances for a reference, or under stress."""
 FIXED = frozenset(entry.family for entry in SOLVERS if entry.ladder is not None and not entry.tolerances)
@@ -43,7 +43,7 @@ def references() -> dict[str, Ladder]:
 
 
 def ladders(horizon: float, rate: float) -> dict[str, Ladder]:
-    """All solvers, by family. Fixed steps follow the horizon [s] and the rate of the fastest motion [rad/s, 1/s]."""
+    """All solvers, by family. Fixed steps depend on the horizon [s] and the rate of the fastest motion [rad/s, 1/s]."""
     families: dict[str, Ladder] = {}
     for entry in SOLVERS:
         if entry.ladder is not None:
@@ -54,7 +54,7 @@ def ladders(horizon: float, rate: float) -> dict[str, Ladder]:
 
 
 def under_stress(step: float) -> dict[str, Ladder]:
-    """Some of the most different solvers, by family; two tolerances of one can be compared."""
+    """Some very different solvers, by family. Two tolerances of a solver can be compared."""
     return {
         "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-6, 1e-8, 1e-10, 1e-12)],
         "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-5, 1e-7, 1e-9)],
@@ -66,12 +66,12 @@ def under_stress(step: float) -> dict[str, Ladder]:
 
 
 def finer_numbers(most: float, radians: float) -> list[int]:
-    """Numbers of fixed steps, clearly above the given one, that follow the fastest motion over so many radians."""
+    """Numbers of fixed steps that resolve the fastest motion over this many radians, if clearly above the given one."""
     return [round(n * radians) for n in _STEPS_PER_RADIAN if 1.5 * most < n * radians <= _MOST]
 
 
 def finer_steps(scene: Scene, longest: float) -> Ladder:
-    """Steps shorter than the longest [s] that follow the fastest motion of a scene at its start."""
+    """Steps that resolve the fastest motion of a scene at its start, if shorter than the longest step [s]."""
     horizon = float(scene.times[-1] - scene.times[0])
     numbers = finer_numbers(horizon / longest, horizon * start_rate(scene))
     return [(horizon / n, NSTIFFSI2(step=horizon / n)) for n in numbers]

@@ -1,6 +1,6 @@
-"""Deviation of bounds from a reference: error, over, under and coverage, a number for each output.
+"""Deviation of bounds from a reference: error, over, under and coverage, one number for each output.
 
-All are relative to the width of the reference, except for an output without width, see `zero_width`.
+All numbers are relative to the width of the reference. If an output has no width, see `zero_width`.
 """
 
 from dataclasses import dataclass
@@ -11,24 +11,24 @@ import numpy.typing as npt
 from symmb._types import Array
 
 _SCALE = 1e-9
-"""Share of an output's scale below which a width or a deviation counts as zero."""
+"""Width or deviation, relative to the scale of an output, below which it counts as zero."""
 _NOISE = 10.0
-"""Largest value of an output, over the noise of runs, below which it is zero but for noise."""
+"""Largest value of an output, relative to the noise of runs, below which the output counts as zero."""
 _COVER = 1e-6
-"""Share of the largest reference width by which `outer` may miss the reference and still contain it."""
+"""How far `outer` may miss the reference and still count as covering it, relative to the largest reference width."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Deviation of one method's bounds from the reference, each entry (n_y,).
+    """Deviation of one method's bounds from the reference. Each entry is (n_y,).
 
     Attributes
     ----------
-    error : (n_y,)          root mean square over time of both bounds' deviations, over that of the width
-    outer_error : (n_y,)    the same of the outer bounds
-    over : (n_y,)           mean outward excess over the mean width
-    under : (n_y,)          mean inward shortfall over the mean width
-    coverage : (n_y,)       share of times at which the outer bounds contain the reference
+    error : (n_y,)          rms over time of the deviations of both bounds, divided by the rms of the width
+    outer_error : (n_y,)    the same for the outer bounds
+    over : (n_y,)           mean outward excess, divided by the mean width
+    under : (n_y,)          mean inward shortfall, divided by the mean width
+    coverage : (n_y,)       fraction of times at which the outer bounds contain the reference
     """
 
     error: Array
@@ -40,13 +40,13 @@ class Score:
 
 @dataclass(frozen=True)
 class Yardstick:
-    """The reference bounds and their uncertainty, with which a `Score` is computed.
+    """The reference bounds and their uncertainty. `score` compares bounds with the reference.
 
     Parameters
     ----------
     lower, upper : (n_t, n_y)   reference bounds, in the outputs' units
-    uncertainty : (n_y,)        in the norm of `Score.error`; nan where it is not known
-    noise : (n_y,) or None      how far runs may be off, in the outputs' units; None where it is not known
+    uncertainty : (n_y,)        in the norm of `Score.error`; nan if not known
+    noise : (n_y,) or None      errors of runs, in the outputs' units; None if not known
 
     Examples
     --------
@@ -63,13 +63,13 @@ class Yardstick:
 
     @property
     def zero_width(self) -> npt.NDArray[np.bool_]:
-        """(n_y,) True where the output is the same at all points of the box. Its errors are absolute."""
+        """(n_y,) True if the output is the same at all points of the box. Its errors are absolute."""
         return _largest(self.upper - self.lower) <= self._negligible
 
     def relative(self, deviation: Array) -> Array:
-        """Root mean square of deviations (..., n_y) over that of the reference's width; (n_y,).
+        """Rms of deviations (..., n_y), divided by the rms of the reference's width; (n_y,).
 
-        The deviation of an output without width is 0 up to 1e-9 of the output's scale, and absolute above.
+        If an output has no width, deviations up to 1e-9 of its scale are 0, and larger deviations are absolute.
         """
         return _rms(self._counted(deviation)) / self._unit(_rms(self.upper - self.lower))
 
@@ -94,7 +94,7 @@ class Yardstick:
 
     @property
     def slack(self) -> Array:
-        """Deviations (n_y,) that count as none, in the outputs' units."""
+        """Deviations (n_y,) up to which a value counts as zero, in the outputs' units."""
         return np.maximum(self._tolerance(), self._negligible)
 
     @property
@@ -104,15 +104,15 @@ class Yardstick:
         return np.where(scale <= noise, noise, _SCALE * scale)
 
     def _unit(self, size: Array) -> Array:
-        """The size by which deviations are divided: 1 for outputs without width."""
+        """The divisor of deviations: 1 for outputs without width."""
         return np.where(self.zero_width, 1.0, size)
 
     def _counted(self, deviation: Array) -> Array:
-        """The deviations (..., n_y), 0 for rounding in an output without width."""
+        """The deviations (..., n_y); 0 for rounding in an output without width."""
         return np.where(self.zero_width & (np.abs(deviation) <= self._negligible), 0.0, deviation)
 
     def _share(self, amounts: Array) -> Array:
-        """Mean over time of the amounts (2, n_t, n_y) at both bounds together, over the mean width."""
+        """Mean over time of the amounts (2, n_t, n_y) at both bounds together, divided by the mean width."""
         return amounts.sum(axis=0).mean(axis=0) / self._unit((self.upper - self.lower).mean(axis=0))
 
     def _tolerance(self) -> Array:
@@ -128,6 +128,6 @@ def _largest(values: Array) -> Array:
 
 
 def _rms(values: Array) -> Array:
-    """Root mean square (n_y,), by powers of two: squares neither overflow nor underflow."""
+    """Root mean square (n_y,), scaled by powers of two, so that squares neither overflow nor underflow."""
     power = np.frexp(_largest(values))[1]
     return np.ldexp(np.sqrt(np.square(np.ldexp(values, -power)).mean(axis=tuple(range(values.ndim - 1)))), power)

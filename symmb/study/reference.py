@@ -17,19 +17,19 @@ from symmb.results.files import Record, entry
 from symmb.study.metrics import Yardstick
 
 RUNS = 2000
-"""Approximate number of runs of the finer resolution, where they are not slow."""
+"""Approximate number of runs at the finer resolution, if runs are fast."""
 _LEAST_RUNS = 9
-"""The same where they are slow: a grid of three points for each of two parameters."""
+"""The same if runs are slow: a grid of three points for each of two parameters."""
 _SECONDS = 120.0
-"""Time for the reference above which it has fewer runs [s]."""
+"""Longest estimated time of the reference [s]. If it takes longer, the reference has fewer runs."""
 _GRID_DIMENSIONS = 5
-"""Most parameters that are scanned on a grid. With more, `RUNS` points would leave two or three for each parameter."""
+"""Most parameters of a scan on a grid. With more, `RUNS` points would leave two or three for each parameter."""
 _SAMPLES = 512, 2048
 """Sobol samples at the two resolutions; powers of two keep the sequence balanced."""
 _OPTIMIZED = 4
-"""Parameters from which on extremes are looked for by optimisation as well: grids have too few points for each."""
+"""Number of parameters from which extremes are also optimised, because grids have too few points for each."""
 _STEP = 0.02
-"""Step of differences over the half width of the box: small beside the box, large beside the errors of runs."""
+"""Step of differences, relative to the half width of the box: small for the box, large for the errors of runs."""
 
 Progress = Callable[[int, int], None]
 
@@ -38,19 +38,19 @@ Progress = Callable[[int, int], None]
 class Reference:
     """Reference bounds with their uncertainty.
 
-    In a comparison the default reference includes the values that runs of all methods attained, and each reference is
-    cut where proved bounds end.
+    In a comparison the default reference includes the values that runs of all methods attained. Each reference is
+    limited by proved bounds.
 
     Attributes
     ----------
     method : str                the constructor's text
     lower, upper : (n_t, n_y)
-    uncertainty : (n_y,)        in the norm of `Score.error`; nan where it is not known
+    uncertainty : (n_y,)        in the norm of `Score.error`; nan if not known
     evaluations, failed : int or None     runs, and how many failed; None if not known
     seconds : float or None     run time [s]; None if bounds were given
-    proved : (n_y,) or None     most by which attained values miss the true bounds, in the same norm, from enclosures
-    proved_by : tuple of str    the methods that prove it
-    noise : (n_y,) or None      how far runs may be off, in the outputs' units; None where it is not known
+    proved : (n_y,) or None     largest proved distance of attained values from the true bounds, in the same norm
+    proved_by : tuple of str    the methods that prove `proved`
+    noise : (n_y,) or None      errors of runs, in the outputs' units; None if not known
     """
 
     method: str
@@ -66,11 +66,11 @@ class Reference:
 
     @property
     def yardstick(self) -> Yardstick:
-        """The measure that scores other bounds."""
+        """The measure that scores the bounds of methods."""
         return Yardstick(self.lower, self.upper, self.uncertainty, self.noise)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
-        """With the values that other runs attained. The uncertainty is at least their distance from it."""
+        """The reference with the values that other runs attained. Their distance is the smallest uncertainty."""
         lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
         upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
         missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)
@@ -88,32 +88,32 @@ def find_reference(
 ) -> Reference:
     """Reference bounds of `simulator` over `box`.
 
-    Without `reference`, the method is a scan of 2 m + 1 points in each dimension. The uncertainty is the difference to
-    the bounds from every second point, m + 1 in each dimension. With more than five parameters 2048 and 512 Sobol
-    samples replace the grids, with the vertices of the box if there are at most 2000.
+    If `reference` is not given, the method is a scan of 2 m + 1 points in each dimension. The uncertainty is the
+    difference to the bounds from every second point. With more than five parameters 2048 and 512 Sobol
+    samples replace the grids, and the vertices of the box are added if there are at most 2000.
 
-    From four parameters on extremes are optimised as well, with derivatives from differences of runs. The uncertainty
-    is then the error that the optimisation estimates, if it finds all that the other runs attain to this error; where
-    it does not, it is the larger of what it missed and of the difference of the two resolutions.
+    From four parameters on extremes are also optimised, with derivatives from differences of runs. The uncertainty
+    is then the error that the optimisation estimates, if the other runs attain no value beyond this error. Otherwise
+    the uncertainty is the larger of the value that was missed and the difference of the two resolutions.
 
     Parameters
     ----------
-    reference : Method or Bounds, optional      better bounds; their `estimate` is the uncertainty
+    reference : Method or Bounds, optional      better bounds. Their `estimate` is the uncertainty
 
     Raises
     ------
-    PropagationError    if given bounds do not fit the simulator's times and outputs, or bounds are infinite
+    PropagationError    if given bounds have other times or outputs than the simulator, or bounds are infinite
     """
     if isinstance(reference, Bounds):
         if tuple(reference.names) != tuple(simulator.outputs):
             raise PropagationError(
-                f"The reference is of {', '.join(reference.names)}, the outputs are {', '.join(simulator.outputs)}. "
+                f"The reference has {', '.join(reference.names)}, the simulator {', '.join(simulator.outputs)}. "
                 "Give a reference of the same outputs in the same order."
             )
         t, times = reference.t, simulator.times
         if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=1e-9):
             raise PropagationError(
-                f"The reference holds {len(t)} times from {t[0]:g} to {t[-1]:g} s, the simulator {len(times)} from "
+                f"The reference has {len(t)} times from {t[0]:g} to {t[-1]:g} s, the simulator {len(times)} from "
                 f"{times[0]:g} to {times[-1]:g} s. Give both the same times."
             )
         return _of_bounds(reference, seconds=None)
@@ -146,7 +146,7 @@ def find_reference(
 def _optimized(
     simulator: Simulator, box: Box, runs: int, executor: Executor | None, progress: Progress | None
 ) -> list[Bounds]:
-    """Bounds by optimisation; none for few parameters, too few runs, or where runs fail."""
+    """Bounds by optimisation; None if there are few parameters, too few runs, or failed runs."""
     d = len(box)
     if d < _OPTIMIZED or runs < 4 * (1 + d):
         return []
@@ -158,7 +158,7 @@ def _optimized(
 
 
 class _Differences:
-    """A simulator with first derivatives from differences of its runs, which exist across kinks and for black boxes."""
+    """A simulator with first derivatives from differences of runs. They exist at kinks and for black boxes."""
 
     def __init__(self, simulator: Simulator, box: Box, executor: Executor | None) -> None:
         self._simulator, self._box, self._executor = simulator, box, executor
@@ -175,18 +175,18 @@ class _Differences:
 
 
 def affordable_runs(seconds: float) -> int:
-    """Runs of the finer resolution if one takes so long [s]."""
+    """Number of runs at the finer resolution, if one run takes this long [s]."""
     return max(_LEAST_RUNS, min(RUNS, int(_SECONDS / max(seconds, 1e-9))))
 
 
 def planned_runs(n_p: int, runs: int = RUNS) -> int:
-    """Runs of the default reference for so many parameters."""
+    """Number of runs of the default reference for this many parameters."""
     optimized = runs if n_p >= _OPTIMIZED and runs >= 4 * (1 + n_p) else 0
     return optimized + sum(method.planned_runs(n_p) or 0 for method in _resolutions(n_p, runs))
 
 
 def _resolutions(n_p: int, runs: int = RUNS) -> list[Method]:
-    """The method at the coarser and at the finer resolution, and a method that joins both."""
+    """The method at the coarser and at the finer resolution, and a method that combines both."""
     if n_p <= _GRID_DIMENSIONS and 3**n_p <= max(runs, _LEAST_RUNS):
         m = max(round((runs ** (1 / n_p) - 1) / 2), 1)
         return [Scanning(m + 1), Scanning(2 * m + 1)]

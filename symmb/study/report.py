@@ -11,12 +11,12 @@ from symmb.study.metrics import Yardstick
 from symmb.study.row import NotRun, Row
 
 _WIDTH = 110
-"""Most characters of a line: wider tables wrap in usual terminals."""
+"""Most characters of a line: usual terminals would wrap wider tables."""
 _LEFT = {"method", "kind", "worst output"}
 
 
 def table(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> str:
-    """The rows as an aligned table; errors are means over the outputs that have a width, then the worst."""
+    """The rows as an aligned table. Errors are the mean, then the largest, over the outputs that have a width."""
     lines = cells(rows, yardstick, outputs)
     text = aligned(lines, left=left_columns(lines[0]))
     return "\n".join([text[0], "-" * max(map(len, text)), *text[1:]])
@@ -29,7 +29,7 @@ def cells(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> 
 
 
 def left_columns(head: Sequence[str]) -> list[int]:
-    """Columns whose cells begin below each other."""
+    """Columns that are aligned on the left."""
     return [i for i, name in enumerate(head) if name in _LEFT]
 
 
@@ -39,16 +39,16 @@ def not_run(methods: Iterable[NotRun]) -> list[str]:
 
 
 def failed(rows: Iterable[Row]) -> list[str]:
-    """The effect of failed runs on the bounds, where they lie, and the first message; empty if none failed."""
+    """The effect of failed runs on the bounds, their region, and the first message; empty if no run failed."""
     failing = [row for row in rows if row.failed]
     if not failing:
         return []
     lines = [
-        "failed: runs that broke down; the bounds are those of the other runs. print(propagate(...)) names the "
+        "failed: number of failed runs; the bounds are those of the other runs. print(propagate(...)) names the "
         "failed runs."
     ]
     lines += [f"Runs of {row.name} fail {row.failed_region}." for row in failing if row.failed_region]
-    lines += [f"The first of {row.name}: {row.failure}" for row in failing[:1] if row.failure]
+    lines += [f"The first failed run of {row.name}: {row.failure}" for row in failing[:1] if row.failure]
     return [wrapped(line) for line in lines]
 
 
@@ -58,7 +58,7 @@ def cautions(rows: Iterable[Row]) -> list[str]:
 
 
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:
-    """A line for each output without width: the methods whose bounds miss it, and their errors."""
+    """A line for each output without width: the methods whose bounds differ from it, and their errors."""
     lines = []
     for i in np.flatnonzero(yardstick.zero_width).tolist():
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
@@ -68,7 +68,7 @@ def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]
 
 
 def mean_and_worst(values: Array, yardstick: Yardstick, outputs: Sequence[str]) -> str:
-    """Mean and largest of values (n_y,), with the name of the output where it is largest."""
+    """Mean and largest of values (n_y,), with the name of the output with the largest value."""
     share = np.where(yardstick.zero_width, np.nan, values)
     if np.isnan(share).all():
         return "not known"

@@ -1,4 +1,4 @@
-"""Residuals of runs from data, their least squares from one start and from many, and what is doubtful about them."""
+"""Residuals of runs and data, their least squares from one start and from many, and warnings about the residuals."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
@@ -11,44 +11,44 @@ from symmb.bound.nodes import Sobol
 from symmb.run.simulation import DAESimulator
 
 ROUNDS = 3
-"""Fits with weights by the residuals of the fit before: they settle to 1 % where each output has ten values."""
+"""Number of fits with weights from the residuals of the previous fit: weights settle to 1 % for ten values each."""
 STEPS = 200
-"""Most runs of a fit: from within 30 % of the truth ten are usual."""
+"""Most runs of a fit. If the start is within 30 % of the truth, ten runs are usual."""
 APART = 1e-3
-"""Distance of the runs of a difference, in shares of a parameter."""
+"""Step of differences of runs, relative to a parameter."""
 UNDETERMINED, UNDETERMINED_BY_DIFFERENCES = 1e-6, 1e-4
-"""Share of the largest sensitivity, in shares of the parameters, below which the data do not determine a combination:
+"""Smallest sensitivity, relative to the largest, that counts as determined by the data (parameters in relative units):
 derivatives by integration are exact to about 1e-7, and differences of runs to about 1e-5."""
 STARTS, FACTOR = 64, 2.5
-"""Other starts for each parameter, and the largest factor between them and the nominal values."""
+"""Number of further starts for each parameter, and the largest factor between these and the nominal values."""
 FOLLOWED = 3
-"""Starts that are followed: more find more minima, and take longer."""
+"""Number of starts from which a fit is made: more starts find more minima, and take longer."""
 HORIZONS = 0.1, 0.2, 0.4, 1.0
-"""Shares of the time span up to which data count, one fit after another. Over half a period the residuals of an
-oscillation have one minimum, and each fit leads the next one into the right one."""
+"""Fractions of the time span with data for a sequence of fits. Over half a period the residuals of an oscillation have
+one minimum, and each fit gives the start of the next fit close to the right minimum."""
 HELD = 0.01
-"""Residual, over the spread of the data, of a parameter that leaves its start by its own size: it holds those that
-data up to a horizon do not determine."""
+"""Residual, relative to the spread of the data, for a change of a parameter by its own size. It holds parameters that
+early data do not determine."""
 SURE = 1e-4
-"""Probability of a needless doubt, of each test."""
+"""Probability of a false warning, for each test."""
 LAGS = 4
-"""Neighbours in time that are compared: more find slower changes, and see fast ones less well."""
+"""Lags in time that are compared: more lags detect slow changes better, and fast changes worse."""
 FEW = 12
-"""Values of an output below which its residuals are not tested: tests of independence hold for many values."""
+"""Fewest values of an output for the tests of its residuals: tests of independence hold for many values."""
 LEAST_LEFT = 4
-"""Values beyond the parameters from which on one that is far from the fit to the others tells."""
+"""Fewest values, beyond the number of parameters, for a test whether a value is far from the fit to the others."""
 NOISE_OF_RUNS = 1e-4
-"""Residuals over the spread of the data that may be errors of runs: their order in time says nothing."""
+"""Residuals, relative to the spread of the data, that may be errors of runs: their order in time has no meaning."""
 UNEXPLAINED = 0.7
-"""Variance of the residuals over that of the data from which on the model explains little of the data."""
+"""Ratio of the variance of residuals to the variance of data from which the model explains little of the data."""
 MARGIN = 1.3
-"""Factor of normal quantiles from which on a value is an outlier: the deviation of few values is known to 15 %."""
+"""Factor of normal quantiles for outliers: the deviation of few values is known to 15 %."""
 
 
 class Residuals:
-    """Residuals and their derivatives with respect to shares of the parameters, each run made once.
+    """Residuals and their derivatives with respect to relative parameters. Each run is made once.
 
-    Derivatives are exact where a run meets no kinks and jumps of its equations, and else differences of runs.
+    Derivatives are exact if a run meets no kinks and jumps of its equations. Otherwise they are differences of runs.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Residuals:
         return self._known[u.tobytes()]
 
     def values(self, U: Array) -> Array:
-        """Outputs (M, N) where data are, for shares U (M, n_p); nan where a run fails."""
+        """Outputs (M, N) at the times of the data, for relative parameters U (M, n_p); nan if a run fails."""
         self.runs += len(U)
         return self._placed(self.simulator.run(self._parameters(U)).Y)
 
@@ -91,13 +91,13 @@ class Residuals:
         return np.split(values, np.cumsum(self.counts)[:-1])
 
     def _parameters(self, U: Array) -> Array:
-        """Parameters (..., d) of the simulator for shares (..., n_p)."""
+        """Parameters (..., d) of the simulator for relative parameters (..., n_p)."""
         P = np.tile(self.p, (*U.shape[:-1], 1))
         P[..., self.columns] = U * self.sizes
         return P
 
     def _placed(self, Y: Array) -> Array:
-        """Outputs (M, n_t, n_y) where data are (M, N)."""
+        """Outputs (M, n_t, n_y) at the times of the data (M, N)."""
         return np.concatenate([Y[:, i, k] for i, k in self.places], axis=1)
 
     def _derived(self, u: Array) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ class Residuals:
     def _differences(self, u: Array) -> tuple[Array, Array]:
         """Outputs (N,) and their derivatives (n_p, N) by differences.
 
-        Where an output jumps between two of the runs, the difference on the other side counts.
+        If an output jumps between two of the runs, the difference on the other side is used.
         """
         n = len(u)
         steps = APART * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
@@ -126,7 +126,7 @@ class Residuals:
 def least_squares(
     fit: Residuals, begin: Array, basis: Array, known_noise: Mapping[str, float]
 ) -> tuple[Array, Array] | None:
-    """Shares of the parameters (n_p,), from `begin` along orthonormal rows of a basis, and the noise of the outputs.
+    """Relative parameters (n_p,), from `begin` along orthonormal rows of a basis, and the noise of the outputs.
 
     None if the fit does not end.
     """
@@ -137,7 +137,7 @@ def least_squares(
             if found is None:
                 return None
             u = found
-        if not known_noise:  # each output bears its share of the parameters
+        if not known_noise:  # divide the number of parameters between the outputs
             share = 1 - len(basis) / len(fit.data)
             floor = 1e-12 * fit.spreads
             noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
@@ -145,7 +145,7 @@ def least_squares(
 
 
 def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: float = 0.0) -> Array | None:
-    """Where (n_p,) the sum of squares of weighted residuals is least; None if the search does not end."""
+    """Parameters (n_p,) with the smallest sum of squares of weighted residuals; None if the search does not end."""
     from scipy.optimize import least_squares
 
     along, d = basis @ begin, len(basis)
@@ -163,7 +163,7 @@ def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: f
 
 
 def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
-    """Shares (n_p,) where other fits end that begin at runs with small residuals, over growing spans of time."""
+    """Results (n_p,) of other fits. They start at runs with small residuals, over increasing time spans."""
     d, (begin, end) = len(nominal), (fit.times.min(), fit.times.max())
     U = nominal * FACTOR ** Sobol().points(STARTS * d, d, seed=0)
     weights = np.repeat(1 / fit.spreads, fit.counts)
@@ -184,7 +184,7 @@ def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
 
 
 def cost_of(fit: Residuals, u: Array, known_noise: Mapping[str, float]) -> float:
-    """What fits are compared by: minus twice the logarithm of their likelihood, but for a constant."""
+    """The measure that compares fits: minus twice the logarithm of the likelihood, up to a constant."""
     squares = [np.square(part) for part in fit.parts(fit(u)[0])]
     if known_noise:
         parts = [part.sum() / noise**2 for part, noise in zip(squares, known_noise.values(), strict=True)]
@@ -194,7 +194,7 @@ def cost_of(fit: Residuals, u: Array, known_noise: Mapping[str, float]) -> float
 
 
 def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], degrees: int) -> tuple[str, ...]:
-    """Why the residuals (N,) at shares u are not noise, in sentences."""
+    """Sentences that say why the residuals (N,) at the relative parameters u are not noise."""
     import scipy.stats as st
 
     doubts = list[str]()
@@ -205,7 +205,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
         deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
         limit = MARGIN * st.norm.isf(SURE / (2 * len(r)))
         is_far = np.abs(r) > limit * deviation
-        if not known_noise and (left := len(r) - len(u) - 1) >= LEAST_LEFT:  # a fit of few values follows an outlier
+        if not known_noise and (left := len(r) - len(u) - 1) >= LEAST_LEFT:  # with few values, a fit follows an outlier
             squared = np.square(r) / np.maximum(1 - leverage, NOISE_OF_RUNS)
             rest = np.maximum((np.square(r).sum() - squared) / left, (NOISE_OF_RUNS * spread) ** 2)
             far = squared / rest > st.t.isf(SURE / (2 * len(r)), left) ** 2
@@ -213,7 +213,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
         if 0 < is_far.sum() <= max(1, len(r) // 10):
             worst = int(np.argmax(np.abs(r)))
             doubts.append(
-                f"{int(is_far.sum())} of {len(r)} values of {name} are outliers: that at t = {t[worst]:g} s is "
+                f"{int(is_far.sum())} of {len(r)} values of {name} are outliers: the value at t = {t[worst]:g} s is "
                 f"{abs(r[worst]) / max(deviation, rms_of(r[~is_far])):.3g} deviations off. Replace wrong values by nan."
             )
             t, y, r = t[~is_far], y[~is_far], r[~is_far]
@@ -223,29 +223,29 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
             continue
         if not known_noise and rms**2 > UNEXPLAINED * np.var(y):
             doubts.append(
-                f"The fitted run explains little of {name}: its residuals vary as much as the data. Begin with other "
+                f"The fitted run explains little of {name}: its residuals vary as much as the data. Start with other "
                 "nominal values, or change the model."
             )
         elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < SURE:
             doubts.append(
-                f"Residuals of {name} resemble those at neighbouring times, which noise does not. The model does not "
-                "describe the data, or another minimum does better. The deviations are too small."
+                f"Residuals of {name} resemble their neighbours in time, so they are not noise. The model does not "
+                "describe the data, or another minimum does so better. The standard deviations are too small."
             )
     if known_noise and squares > st.chi2.isf(SURE, max(degrees - len(fit.data) + n_squares, 1)):
         doubts.append(
-            f"The data do not fit: residuals are {np.sqrt(squares / n_squares):.3g} times as large as the noise that "
-            "was given. Begin with other nominal values, change the model, or give a larger noise."
+            f"The data do not fit: residuals are {np.sqrt(squares / n_squares):.3g} times as large as the given "
+            "noise. Start with other nominal values, change the model, or give a larger noise."
         )
     return tuple(doubts)
 
 
 def rms_of(values: Array) -> float:
-    """Root mean square of values (N,), 0 of none."""
+    """Root mean square of values (N,); 0 without values."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
 def _chance_of_independence(r: Array) -> float:
-    """Probability that independent residuals (N,) resemble their neighbours in time as much as these do.
+    """Probability that independent residuals (N,) are correlated in time as strongly as these residuals.
 
     Ljung and Box, Biometrika 65 (1978).
     """

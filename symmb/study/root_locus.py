@@ -1,4 +1,4 @@
-"""Root loci and Campbell diagrams: eigenvalues over one parameter, with bands over the box of the others."""
+"""Root loci and Campbell diagrams: eigenvalues against one parameter, with bands over the box of the others."""
 
 from dataclasses import dataclass, field
 from itertools import product
@@ -22,17 +22,17 @@ from symmb.run.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_l
 from symmb.run.simulation import scene_of
 
 MOST_VALUES = 10_000
-"""Most values of the parameter: the modes at each take a millisecond."""
+"""Most values of the parameter. The modes at each value take a millisecond."""
 _CORNERS = 6
-"""Parameters of a box up to which all corners are looked at for oscillations that end inside the box."""
+"""Most parameters of a box whose corners are all checked for oscillations that end inside the box."""
 _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "smallest damping [-]", "at")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
-    """Eigenvalues over one parameter. `print` lists the oscillations, `save` and `load` keep all.
+    """Eigenvalues against one parameter. `print` lists the oscillations, `save` and `load` use a file.
 
-    `plot` draws the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
+    `plot` draws the eigenvalues in the complex plane, and frequency and damping (Campbell diagram).
 
     Attributes
     ----------
@@ -40,20 +40,21 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
     values : (n,)
         of the parameter
     eigenvalues : (n, m) complex
-        all, by size [1/s]
+        all eigenvalues, sorted by magnitude [1/s]
     modes : (n, k) complex
-        oscillations with positive imaginary part, each followed by its shape; nan where it does not oscillate [1/s]
+        eigenvalues of oscillations, with positive imaginary part. A column follows one mode shape; nan without
+        oscillation
     bands : dict
-        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds (n, k) over the box, nan where the oscillation
+        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds (n, k) over the box, nan if the oscillation
         ends inside the box; empty without a box
     box : Box
         of the other parameters, or None
     method, evaluations, runs : str, int, int
         of the bands
     remarks : tuple of str
-        where frequencies cross, and where shapes are exchanged
+        where frequencies cross, and where mode shapes are exchanged
     doubts : tuple of str
-        what cannot be trusted
+        what is uncertain
     unit : str
         of the parameter, '' if it has none
 
@@ -84,12 +85,12 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
 
     @property
     def frequencies(self) -> Array:
-        """(n, k) of the oscillations, nan where there is none [Hz]."""
+        """(n, k) frequencies of the oscillations, nan if the oscillation does not exist [Hz]."""
         return np.abs(self.modes) / (2 * np.pi)
 
     @property
     def damping(self) -> Array:
-        """(n, k) of the oscillations as shares of the critical one, nan where there is none [-]."""
+        """(n, k) damping ratios of the oscillations, nan if the oscillation does not exist [-]."""
         return (0.0 - self.modes.real) / np.abs(self.modes)
 
     def __str__(self) -> str:
@@ -162,29 +163,29 @@ def root_locus(
     *,
     count: int = 41,
 ) -> RootLocus:
-    """The eigenvalues of a scene at its start over one parameter, with bands over the box of the others.
+    """The eigenvalues of a scene at its start against one parameter, with bands over the box of the others.
 
-    Each oscillation is followed along the parameter, and to each sample of the box, by its shape.
+    Each oscillation is identified along the parameter, and in each sample of the box, by its mode shape.
 
     Parameters
     ----------
     scene : Scene
-        one that starts in equilibrium, or in a steady motion, for every value in the range
+        must start in equilibrium, or in a steady motion, for every value in the range
     parameter : str
-        such as a speed
+        for example a speed
     range : (lower, upper)
-        values that are looked at, in the unit of the parameter, or with another, as (40, 400, "rpm")
+        range of the values, in the unit of the parameter, or in another unit, as (40, 400, "rpm")
     method : optional
         of the bands; default: PolynomialChaos()
     box : Box, optional
         of the other parameters; default: that of the scene
     count : int
-        how many values, evenly spaced
+        number of evenly spaced values
 
     Raises
     ------
     DeclarationError
-        If there is no such parameter, or the range is empty
+        If the parameter does not exist, or the range is empty
     SimulationError
         If the scene does not start at one of the values
     PropagationError
@@ -239,7 +240,7 @@ def root_locus(
 
 
 def _others(scene: Scene, parameter: str, box: Box | None) -> Box | None:
-    """The box without the parameter, None if nothing is left."""
+    """The box without the parameter; None if no parameter is left."""
     box = scene.box if box is None else box
     if box is None:
         return None
@@ -247,12 +248,12 @@ def _others(scene: Scene, parameter: str, box: Box | None) -> Box | None:
     for name in box.names:
         if name not in scene.system.parameters:
             known = did_you_mean(name, scene.system.parameters)
-            raise DeclarationError(f"root_locus: the box has {name!r}, which is no parameter.{known}")
+            raise DeclarationError(f"root_locus: the box has {name!r}, which is not a parameter.{known}")
     return box.with_units(units_of_parameters(scene.system.parameters)).without(parameter)
 
 
 def _corners(d: int) -> Array:
-    """Corners (N, d) of the unit box; of one with many parameters, as many random ones as one of six has."""
+    """Corners (N, d) of the unit box. With many parameters, random corners: as many as six parameters have."""
     if d <= _CORNERS:
         return np.array(list(product((-1.0, 1.0), repeat=d)))
     return np.random.default_rng(0).choice([-1.0, 1.0], (2**_CORNERS, d))

@@ -11,9 +11,9 @@ from symmb.results.files import NOT_KEPT, Record, attributes, entries, entry
 from symmb.study.metrics import Score, Yardstick
 
 LONG = 10.0
-"""Time above which a method runs once [s]: its run time is known well enough."""
+"""Duration above which a method runs once [s]: one measurement is then accurate enough."""
 _OPTIONAL = ("estimate", "inner_lower", "inner_upper", "failure", "failed_region", "caution", "doubts")
-"""Entries that the file of a row has only where the method has them."""
+"""Entries that the file of a row has only if the method has them."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Row(Counted, WithWarnings):
     setup_seconds : float or None   deriving and compiling [s], the same for all methods; None if not known
     run_seconds : float             evaluations and bounding, warm [s]
     lower, upper : (n_t, n_y)
-    estimate : (n_t, n_y) or None   the method's own estimate of its error
+    estimate : (n_t, n_y) or None   the error that the method estimates
     inner : two (n_t, n_y) or None  lower and upper attained by actual runs
     score : Score                   measured with the comparison's reference
     failure : str                   message of the first failed run
-    failed_region : str             where the failed runs lie in the box, in words
-    caution : str                   from when on the method is not valid, and why
-    doubts : tuple of str           what cannot be trusted about these bounds, in sentences
+    failed_region : str             region of the failed runs in the box, in words
+    caution : str                   time from which the method is not valid, and why
+    doubts : tuple of str           what is uncertain about these bounds, in sentences
     """
 
     name: str
@@ -54,7 +54,7 @@ class Row(Counted, WithWarnings):
     doubts: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
-        """The row for a file, which has no entries for what a method lacks."""
+        """The row for a file, without entries that the method does not have."""
         scores = {name: getattr(self.score, name) for name in ("error", "over", "under", "coverage")}
         own = entries(self) | inner_entries(self.inner) | scores
         return {name: x for name, x in own.items() if name not in _OPTIONAL or (x is not None and len(x))}

@@ -31,26 +31,26 @@ from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs
 
 TIMES = 51
-"""Output times: enough to show drift over time. Steps end at output times, so more of them would shorten steps."""
+"""Output times: enough to show drift over time. Steps end at output times, so more times would shorten steps."""
 _SECONDS = 70.0
-"""Time after which no trial begins [s]."""
+"""Time after which no trial starts [s]."""
 _LIMIT, _REFERENCE_LIMIT = 3 / _SECONDS, 5 / _SECONDS
-"""Most time for a trial, and for a reference, over that of the study."""
+"""Longest time of a trial, and of a reference, relative to the time of the study."""
 _TRIALS_END = 0.5
-"""Share of the time after which no trial of the scene itself begins: the rest is for its harder variants."""
+"""Fraction of the time for trials of the scene itself. Its harder variants use the remaining time."""
 _STRESS_STEPS = 800
-"""Fixed steps over the horizon of the scene, from which the steps under stress follow."""
+"""Number of fixed steps over the horizon of the scene. The steps under stress follow from this number."""
 _WIDTHS = 0.1, 0.2, 0.5
-"""Half widths of wider boxes, as shares of the nominal values."""
+"""Half widths of wider boxes, relative to the nominal values."""
 
 _HEAD = ("solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome")
 _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
-"""Head of the tables, and columns whose cells begin below each other."""
+"""Head of the tables, and columns that are aligned on the left."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
-    """Results of the solvers on a scene. `print` shows them, `save` and `load` keep them in a file.
+    """Results of the solvers on a scene. `print` shows the results, `save` and `load` use a file.
 
     `plot` draws error against run time, the drift of positions over time, and errors of the harder variants.
 
@@ -60,8 +60,8 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
     times : (n_t,) array
     trials, stress : runs of the scene, and of its harder variants
     errors : dict
-        key of a trial -> root mean square error, over that of the deviation from the mean; none where there is no
-        reference, on which two tolerances of a solver agree
+        key of a trial -> root mean square error, relative to that of the deviation from the mean; empty if no two
+        tolerances of a solver agree on a reference
     uncertainty : float
         of the reference of the scene, in the same measure; nan if there is none
     corners : dict
@@ -152,7 +152,7 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
         }
 
         def distance(trial: Trial) -> float:
-            """Orders of magnitude from an error of 1e-4."""
+            """Orders of magnitude between an error and 1e-4."""
             return abs(np.log10(max(self.errors.get(trial.key, 1e-4), 1e-300)) + 4)
 
         drift = {name: min((t for t in finished if t.family == name), key=distance).position for name in families}
@@ -169,11 +169,11 @@ def stability(
     """Try every solver on a scene and on harder variants, each run within 3 s and all within about a minute.
 
     The variants have springs 100 and 10,000 times as stiff, a lightest body 100 and 10,000 times as light, a time scale
-    a tenth and ten times as long (of functions of time, start velocities and gravity, but not of springs and dampers),
-    and horizons 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
+    a tenth and ten times as long (for functions of time, start velocities and gravity; springs and dampers do not
+    change), and horizons 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
 
-    Fixed steps follow the horizon and the fastest motion. Errors are those against a solution on which two tolerances
-    of a solver agree, and whose energy holds. If there is none, errors are not known and no setting is advised.
+    Fixed steps depend on the horizon and the fastest motion. Errors are differences to a reference solution: two
+    tolerances of a solver agree on it, and its energy is conserved. Without a reference no setting is recommended.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def stability(
         called with the label of the work, the finished runs and all its runs; default: a bar, in notebooks and
         terminals
     seconds : float
-        time after which no run begins [s]; one run may take 3/70 of it
+        time after which no run starts [s]; one run may take 3/70 of it
 
     Raises
     ------
@@ -234,7 +234,7 @@ def stability(
 
 
 _STRESSED = list(under_stress(1.0))
-"""The families under stress. All variants run by one family before the next, so that none waits for all others."""
+"""Jobs of the families under stress. A family runs all variants before the next family starts."""
 
 
 class _StabilityStudy:
@@ -245,8 +245,8 @@ class _StabilityStudy:
         self.times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
         if scene.system.collected.has_events:
             raise SimulationError(
-                f"{scene.name} has impacts, or joints that open or close, which only EventDriven() locates: no solvers "
-                "to compare."
+                f"{scene.name} has impacts, or joints that open or close. Only EventDriven() locates these, so there "
+                "are no solvers to compare."
             )
         self._bodies, self._units = program_of(scene).bodies, scene.curve_units
         if len(scene.times) < 2 or not self._bodies.dae.n_v:
@@ -257,37 +257,37 @@ class _StabilityStudy:
         self.total = sum(len(job.solvers) for job in self.jobs(references()))
 
     def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:
-        """The scene itself, by all solvers of the families that have the C compiler that they need."""
+        """The scene itself, by all solvers of the families whose C compiler is available."""
         tried = {family: ladder for family, ladder in families.items() if family not in self.untried}
         return [Job("", lambda: self.scene, family, ladder) for family, ladder in tried.items()]
 
     def announce(self, *jobs: Sequence[Job]) -> None:
-        """Note the jobs in the order of the report."""
+        """Record the jobs in the order of the report."""
         self._order = [(job.scene, job.family) for some in jobs for job in some]
         self.total += sum(len(job.solvers) for some in jobs for job in some)
 
     def collect(self, jobs: Sequence[Job], limit: float, end: float) -> None:
-        """Run jobs, each trial within a limit, and none that would begin after the end [s]."""
+        """Run jobs. Each trial has a time limit, and no trial starts after the end [s]."""
         for trial in run_jobs(jobs, limit, self._begin + end):
             self.done.append(trial)
             if self._progress is not None:
                 self._progress(trial.family, len(self.done), max(self.total, len(self.done)))
 
     def fastest(self) -> Stiffness:
-        """The fastest rates along a run that finished, or at the start if there is none."""
+        """The fastest rates along a finished run, or at the start if no run finished."""
         dae, states = self._bodies.dae, self._states()
         some = slice(None, None, max(1, len(states) // 10))
         return stiffness(dae, states[some], dae.p_nominal, self.times[: len(states)][some])
 
     def doubts(self) -> tuple[str, ...]:
-        """What was not tried, and what no solver can cure: flexible bodies that leave the theory of their modes."""
+        """What was not tried, and problems that no solver removes: deflections of flexible bodies beyond the theory."""
         dae, states = self._bodies.dae, self._states()
         untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {compiler_advice()}"
         theory = linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
         return (*([untried] if self.untried else []), *theory)
 
     def _states(self) -> Array:
-        """States (m, n_x) of a run that finished, or the start if there is none."""
+        """States (m, n_x) of a finished run, or the start if no run finished."""
         states, _ = self._bodies.start.states(self._bodies.dae.p_nominal[None])
         return next((trial.states for trial in reversed(self.done) if not trial.reason), states)
 
@@ -297,7 +297,7 @@ class _StabilityStudy:
         corners: dict[float, tuple[int, int]],
         text: Callable[[Sequence[Trial], Sequence[Trial], dict[str, Standard]], str],
     ) -> Stability:
-        """The runs so far, of which the first are for the reference of the scene."""
+        """The runs so far. The first runs are for the reference of the scene."""
         known, rest = self.done[:n_known], self.done[n_known:]
         rest = sorted(rest, key=lambda t: self._order.index((t.scene, t.family)))  # stable
         trials, stress = _parted(rest)
@@ -324,7 +324,7 @@ def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ..
 
 
 def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
-    """Fixed steps are the same for all horizons, and follow the fastest motion of each variant besides."""
+    """Fixed steps: the same for all horizons, and additional steps for the fastest motion of each variant."""
     step = horizon / _STRESS_STEPS
     return [
         Job(name, make, family, ladder, None if family in CONTROLLED else partial(finer_steps, longest=step))
@@ -333,7 +333,7 @@ def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[J
 
 
 def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
-    """Numbers of corners of wider boxes that fail, and of all corners."""
+    """The number of corners of wider boxes that fail, and the number of all corners."""
     if scene.box is None or len(scene.box) > 8:
         return {}
     simulator, failures = simulator_with(scene), {}

@@ -1,4 +1,4 @@
-"""The solution that the trials of a scene are measured with, or the reason why there is none."""
+"""The reference solution for the trials of a scene, or the reason why there is no reference."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,23 +10,23 @@ from symmb.study.ladders import CONTROLLED
 from symmb.study.trials import Trial, by_family, by_reason
 
 AGREEMENT = 1e-4
-"""Largest difference of two tolerances, and of two solvers, that confirm each other."""
+"""Largest difference at which two tolerances, or two solvers, confirm each other."""
 ENERGY = 1e-4
-"""Largest drift of energy of a confirmed solution, over the largest kinetic energy."""
+"""Largest drift of energy of a confirmed solution, relative to the largest kinetic energy."""
 _NOISE = 1e-12
-"""Size of an output, over the largest value of its unit, below which it is rounding."""
+"""Size of an output, relative to the largest value of its unit, below which the output is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Standard:
-    """A confirmed solution of one scene: two tolerances of one solver agree on it, and its energy holds.
+    """A confirmed solution of one scene: two tolerances of one solver agree, and energy is conserved.
 
     Attributes
     ----------
-    values : (n_t, n_y) array    outputs; empty if there is none
+    values : (n_t, n_y) array    outputs; empty without a confirmed solution
     units : n_y texts            of the outputs
-    uncertainty : float          `distance` of the coarser run, and of that of the closest other solver, if there is one
-    fault : str                  why there is none; empty if there is one
+    uncertainty : float          `distance` of the coarser run, and of the closest run of another solver, if any
+    fault : str                  why there is no confirmed solution; empty if there is one
     """
 
     values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
@@ -35,7 +35,7 @@ class Standard:
     fault: str = ""
 
     def error(self, trial: Trial) -> float | None:
-        """The error of a run of the scene, at least the uncertainty; None if it failed, or nothing can measure it."""
+        """The error of a run of the scene, at least the uncertainty; None if the run failed, or without reference."""
         if self.fault or trial.reason:
             return None
         return max(distance(trial.values, self.values, self.units), self.uncertainty)
@@ -51,15 +51,15 @@ class _Pair:
 
 
 def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
-    """The solution that those of the runs of one scene agree on whose solvers have tolerances.
+    """The solution on which the runs of one scene with adaptive solvers agree.
 
-    Each solver is asked with its two finest tolerances that finish. Solvers that agree with themselves have to agree
-    with each other.
+    The two smallest tolerances of each solver that finish are compared. Solvers with a small difference of the two runs
+    must also agree with each other.
     """
     trials = [trial for trial in trials if trial.family in CONTROLLED]
     pairs = _pairs(trials, units)
     reasons = {trial.reason for trial in trials}
-    if len(reasons) == 1 and reasons != {""}:  # the scene itself is at fault
+    if len(reasons) == 1 and reasons != {""}:  # the scene itself causes the failure
         return Standard(fault=reasons.pop())
     if not pairs:
         return Standard(fault=f"no solver finishes at two tolerances ({by_reason(trials)})")
@@ -75,7 +75,7 @@ def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
 
 
 def _pairs(trials: Sequence[Trial], units: tuple[str, ...]) -> list[_Pair]:
-    """The runs with the two finest tolerances of each solver that finish, those first that agree best."""
+    """The runs with the two smallest tolerances of each solver that finish, sorted by their difference."""
     pairs = list[_Pair]()
     for some in by_family(trials).values():
         finished = sorted((trial for trial in some if not trial.reason), key=lambda trial: -trial.setting)
@@ -86,7 +86,7 @@ def _pairs(trials: Sequence[Trial], units: tuple[str, ...]) -> list[_Pair]:
 
 
 def _fault(pairs: Sequence[_Pair], units: tuple[str, ...]) -> str:
-    """Why none of the pairs is confirmed, from the one that agrees best."""
+    """Why no pair is confirmed, for the pair with the smallest difference."""
     agreeing = [pair for pair in pairs if pair.apart <= AGREEMENT]
     if agreeing:
         best = min(agreeing, key=lambda pair: pair.fine.energy).fine
@@ -101,7 +101,7 @@ def _fault(pairs: Sequence[_Pair], units: tuple[str, ...]) -> str:
 
 
 def distance(values: Array, true: Array, units: Sequence[str]) -> float:
-    """Largest over outputs of the root mean square difference over that of the deviation from the mean."""
+    """Rms difference divided by the rms deviation from the mean; the largest over all outputs."""
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.sqrt(np.mean(np.square(values - true), axis=0)) / _deviation(true, units)
     return float(np.nan_to_num(error, nan=np.inf, posinf=np.inf).max(initial=0.0))
@@ -110,8 +110,8 @@ def distance(values: Array, true: Array, units: Sequence[str]) -> float:
 def _deviation(true: Array, units: Sequence[str]) -> Array:
     """Root mean square deviation of each output from its mean (n_y,).
 
-    Of an output that is constant but for rounding it is its largest value; of one that is 0 but for rounding it is the
-    largest value of its unit.
+    If an output is constant up to rounding, the result is its largest value. If it is 0 up to rounding, the result is
+    the largest value of its unit.
     """
     largest, deviation = np.abs(true).max(axis=0), np.std(true, axis=0)
     of_unit = np.array([max(largest[k] for k in range(len(units)) if units[k] == unit) for unit in units])

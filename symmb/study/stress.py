@@ -13,11 +13,11 @@ from symmb.declare.symbolic import from_sympy, is_sympy, t
 from symmb.equations.model import Scene, System
 
 _LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
-"""Factors on stiffness and mass ratios, on time scales, and on the horizon: up to those that engineers meet."""
+"""Factors for stiffness and mass ratios, for time scales, and for the horizon: up to values that engineers meet."""
 
 
 def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
-    """The variants that differ from the scene: name and function that makes it."""
+    """The variants that differ from the scene: name, and function that makes the variant."""
     variants: list[tuple[str, Callable[[], Scene]]] = []
     if any(_stiffnesses(element) for element in scene.system.elements):
         variants += [(f"stiffness x {factor:g}", lambda k=factor: stiffer(scene, k)) for factor in _LARGER]
@@ -42,7 +42,7 @@ def stiffer(scene: Scene, factor: float) -> Scene:
 
 
 def lighter(scene: Scene, factor: float) -> Scene:
-    """The scene with its lightest body lighter by a factor, if that is not without mass."""
+    """The scene with its lightest body lighter by a factor. The body must have a mass."""
     system = scene.system
     elements = copy.deepcopy(_elements(system))
     values = ca.Function("masses", [system.p], [ca.vertcat(*[ca.SX(body.mass) for body in system.bodies])])
@@ -56,9 +56,9 @@ def lighter(scene: Scene, factor: float) -> Scene:
 def slower(scene: Scene, scale: float) -> Scene:
     """The scene on a slower time scale, over a horizon longer by the same factor.
 
-    Laws of time become slower, start velocities smaller, and gravity smaller by the square of the factor. A mechanism
-    without springs, dampers and constant forces then moves along the same path at another speed. Springs, dampers and
-    forces stay: their time constants change relative to the motion, which makes the scene stiffer or softer.
+    Functions of time become slower, start velocities smaller, and gravity smaller by the square of the factor. A
+    mechanism without springs, dampers and constant forces then moves along the same path at another speed. Springs,
+    dampers and forces stay: their time constants change relative to the motion. The scene becomes stiffer or softer.
     """
     begin = float(scene.times[0])
     elements = [_changed(e, _slowed(e, scene, scale)) for e in _elements(scene.system)]
@@ -74,7 +74,7 @@ def _velocities(scene: Scene) -> list[str]:
 
 
 def _slowed(element: object, scene: Scene, scale: float) -> dict[str, Any]:
-    """The components of gravity and the laws of time of an element on another time scale."""
+    """The components of gravity and the functions of time of an element on another time scale."""
     begin, system = float(scene.times[0]), scene.system
 
     def law(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The search for the largest factors of tolerances, or the cheapest ones, that keep limits of outputs."""
+"""The search for the largest factors of tolerances, or for the cheapest tolerances, that satisfy limits of outputs."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,23 +16,23 @@ from symmb.equations.model import Box
 
 OWNER = "tolerances"
 TOLERANCE = 1e-2
-"""That of the studies. Runs near limits decide what is closer."""
+"""Tolerance of the studies. Runs near limits decide smaller differences."""
 _SETTLED = 2e-3
-"""Change of the factors over them at which a search ends. A study is at half of it inside of a factor that is met."""
+"""Relative change of the factors at which a search ends. A study uses a factor smaller by half of it."""
 MOST = 16.0
-"""Largest factor that is looked for: the box that is given is meant to be of the right size."""
+"""Largest factor of the search: the given box should have the right size."""
 _OF_SIGN = 0.99
-"""The same over that at which a parameter would reach 0, such as a mass or a length, if its interval has one sign."""
+"""The same, relative to the factor at which a parameter such as a mass or length would reach 0."""
 _STUDIES = 12
-"""Most studies: two or three are usual, more where none is decided."""
+"""Most studies. Two or three are usual; undecided limits need more."""
 _FAR = 4.0
-"""How far beyond a factor that keeps the limits the next study is, if no run is known that breaks one."""
+"""Factor between a study that satisfies the limits and the next study, if no run with a violated limit is known."""
 _ROOT_RUNS = 40
-"""Most factors at which runs are made between a study and the next one: more are needed where runs fail only."""
+"""Most factors at which runs are made between two studies. More are needed only if runs fail."""
 _WIDER, _NARROWER = 1.6, 0.25
-"""Factors that an allocation may change at once, on the polynomials of a study over the wider box."""
+"""Factors that an allocation may change at once, with the polynomials of a study over the wider box."""
 _ROUNDS = 12
-"""Most allocations on one study, each with the times at which limits were broken before."""
+"""Most allocations for one study. Each adds the times at which limits were violated before."""
 
 
 class Search:
@@ -68,8 +68,8 @@ class Search:
         i, k = np.unravel_index(np.argmin(margins), margins.shape)
         if margins[i, k] <= 0:
             raise PropagationError(
-                f"{OWNER}: the nominal run breaks the limit of {[*limits][k]} at {simulator.times[i]:g} s, or meets "
-                f"it, with {values[i, k]:.6g}: no tolerance keeps it."
+                f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]} at {simulator.times[i]:g} s: "
+                f"{values[i, k]:.6g}. No tolerance satisfies this limit."
             )
         self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
@@ -85,7 +85,7 @@ class Search:
         return box.with_units(units_of_parameters(self._simulator.parameters))
 
     def _study(self, factors: Array) -> Bounds:
-        """Bounds over a box, which can make further runs."""
+        """Bounds over a box. They can make further runs."""
         box, simulator = self._box(factors), self._simulator
         bounds = PolynomialChaos(tolerance=TOLERANCE).bounds(
             simulator, box, executor=self._executor, progress=self._progress
@@ -99,7 +99,7 @@ class Search:
         return check
 
     def _worst_places(self, bounds: Bounds, check: LimitCheck) -> Array:
-        """Places (n, d) of the unit box of the run closest to each limit, and of a run that failed."""
+        """Places (n, d) in the unit box of the run closest to each limit, and of a failed run."""
         box = bounds.box
         assert box is not None
         places = [limit.further.place for limit in check.limits if limit.further]
@@ -109,7 +109,7 @@ class Search:
         return np.array(places)
 
     def _margin(self, factors: Array, places: Array) -> float:
-        """The smallest margin over the nominal one of runs at places (n, d) of a box; minus infinity if one fails."""
+        """The smallest margin of runs at places (n, d) of a box, over the nominal margin; -inf if a run fails."""
         P = parameter_samples(self._simulator, self._box(factors), places)
         Y, failed = gathered(self._simulator, P, self._executor)
         self.evaluations += len(P)
@@ -117,11 +117,11 @@ class Search:
         return -np.inf if failed else float((self._margins(Y, Y) / self._at_nominal).min())
 
     def _met(self, along: Array, places: Array, low: float, high: float, most: float) -> tuple[float, bool]:
-        """The factor between two at which runs at places meet a limit, the larger one if none does, and whether they
-        fail beyond it.
+        """The factor between two factors at which runs at places reach a limit, or the larger one if no run does; and
+        whether runs fail beyond it.
 
-        It lies on a line between margins, of which one that stays twice is halved (Illinois), or in the middle. An
-        infinite factor is looked for up to the most.
+        The next factor is interpolated between margins, or bisected. If an end stays twice, its margin is halved
+        (Illinois). An infinite factor is limited to the largest factor.
         """
         inside, beyond = (self._margin(low * along, places) if low else 1.0), np.nan
         end = min(high, most)
@@ -146,10 +146,10 @@ class Search:
         return low, beyond == -np.inf
 
     def largest(self, along: Array) -> tuple[Array, Bounds]:
-        """The largest factors (d,) along a ray, and bounds over their box, which keep the limits.
+        """The largest factors (d,) along a ray whose box satisfies the limits, and bounds over this box.
 
         A study and its check find the worst places of a box. Runs at these places of other boxes show at which factor a
-        limit is met, and the next study is over a box that is a little smaller, until a check of it keeps the limits.
+        limit is reached. The next study is over a slightly smaller box, until its check satisfies the limits.
         """
         most = float(np.min(self._most / along))
         low, high, met, s, less = 0.0, np.inf, np.inf, min(1.0, most), _SETTLED / 2
@@ -166,7 +166,7 @@ class Search:
                     low, best = s, bounds
                 else:
                     high, why = s, "" if check.kept is False else (*bounds.doubts, _undecided(check))[0]
-                if check.kept is None and not bounds.failed:  # as the margin is too small
+                if check.kept is None and not bounds.failed:  # because the margin is too small
                     undecided = undecided or (s, bounds)
                     after, less = s * (1 - less), 2 * less
                 else:
@@ -183,11 +183,11 @@ class Search:
         self.remarks, broken = (), high if why else min(high, met)
         if low < most and broken > low * (1 + 4 * _SETTLED):
             why = why or "the studies were not enough."
-            self.remarks = (f"At {broken / low:.4g} times these tolerances it is not decided: {why}",)
+            self.remarks = (f"At {broken / low:.4g} times these tolerances the limits are undecided: {why}",)
         return low * along, best
 
     def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
-        """The run closest to the limit of which the least share is left beside the margin of the nominal run."""
+        """The run that is closest to a limit, relative to the margin of the nominal run."""
         left = dict[tuple[str, str], float]()
         for (name, (low, high)), k, values in zip(
             self._limits.items(), self._columns, self._nominal_values.T, strict=True
@@ -203,7 +203,7 @@ class Search:
         return worst.lower if side == "lower" else worst.upper
 
     def signs(self, factors: Array) -> tuple[str, ...]:
-        """Why factors (d,) are not larger, if parameters would change their signs."""
+        """Why factors (d,) cannot be larger, if parameters would change their signs."""
         ends = (self._most < MOST) & (factors >= self._most * (1 - _SETTLED))
         names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
         return (
@@ -213,10 +213,10 @@ class Search:
         )
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
-        """The factors of least cost, and bounds over their box.
+        """The factors of lowest cost, and bounds over their box.
 
-        It begins at the largest common factor. More studies are made until the factors lie inside of a box over which
-        polynomials are good. Where these mislead, the common factor may cost less.
+        The search starts at the largest common factor. Further studies are made until the factors lie inside a box with
+        accurate polynomials. If the polynomials are wrong, the common factor may have a lower cost.
         """
         common = factors = self.largest(np.ones(len(self._shape)))[0]
         for _ in range(_STUDIES):
@@ -235,20 +235,20 @@ class Search:
         return self.largest(factors if cost(factors) < cost(common) else common)
 
     def _polynomials(self, factors: Array) -> Piecewise | None:
-        """Those of a study over a box, if it has good ones."""
+        """The polynomials of a study over a box, if they are accurate."""
         with suppress(PropagationError):  # too many runs fail
             surrogate = self._study(factors).good_surrogate(self._columns)
             return surrogate and surrogate.part(slice(None), self._columns)
         return None
 
     def _margins_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> Array:
-        """Margins (n_t, n_l) on polynomials, whose box has the factors `wide` (d,), over a box with other factors."""
+        """Margins (n_t, n_l) by polynomials for a box with the factors `wide` (d,), over a box with other factors."""
         whole, part = self._box(wide), self._box(factors)
         low, high, _ = surrogate.range(whole.to_unit(part.lower), whole.to_unit(part.upper))
         return self._margins(low, high)
 
     def _factor_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> float:
-        """The largest share of the factors (d,), at most 1, whose margins on the polynomials are not negative."""
+        """The largest multiple of the factors (d,), at most 1, with nonnegative margins by the polynomials."""
         low, high = 0.0, 1.0
         if self._margins_on(surrogate, wide, factors).min() >= 0:
             return 1.0
@@ -259,9 +259,9 @@ class Search:
         return low
 
     def _allocated(self, surrogate: Piecewise, wide: Array, start: Array, cost: Callable[[Array], float]) -> Array:
-        """Factors of least cost on polynomials, from those at the start.
+        """Factors of lowest cost by polynomials, from the start factors.
 
-        Few times bind. Those at which a solution breaks limits are added until none does.
+        Few times are active. Times at which a solution violates limits are added until no limit is violated.
         """
         from scipy.optimize import minimize
 

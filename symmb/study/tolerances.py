@@ -1,4 +1,4 @@
-"""How loose tolerances may be: the largest box of a shape, or the cheapest one, that keeps limits of outputs."""
+"""How large tolerances may be: the largest box of a shape, or the cheapest box, that satisfies limits of outputs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,30 +26,30 @@ Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tolerances(Counted, Result):
-    """Tolerances that keep limits. `print` shows them.
+    """Tolerances that satisfy limits. `print` shows the tolerances.
 
     Attributes
     ----------
     box : Box
     factor : float
-        by which all intervals of the given box are stretched about the nominal values. With costs it is the smallest of
+        factor of all intervals of the given box, stretched about the nominal values. With costs, the smallest of
         `factors`
     factors : dict
-        that of each parameter
+        the factor of each parameter
     cost : float
-        of tolerances by costs; None without costs
+        sum of the costs of the tolerances; None without costs
     binding : WorstCase
-        the run that comes closest to the limit that binds; None if none does, up to 16 times the box
+        the run that comes closest to the active limit; None if no limit is active up to 16 times the box
     check : LimitCheck
         of `bounds`
     bounds : Bounds
-        those over the box, from a last study
+        bounds over the box, from the final study
     evaluations, runs : int
         runs of all studies
     nominal : dict
         nominal values of the parameters of the box
     remarks : sentences
-        why no larger box was found, if no limit is near
+        why no larger box was found, if no limit is close
 
     Examples
     --------
@@ -78,13 +78,13 @@ class Tolerances(Counted, Result):
     def _head(self) -> str:
         best = "The cheapest box that" if self.cost is not None else "The largest box that"
         kind = best if self.binding or self.cost is not None else "At least this box"
-        keeps = "may keep" if self.check.kept is None else "keeps"
-        lines = [f"{kind} {keeps} the limits, from {self.evaluations} runs"]
+        satisfies = "may satisfy" if self.check.kept is None else "satisfies"
+        lines = [f"{kind} {satisfies} the limits, from {self.evaluations} runs"]
         if self.cost is not None:
             lines.append(f"  cost      {self.cost:.6g}")
         lines += [f"  remark    {remark}" for remark in self.remarks]
         if self.check.kept is None:
-            lines.append("  undecided whether it keeps the limits: see why below")
+            lines.append("  undecided whether the box satisfies the limits: see below")
         if self.binding is None and self.check.kept is None:
             lines.append("  binding   not known")
         elif self.binding is None:
@@ -131,34 +131,35 @@ def tolerances(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Tolerances:
-    """The largest tolerances that keep limits of outputs at all times, or the cheapest ones.
+    """The largest, or the cheapest, tolerances with which outputs satisfy limits at all times.
 
-    All deviations of the box from the nominal values are multiplied by one factor, up to 16, or, with costs, each by
-    its own. A parameter whose interval has one sign, such as a mass, keeps it. Studies with PolynomialChaos() find the
-    worst places of a box. Runs there show at which factor a limit is met. At the end, a study and `Bounds.check` verify
-    the box. Costs are searched on the polynomials of studies. Outputs of a scene without a limit take no part.
+    All deviations of the box from the nominal values are multiplied by one factor, up to 16. With costs each deviation
+    has its own factor. If the interval of a parameter has one sign, such as a mass, the sign is kept. Studies with
+    PolynomialChaos() find the worst places of a box. Runs there show at which factor a limit is reached. At the end, a
+    study and `Bounds.check` verify the box. Costs are minimised with the polynomials of studies. Outputs without a
+    limit are left out.
 
     Parameters
     ----------
     scene : Scene or simulator
     limits : mapping
-        output -> (low, high), of which one may be None
+        output -> (low, high); one of the two may be None
     box : Box
-        shape of the intervals, which hold the nominal values; default: that of the scene
+        shape of the intervals, which contain the nominal values; default: the box of the scene
     costs : mapping
-        parameter -> cost as a function of its half width. The sum of the costs is made as small as possible. Without a
-        function, the cost is the half width in the box over its own; {} takes this cost for all parameters. One
-        function instead of a mapping is the cost of every parameter. Costs should fall smoothly, because the search
-        finds the smallest sum near its start
+        parameter -> cost as a function of its half width. The sum of the costs is minimised. Without a
+        function, the cost is the half width in the box divided by the new one; {} uses this cost for all parameters.
+        One function instead of a mapping is the cost of every parameter. Costs should decrease smoothly, because the
+        search finds the smallest sum near its start
     solver : of a Scene
-    executor, progress : as of `propagate`
+    executor, progress : as in `propagate`
 
     Raises
     ------
     DeclarationError
         If an output or a parameter is unknown, limits cross, or an interval lacks the nominal value
     PropagationError
-        If the nominal run breaks a limit, or too many runs fail
+        If the nominal run violates a limit, or too many runs fail
 
     Examples
     --------
@@ -197,7 +198,7 @@ def tolerances(
 
 
 def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
-    """The simulator of a scene with some of its outputs alone: others would cost runs. Black boxes keep theirs."""
+    """The simulator of a scene with only some of its outputs, because others would need runs. Black boxes stay."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
         return simulator
     if len(names) == len(simulator.outputs):
@@ -227,13 +228,15 @@ def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
         half = float(factor * shape.radius[k])
         try:
             value = own(half)
-        except Exception as error:  # of the user's function
+        except Exception as error:  # an exception of the user's function
             raise DeclarationError(f"{OWNER}: the cost of {shape.names[k]!r} fails at {half:g}: {error}.") from error
         if not is_finite_number(value):
-            raise DeclarationError(f"{OWNER}: the cost of {shape.names[k]!r} at {half:g} is {shown(value)}, no number.")
+            raise DeclarationError(
+                f"{OWNER}: the cost of {shape.names[k]!r} at {half:g} is not a number: {shown(value)}."
+            )
         return float(value)
 
     ones = np.ones(len(shape))
     if varied and not total(ones / 2) > total(2 * ones):
-        raise DeclarationError(f"{OWNER}: wider tolerances do not cost less. Give costs such as lambda h: 1 / h.")
+        raise DeclarationError(f"{OWNER}: costs must decrease with the tolerance. Give costs such as lambda h: 1 / h.")
     return total

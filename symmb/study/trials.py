@@ -1,4 +1,4 @@
-"""Runs that may break down or take too long, each family of solvers in a process of its own."""
+"""Runs that may fail or take too long. Each family of solvers has its own process."""
 
 import multiprocessing
 import re
@@ -21,24 +21,24 @@ from symmb.run.integrate import Solver
 from symmb.run.simulation import Trajectory, simulate
 from symmb.study.ladders import CONTROLLED
 
-LEFT_OUT = "left out for want of time"
+LEFT_OUT = "left out for lack of time"
 _TOO_LONG, _MANY_STEPS = "took longer than", "has taken too many steps at"
 _LONGER, _LARGER = "a longer step took too long", "a larger tolerance took too long"
 SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _LARGER, _MANY_STEPS)
-"""How the reasons begin of runs that were not finished for want of time."""
+"""Start of the reasons of runs that were not finished for lack of time."""
 _LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
-"""Parts of the messages of solvers whose number of steps is limited."""
+"""Parts of the messages of solvers that reached their maximum number of steps."""
 _ENERGY = "the energy"
-"""How the reasons begin of runs whose energy is wrong."""
+"""Start of the reasons of runs whose energy is wrong."""
 _TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
-"""Kinds of failures, beside LEFT_OUT."""
+"""Kinds of failures, besides LEFT_OUT."""
 WRONG_ENERGY = 0.5
-"""Drift of energy, over the largest kinetic energy, above which a run is a failure: half of the motion is lost, or came
-from nowhere."""
+"""Drift of energy, relative to the largest kinetic energy, above which a run counts as failed: half of the motion is
+lost, or has no cause."""
 _TICK = 0.2
-"""Time between two looks at the running trials [s]: short beside a trial, long beside a look."""
+"""Time between checks of the running trials [s]: short compared with a trial, long compared with a check."""
 _WORKERS = 2
-"""Trials that run side by side."""
+"""Number of trials that run at the same time."""
 _SETUP = 15.0
 """Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
 _DRIFT = entry(Record.size, None)
@@ -54,7 +54,7 @@ class Trial:
     solver : str               text of its constructor
     family : str               name of its class, with the option that distinguishes it
     setting : float            relative tolerance or step [s]
-    reason : str               why it failed; empty if it did not
+    reason : str               why the run failed; empty if it succeeded
     seconds : float            of the run alone
     position, velocity : (n_t,) arrays     largest violation of a row, at every time
     energy : float             largest imbalance over the largest kinetic energy
@@ -90,12 +90,12 @@ class Trial:
 
     @property
     def slow(self) -> bool:
-        """Whether it was not finished for want of time."""
+        """Whether the run was not finished for lack of time."""
         return self.reason.startswith(SLOW)
 
     @property
     def failure(self) -> str:
-        """The kind of its failure, in words; empty if it did not fail."""
+        """The kind of its failure, in words; empty if the run succeeded."""
         if not self.reason:
             return ""
         if self.slow:
@@ -130,7 +130,7 @@ def named(trials: Sequence[Trial]) -> str:
 
 @dataclass(frozen=True)
 class Job:
-    """Settings of one solver to run one after the other, from fast to slow.
+    """Settings of one solver, run one after the other, from fast to slow.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Job:
     make : callable                    makes the scene
     family : str
     solvers : sequence                 setting and solver
-    follow : scene -> sequence         further settings, which follow from the scene; optional
+    follow : scene -> sequence         further settings that depend on the scene; optional
     """
 
     scene: str
@@ -182,9 +182,9 @@ def _raise(error: SymmbError) -> Scene:
 
 
 def _results(scene: Scene, solver: Solver) -> dict[str, Any]:
-    """The attributes of the trial of a run that finishes."""
+    """The attributes of the trial of a finished run."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the trial tells what is wrong with the run
+        warnings.simplefilter("ignore")  # the trial reports problems of the run
         run = simulate(scene, solver)
         return {
             "reason": _fault(run),
@@ -199,7 +199,7 @@ def _results(scene: Scene, solver: Solver) -> dict[str, Any]:
 
 
 def _fault(run: Trajectory) -> str:
-    """Why a run that finished is a failure; empty if it is none."""
+    """Why a finished run counts as failed; empty if it succeeded."""
     if not (np.isfinite(run.values).all() and np.isfinite(run.x).all()):
         return "outputs are not finite"
     T, V, W = run.energy
@@ -222,9 +222,9 @@ class _Running:
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Trial]:
     """The trials of all jobs, as they end.
 
-    A trial that takes longer than the limit [s] with its set-up is stopped, and the slower ones of its job are left
-    out. The first of a job has more time, as it compiles the scene. After the deadline (`time.monotonic`) none begins.
-    Where processes cannot be forked, jobs run in this process one after the other, without limits.
+    A trial that takes longer than the limit [s] with its set-up is stopped, and slower trials of its job are left
+    out. The first trial of a job has more time, because it compiles the scene. No trial starts after the deadline
+    (`time.monotonic`). If processes cannot be forked, jobs run in this process one after the other, without limits.
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
@@ -264,7 +264,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Tri
                 if ended:
                     _end(r)
                     running.remove(r)
-    finally:  # also where the caller is interrupted
+    finally:  # also if the caller is interrupted
         for r in running:
             _end(r)
 
@@ -274,7 +274,7 @@ def _begin(job: Job) -> _Running:
     mine, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(job, theirs), daemon=True)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python warns of forks in programs with threads
         process.start()
     theirs.close()
     running = _Running(job, process, mine, time.monotonic())

@@ -109,7 +109,7 @@ def test_other_times_are_interpolated_only_if_asked():
     assert_allclose(script(write, interpolate=True).run(np.array([[6.0]])).Y[0, :, 0], [0, 4])
     early = "open('out.csv', 'w').write('time,x\\n0,0\\n0.25,1\\n0.5,{k}\\n')"
     (message,) = script(early, interpolate=True, keep="none").run(np.array([[6.0]])).messages
-    assert "nothing is known beyond" in message
+    assert "has no values beyond" in message
 
 
 def test_what_fails_is_made_again(tmp_path):
@@ -151,7 +151,7 @@ DECLARATIONS = [
     ({"command": []}, "command must be a list"),
     ({"command": ["no_such_program"]}, "the program 'no_such_program' is not found"),
     ({"templates": {"in.txt": "nothing"}}, "parameter 'k' is in no template"),
-    ({"templates": {"in.txt": "{k:d}"}}, "{k:d} is no format of a number"),
+    ({"templates": {"in.txt": "{k:d}"}}, "{k:d} is not a valid number format"),
     ({"templates": {"../in.txt": "{k}"}}, "must be inside the folder"),
     ({"templates": {"/in.txt": "{k}"}}, "must be inside the folder"),
     ({"templates": {"in.txt": Path("no_such_file")}}, "cannot be read"),
@@ -180,7 +180,7 @@ DECLARATIONS = [
     ({"files": [3]}, "files must be a list of paths"),
     ({"files": [__file__, __file__]}, "is the name of two files"),
     ({"folder": 3}, "folder must be a path"),
-    ({"folder": __file__}, "is no folder"),
+    ({"folder": __file__}, "is not a folder"),
     ({"read": "../out.csv"}, "in the folder of a run"),
     ({"read": "/out.csv"}, "in the folder of a run"),
     ({"read": ""}, "in the folder of a run"),
@@ -190,7 +190,7 @@ DECLARATIONS = [
     ({"templates": {"stdout.txt": "{k}"}}, "is the name of two files"),
     ({"templates": {"a": "{k}", "a/b": "{k}"}}, "its folder has the name of a file"),
     ({"templates": {"in.py": Path(os.sep)}}, "cannot be read"),
-    ({"templates": {"in.py": "{k:>99999999999999999}"}}, "is no format of a number"),
+    ({"templates": {"in.py": "{k:>99999999999999999}"}}, "is not a valid number format"),
     ({"templates": {"in.py": "{k}\ud800"}}, "expected a text or a Path"),
     ({"interpolate": "yes"}, "interpolate must be True or False"),
     ({"keep": []}, "keep must be one of"),
@@ -222,7 +222,7 @@ RESULTS = [
     (wrote("time,x\n0,1\n1\n"), "line 3 has 1 values for 2 columns"),
     (wrote(bytes(range(256))), "cannot be read"),
     (wrote("time,x\n0,0,1,5\n1,0,2,5\n"), "decimal commas"),
-    (wrote("time,x\n0,1_0\n1,2\n"), "'1_0' is no number"),
+    (wrote("time,x\n0,1_0\n1,2\n"), "'1_0' is not a number"),
     (wrote("time,x,x\n0,1,2\n1,3,4\n"), "two columns 'x'"),
     (wrote("Time,X\n0,1\n1,3\n"), "no column 'x', only 'Time', 'X'"),
     (wrote("time,x\nnan,1\nnan,2\n"), "times from nan to nan s"),
@@ -240,7 +240,7 @@ RESULTS = [
     (wrote('{"time": [0, 1], "x": [[1, 2], [3, 4]]}', "out.json"), "'x' must be a list of real numbers"),
     (wrote('{"time": [0, 1], "x": [1]}', "out.json"), "2 times, but 1 values"),
     ("import numpy as np; np.savez('out.npz', time=[0, 1], x=[1j, 2])", "'x' must be a list of real numbers"),
-    ("import numpy as np; np.save(open('out.npz', 'wb'), [1, 2])", "must hold arrays with names"),
+    ("import numpy as np; np.save(open('out.npz', 'wb'), [1, 2])", "must hold named arrays"),
     ("import numpy as np; np.savez('out.npz', time=[0, 1], x=np.array([None, 1]))", "cannot be read"),
 ]
 

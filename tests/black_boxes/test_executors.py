@@ -119,7 +119,7 @@ def test_the_run_that_kills_its_worker_is_found():
 
 
 def test_a_broken_executor_that_was_handed_in_ends_the_study_in_a_sentence():
-    with ProcessPoolExecutor(2) as pool, told_in_a_line("Give a function that makes", mb.SimulationError):
+    with ProcessPoolExecutor(2) as pool, told_in_a_line("Pass a function that makes", mb.SimulationError):
         run_blocks(simulator(deadly), SAMPLES, pool)
 
 
@@ -199,7 +199,7 @@ def test_the_last_result_that_a_map_drops_is_missed():
             return results if f is abs else results[:-1]
 
     for method in (mb.Vertex(), mb.MonteCarlo(40), mb.PolynomialChaos()):
-        with pytest.raises(mb.SimulationError, match="without the results of all its tasks"):
+        with pytest.raises(mb.SimulationError, match="without the results of all tasks"):
             mb.propagate(simulator(quick), method, mb.Box(k=(0.5, 1.5)), executor=Dropping())
 
 
@@ -216,7 +216,7 @@ def test_results_of_another_call_are_not_taken():
 
     executor = Remembering()
     run_blocks(simulator(quick), SAMPLES, executor)
-    with pytest.raises(mb.SimulationError, match="something else than the results of its tasks"):
+    with pytest.raises(mb.SimulationError, match="something other than the results of its tasks"):
         run_blocks(simulator(quick), SAMPLES + 0.1, executor)
 
 
@@ -380,7 +380,7 @@ def test_whatever_an_executor_raises_or_returns_is_told_in_a_sentence(kind, wher
 @pytest.mark.parametrize("answer", RAISED, ids=lambda a: type(a).__name__)
 def test_results_are_kept_where_the_shutdown_fails(answer):
     alone = run_blocks(simulator(quick), SAMPLES)
-    with pytest.warns(mb.SymmbWarning, match="executor: its shutdown has raised"):
+    with pytest.warns(mb.SymmbWarning, match="executor: its shutdown raised"):
         shared = run_blocks(simulator(quick), SAMPLES, lambda: Failing("shutdown", answer))
     assert shared.Y.tobytes() == alone.Y.tobytes()
 
@@ -417,5 +417,8 @@ def test_a_worker_of_dask_with_another_version_is_told(name, there, is_same):
         _require_same_versions(versions)
         return
     refused(
-        f"the worker tcp://a has {name} .*, and here is", _require_same_versions, versions, error=mb.SimulationError
+        f"worker tcp://a has {name} .*, but this process has",
+        _require_same_versions,
+        versions,
+        error=mb.SimulationError,
     )

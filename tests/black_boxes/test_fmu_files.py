@@ -50,7 +50,7 @@ ARRAY = f"""<Float64 name="gains" valueReference="90" {FIXED} start="1 2 3"><Dim
         (2, {"parameters": {"der(v)": 1.0}}, "'der(v)' cannot be set: it is calculated by the FMU"),
         (2, {"parameters": {"mode": 1.5}}, "'mode' cannot be 1.5: it is of the type Integer"),
         (2, {"parameters": {"mode": 1e12}}, "'mode' cannot be 1e+12: it is of the type Integer"),
-        (3, {"parameters": {"gains": 1.0}}, "parameter 'gains' is an array (3), and only single numbers are taken"),
+        (3, {"parameters": {"gains": 1.0}}, "parameter 'gains' is an array (3). Only single numbers are supported"),
         (3, {"parameters": {"size": 3.0}}, "'size' cannot be set: it is a structural parameter"),
         (2, {"fmi_type": "cs"}, "fmi_type must be one of 'CoSimulation', 'ModelExchange', got 'cs'"),
         (2, {"step": -1}, "step must be a number of seconds above 0"),
@@ -86,11 +86,11 @@ FMI1 = """<fmiModelDescription fmiVersion="1.0" modelName="a" modelIdentifier="a
         (GOOD.replace('valueReference="3"', 'valueReference="c"'), "cannot be read: ERROR (line"),
         (GOOD.replace('declaredType="Damping"', 'declaredType="Lost"'), "cannot be read: "),
         (GOOD.replace('index="8"', 'index="80"'), "cannot be read: "),
-        (FMI1, "is of FMI 1.0, and only 2 and 3 are read"),
+        (FMI1, "is of FMI 1.0. Only 2 and 3 are supported"),
         (GOOD.replace('fmiVersion="2.0"', 'fmiVersion="7.1"'), "Unsupported FMI version: 7.1"),
         (GOOD.replace("<ModelExchange", "<A").replace("<CoSimulation", "<B"), "cannot be read: ERROR (line 3"),
         (GOOD.replace("Derivatives>", "Rates>"), "cannot be read: ERROR (line"),
-        (SCHEDULED, "wrong.fmu is neither for co-simulation nor for model exchange"),
+        (SCHEDULED, "wrong.fmu supports neither co-simulation nor model exchange"),
         (GOOD.replace('"spring"', '"other"'), "its folder lacks other.so"),
     ],
 )
@@ -114,7 +114,7 @@ def test_malformed_files(folder, libraries):
     check_fault(folder, "there is no file")
     for content in (b"", b"nonsense" * 100, whole[: len(whole) // 2], whole[:-10]):
         path.write_bytes(content)
-        check_fault(path, "damaged.fmu is no FMU, or is damaged: BadZipFile: File is not a zip file.")
+        check_fault(path, "damaged.fmu is not an FMU, or is damaged: BadZipFile: File is not a zip file.")
     place = len(whole) // 2
     path.write_bytes(whole[:place] + bytes(b ^ 255 for b in whole[place : place + 50]) + whole[place + 50 :])
     check_fault(path, "damaged.fmu cannot be extracted: ")

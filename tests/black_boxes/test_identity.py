@@ -146,7 +146,7 @@ def test_too_deep_is_told():
     nest = []
     for _ in range(100000):
         nest = [nest]
-    with pytest.raises(mb.DeclarationError, match="nested too deep"):
+    with pytest.raises(mb.DeclarationError, match="too deeply nested"):
         digest(closed(nest))
     while nest:  # one by one: the interpreter would free them by recursion
         nest = nest.pop()

@@ -320,7 +320,7 @@ def test_runs_are_exported_whatever_parameters_are_called(names, tmp_path, capsy
 
 def test_a_store_of_a_store_is_refused(tmp_path):
     stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
-    with pytest.raises(mb.DeclarationError, match="is a StoredSimulator already"):
+    with pytest.raises(mb.DeclarationError, match="is already a StoredSimulator"):
         mb.StoredSimulator(stored, tmp_path / "other.db")
 
 

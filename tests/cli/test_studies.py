@@ -142,9 +142,9 @@ def test_a_scene_keeps_its_runs(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("text", "options", "words"),
     [
-        (SIMULATOR, ["--workers", "0"], "--workers takes a number of processes from 1 on, got 0"),
-        (SIMULATOR, ["--store", "."], ". is no run store"),
-        (SIMULATOR, ["--store", __file__], "is no run store. Give another name"),
+        (SIMULATOR, ["--workers", "0"], "--workers must be a number of processes, 1 or more, got 0"),
+        (SIMULATOR, ["--store", "."], ". is not a run store"),
+        (SIMULATOR, ["--store", __file__], "is not a run store. Give another name"),
         (SIMULATOR, ["--dask", "odd://here"], "--dask odd://here: unknown address scheme 'odd'"),
         (SIMULATOR, ["--solver", "cvodes"], "has its own solver"),
         (SIMULATOR.replace(", mb.Box(k=(0.9, 1.1))", ""), [], "simulator() must return a pair"),

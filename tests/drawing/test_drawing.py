@@ -98,7 +98,7 @@ def test_symmb_view(tmp_path, capsys):
 def test_a_run_without_a_scene(tmp_path):
     run = mb.simulate(spherical_pendulum.scene(), times=[0.0, 0.1])
     run.save(tmp_path / "run.npz")
-    with pytest.raises(mb.DeclarationError, match="holds no scene"):
+    with pytest.raises(mb.DeclarationError, match="has no scene"):
         mb.view(mb.Trajectory.load(tmp_path / "run.npz"), tmp_path / "run.html")
     mb.view(mb.Trajectory.load(tmp_path / "run.npz", spherical_pendulum.scene()), tmp_path / "run.html")
 

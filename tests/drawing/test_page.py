@@ -276,8 +276,8 @@ def test_sweeps_that_have_no_sliders(tmp_path):
     failed = mb.sweep(scene, {"l1": [-1.0, 1.0]})
     for sweep, name, words in (
         (grid, "a.png", "need a page"),
-        (mb.Sweep.load(tmp_path / "grid.npz"), "a.html", "holds no scene"),
-        (of_function, "a.html", "holds no scene"),
+        (mb.Sweep.load(tmp_path / "grid.npz"), "a.html", "has no scene"),
+        (of_function, "a.html", "has no scene"),
         (mb.simulate(scene, parameters=[{"l1": 0.9}, {"l1": 1.0}]), "a.html", "has no grid"),
         (failed, "a.html", "1 of 2 runs failed"),
         (mb.sweep(scene, {"l1": np.linspace(0.9, 1.1, 501)}), "a.html", "has 501 runs"),

@@ -107,7 +107,7 @@ def test_a_loaded_run_knows_its_names_and_with_its_scene_any_expression(tmp_path
         np.testing.assert_array_equal(loaded[name], run[name])
     assert loaded.q.shape == run.q.shape and loaded.v.shape == run.v.shape and loaded.s.shape == run.s.shape
     assert loaded.energy_drift == run.energy_drift
-    refused(r"it holds what Trajectory\.save writes", mb.Bounds.load, tmp_path / "run.npz")
+    refused(r"it holds a result of Trajectory\.save", mb.Bounds.load, tmp_path / "run.npz")
     refused(r"read from a file\. Give Trajectory\.load the scene", loaded.reaction, "shoulder")
     whole = mb.Trajectory.load(tmp_path / "run.npz", scene)
     np.testing.assert_allclose(whole.reaction("elbow")[0], run.reaction("elbow")[0])
@@ -175,7 +175,7 @@ def test_nonsense_is_refused(tmp_path, entry):
     path = tmp_path / "bounds.npz"
     mb.propagate(Wave(), mb.PolynomialChaos(), BOX).save(path)
     change_archive(path, entry, nonsense[entry])
-    refused(f"bounds.npz does not hold what Bounds.save writes: .*{entry}", mb.Bounds.load, path)
+    refused(f"bounds.npz does not hold a result of Bounds.save: .*{entry}", mb.Bounds.load, path)
 
 
 @pytest.mark.parametrize("kind", RESULTS)

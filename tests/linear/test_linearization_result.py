@@ -40,7 +40,7 @@ def test_a_damaged_file(tmp_path):
     mb.linearize(pushing_oscillator()).save(path)
     entries = json.loads(path.read_text())
     path.write_text(json.dumps(entries | {"A": entries["A"][1:]}))
-    with pytest.raises(mb.DeclarationError, match=r"does not hold what Linearization.save writes: A must be an array"):
+    with pytest.raises(mb.DeclarationError, match=r"does not hold a result of Linearization.save: A must be an array"):
         mb.Linearization.load(path)
     with pytest.raises(mb.DeclarationError, match="json"):
         mb.linearize(pushing_oscillator()).save(tmp_path / "lin.csv")

@@ -111,7 +111,7 @@ def test_the_errors_of_a_comparison_in_one_axes():
 
 @pytest.mark.parametrize("result", [some_bounds, a_comparison], indirect=True)
 def test_too_few_axes_are_refused(result):
-    refused(r"2 outputs .* need as many axes", result.plot, outputs=["x", "vy"], ax=Figure().subplots())
+    refused(r"2 outputs .* need 2 axes", result.plot, outputs=["x", "vy"], ax=Figure().subplots())
 
 
 @RESULTS
@@ -221,7 +221,7 @@ def test_wrong_sizes_and_titles_are_refused(pictured, wrong):
 
 @RESULTS
 def test_a_size_does_not_go_with_given_axes(result):
-    with pytest.raises(mb.DeclarationError, match="figsize goes with a new figure, not with ax"):
+    with pytest.raises(mb.DeclarationError, match="figsize sets a new figure"):
         result.plot(outputs="x", ax=Figure().subplots(), figsize=(4, 3))
 
 

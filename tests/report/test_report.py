@@ -82,11 +82,11 @@ def test_numbers_are_those_of_the_result(scene_report):
 
 def test_the_order_of_the_parts(scene_report):
     _, path = scene_report
-    answers = ["Result", "What to do next", "Curves", "The mechanism", "What is assumed"]
+    answers = ["Result", "What to do next", "Curves", "The mechanism", "Assumptions"]
     annex = ["Limits", "Bounds", "Worst cases", "What each parameter contributes", "The start"]
-    assert headings(path) == [*answers, *annex, "Settings", "What it cost", "To repeat it", "Equations"]
+    assert headings(path) == [*answers, *annex, "Settings", "Cost", "How to repeat it", "Equations"]
     page = path.read_text()
-    assert page.index("What is assumed</h2>") < page.index('id="annex"') < page.index("Limits</h2>")
+    assert page.index("Assumptions</h2>") < page.index('id="annex"') < page.index("Limits</h2>")
     equations = rolling().system.equations()
     assert "M q̈ = Q" in equations
     folded, printed = text_of(path).split("Equations")[1:]
@@ -106,7 +106,7 @@ def test_the_worst_run_moves(scene_report):
 
 def test_the_lines_repeat_the_bounds(scene_report):
     bounds, path = scene_report
-    needed, lines = path.read_text().split("To repeat it</h2>")[1].split("</pre>")[0].split("<pre")
+    needed, lines = path.read_text().split("How to repeat it</h2>")[1].split("</pre>")[0].split("<pre")
     lines = html.unescape(lines.split(">", 1)[1])
     assert "declaration of roll. Ask its author for the Python file that defines <code>scene</code>." in needed
     space = {"scene": rolling()}
@@ -188,7 +188,7 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     text, found, page = reported(mb.Bounds.load(tmp_path / f"b{suffix}"), tmp_path, {"x": (None, 2)})
     assert "<iframe" not in page and "The mechanism" not in found
     assert {"Limits", "Bounds", "Curves", "Settings"} <= {*found}
-    assert ("What is assumed" in found) == (suffix != ".csv")
+    assert ("Assumptions" in found) == (suffix != ".csv")
     assert ("Worst cases" in found) == ("What each parameter contributes" in found) == (suffix != ".csv")
     assert (f"Worst case: {words(bounds.check({'x': (None, 2)}).worst)}" in text) == (suffix != ".csv")
     if suffix != ".csv":
@@ -209,7 +209,7 @@ def test_methods_without_contributions_or_runs(tmp_path, method):
     bounds = mb.propagate(scene, method)
     text, found, page = reported(bounds, tmp_path)
     assert "What each parameter contributes" not in found and "<iframe" in page
-    assert ("keeps no runs that attain its bounds" in text) == (bounds.attaining is None)
+    assert ("stores no runs that attain its bounds" in text) == (bounds.attaining is None)
     seed = {"MonteCarlo": "0", "Swarm": "4"}.get(type(method).__name__)
     assert (f"seed {seed} solver" in text) if seed else "seed" not in text
 
@@ -252,8 +252,8 @@ def test_comparisons(tmp_path):
     text, found, _ = reported(comparison, tmp_path)
     table = str(comparison).split("---\n")[-1].splitlines()[:2]
     assert all(words(row) in text for row in table) and "seeds 0 of MonteCarlo(2)" in text
-    assert found == ["Methods", "What is assumed", "Settings", "What it cost", "To repeat it"]
-    assert "The methods: 4 runs" in text and f"The reference: {comparison._reference()}" in text
+    assert found == ["Methods", "Assumptions", "Settings", "Cost", "How to repeat it"]
+    assert "The methods made 4 runs" in text and f"The reference: {comparison._reference()}" in text
     comparison.save(tmp_path / "c.json")
     assert reported(mb.Comparison.load(tmp_path / "c.json"), tmp_path)[0] == text
 
@@ -335,8 +335,8 @@ def test_the_command_makes_runs_for_contributions_only_if_asked(tmp_path, monkey
     made = (tmp_path / "calls").read_text().count("1")
     assert bounds._known_contributions() is None
     count, text = calls("--report", "r.html")
-    assert count == made and text.endswith("take further runs here: --contributions makes them.\n")
-    assert "`symmb bound --contributions` makes the further runs that they need." in text_of(tmp_path / "r.html")
+    assert count == made and text.endswith("need further runs here. Add --contributions.\n")
+    assert "`symmb bound --contributions` makes the further runs for them." in text_of(tmp_path / "r.html")
     count, text = calls("--contributions", "--report", "r.html")
     assert count > made and f"{count - made} further runs" in text
     assert f"{count - made} further runs" in text_of(tmp_path / "r.html")

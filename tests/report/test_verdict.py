@@ -52,7 +52,7 @@ def test_a_kept_limit(seed):
     assert state == "kept" and head == "The limit is kept in all cases within the tolerances."
     assert text.startswith(f"{bounds.names[0]} is at most {limit:.6g} in all cases within the tolerances.")
     assert f"The smallest margin is {least:.3g}, at {T[check.limits[0].row]:.4g} s" in text
-    assert steps[0] == "No tolerance has to be tightened."
+    assert steps[0] == "No tolerance needs to be tightened."
 
 
 @pytest.mark.parametrize("side", ["lower", "upper"])
@@ -131,7 +131,7 @@ def test_a_proved_limit(seed):
     assert check.kept and sentences[0][0] == "kept"
     assert f"x is at most {limit:.6g} m in all cases" in sentences[1][1]
     assert f"The smallest margin is {limit - 1.1 * p['speed']:.3g} m" in sentences[1][1]
-    assert sentences[-1][1] == "The bounds behind these sentences are proved."
+    assert sentences[-1][1] == "The bounds for these sentences are proved."
 
 
 @pytest.mark.parametrize("method", ["tm:2", "pce"])

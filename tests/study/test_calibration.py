@@ -180,15 +180,15 @@ def test_what_is_no_noise_is_doubted(noise, tmp_path):
     rng, given = np.random.default_rng(2), noise and {"x": noise}
     y = 1.3 * T + 0.4 * T**2 + 0.01 * rng.standard_normal(41)
     spoilt = y + np.where(np.arange(41) == 17, 0.2, 0.0)
-    with pytest.warns(mb.SymmbWarning, match="1 of 41 values of x are outliers: that at t = 1.7 s is"):
+    with pytest.warns(mb.SymmbWarning, match="1 of 41 values of x are outliers: the value at t = 1.7 s is"):
         found = mb.calibrate(particle(), {"x": spoilt}, noise=given)
     assert len(found.doubts) == 1 and "warning" in str(found)
     found.save(tmp_path / "a.npz")
     assert mb.Calibration.load(tmp_path / "a.npz").doubts == found.doubts
-    why = "the noise that was given" if noise else "resemble those at neighbouring times"
+    why = "the given noise" if noise else "resemble their neighbours in time"
     with pytest.warns(mb.SymmbWarning, match=why):
         mb.calibrate(particle(), {"x": y + 0.1 * np.sin(3 * T)}, noise=given)
-    with pytest.warns(mb.SymmbWarning, match="noise that was given" if noise else "explains little of x"):
+    with pytest.warns(mb.SymmbWarning, match="given noise" if noise else "explains little of x"):
         mb.calibrate(particle(), {"x": rng.standard_normal(41)}, noise=given)
     assert not mb.calibrate(particle(), {"x": y}, noise=given).doubts
 
@@ -200,7 +200,9 @@ def test_an_outlier_among_few_values_is_told(number):
     y = 1.3 * t + 0.4 * t**2 + 0.01 * np.random.default_rng(number).standard_normal(number)
     assert not mb.calibrate(particle(), {"x": (t, y)}).doubts
     y[number // 3] += 1.0
-    with pytest.warns(mb.SymmbWarning, match=f"1 of {number} values of x are outliers: that at t = {t[number // 3]:g}"):
+    with pytest.warns(
+        mb.SymmbWarning, match=f"1 of {number} values of x are outliers: the value at t = {t[number // 3]:g}"
+    ):
         mb.calibrate(particle(), {"x": (t, y)})
 
 
@@ -248,10 +250,10 @@ def test_wrong_calls_are_told():
         "has 'fall' twice": lambda: mb.calibrate(scene, {"x": T}, ["fall", "speed", "fall"]),
         "the 41 times of the scene": lambda: mb.calibrate(scene, {"x": T[:3]}),
         "its own times": lambda: mb.calibrate(scene, {"x": (T[:3], T)}),
-        "times of 'x' begin at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
+        "times of 'x' start at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
         "times of 'x' must be finite": lambda: mb.calibrate(scene, {"x": ([0.0, np.nan, 1.0], [1.0, 2.0, 3.0])}),
-        "nothing but gaps": lambda: mb.calibrate(scene, {"x": T * np.nan}),
-        "infinite at 0.3 s. A gap is nan": lambda: mb.calibrate(scene, {"x": np.where(T == T[3], np.inf, T)}),
+        "are gaps": lambda: mb.calibrate(scene, {"x": T * np.nan}),
+        "infinite at 0.3 s. Write a gap as nan": lambda: mb.calibrate(scene, {"x": np.where(T == T[3], np.inf, T)}),
         "one for each output with data: x, got {}": lambda: mb.calibrate(scene, {"x": T}, noise={}),
         r"1 value cannot determine 2 parameters\. Give 2 or more, or estimate fewer": lambda: mb.calibrate(
             scene, {"x": ([1.0], [1.0])}, ["fall", "speed"], noise={"x": 1.0}

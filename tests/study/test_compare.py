@@ -184,7 +184,7 @@ def test_the_first_run_that_fails_is_told():
     assert len(found.doubts) == 1
     told = " ".join(str(found).split())
     assert found.rows[0].failed == 1
-    assert "The first of Scanning(3): t = 1.6" in told and "s, a = 0.6: the step became too short" in told
+    assert "The first failed run of Scanning(3): t = 1.6" in told and "s, a = 0.6: the step became too short" in told
 
 
 def test_a_comparison_announces_its_runs(caplog):

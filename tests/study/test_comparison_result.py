@@ -112,8 +112,8 @@ def test_failed_runs_are_counted():
     reference = comparison().reference
     printed = comparison(rows=(row(reference, failed=3),))
     assert lines_of(printed, "Vertex()")[0].split()[3] == "3"
-    assert lines_of(printed, "failed: runs that broke down")
-    assert not lines_of(comparison(), "failed: runs that broke down")
+    assert lines_of(printed, "failed: number of failed runs")
+    assert not lines_of(comparison(), "failed: number of failed runs")
 
 
 def test_the_picture(tmp_path):

@@ -90,7 +90,7 @@ def test_runs_of_the_reference_are_checked_as_well():
 
 def test_estimates_that_are_too_low_are_told():
     methods = [mb.TaylorModel(order=6), Claim(off=0.02, said=0.03), Claim(off=0.02, said=0.01)]
-    with pytest.warns(mb.SymmbWarning, match=r"Claim\(off=0.02, said=0.01\) estimates its error too low"):
+    with pytest.warns(mb.SymmbWarning, match=r"Claim\(off=0.02, said=0.01\) underestimates its error"):
         found = mb.compare(_decay(), methods, reference=mb.Scanning(3))
     assert len(found.doubts) == 2 and "The estimated error is above 10 % of the width" in found.doubts[0]
 

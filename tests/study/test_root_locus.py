@@ -65,7 +65,7 @@ def test_pictures_and_files(tmp_path):
     assert "<table" in locus._repr_html_()
     locus.save(tmp_path / "locus.json")
     mb.RootLocus.load(tmp_path / "locus.json").plot()
-    refused(r"does not hold what Linearization.save writes", mb.Linearization.load, tmp_path / "locus.json")
+    refused(r"does not hold a result of Linearization.save", mb.Linearization.load, tmp_path / "locus.json")
 
 
 def test_faults():
@@ -75,7 +75,7 @@ def test_faults():
     refused("lower end of the range must be below", mb.root_locus, scene, "k1", (2, 1))
     refused("count must be an integer of at least 2", mb.root_locus, scene, "k1", (1, 2), count=1)
     refused("Expected a Scene, got System", mb.root_locus, scene.system, "k1", (1, 2))
-    refused("the box has 'q', which is no parameter", mb.root_locus, scene, "k1", (1, 2), box=mb.Box(q=(1, 2)))
+    refused("the box has 'q', which is not a parameter", mb.root_locus, scene, "k1", (1, 2), box=mb.Box(q=(1, 2)))
     refused("root_locus: box: expected a Box", mb.root_locus, scene, "k1", (1, 2), box={"k2": (1, 2)})
 
 

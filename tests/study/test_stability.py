@@ -96,7 +96,7 @@ def test_trials_that_take_too_long_or_break_down_are_ended(monkeypatch):
     assert trials["broken", 1e-4] == "the process broke down"
     assert trials["fine", 1e-4].startswith("the run breaks down at t = ")
     late = {t.reason for t in run_jobs(jobs[:1], 0.5, begin)}
-    assert late == {"left out for want of time"}
+    assert late == {"left out for lack of time"}
 
 
 def test_the_lightest_body_gets_lighter(found):

@@ -151,9 +151,9 @@ def test_it_is_printed_and_labelled():
         (({"no": (0, 1)}, BOX), "no output 'no'"), (({"gap": (1, 0)}, BOX), "cross"), (({}, BOX), "must be pairs"),
         (({"gap": (0, 1)}, mb.Box(a=(2, 3))), "outside of its"), (({"gap": (0, 1)}, BOX, 3), "costs must be"),
         (({"gap": (0, 1)}, BOX, {"q": abs}), "not in the box"), (({"gap": (0, 1)}, BOX, {"a": 3}), "function"),
-        (({"gap": (0, 1)}, BOX, {"a": lambda h: np.nan}), "no number"),
-        (({"gap": (0, 1)}, BOX, lambda h: 0), "wider tolerances do not cost less. Give costs such as lambda h: 1 / h"),
-        (({"gap": (0, 1)}, BOX, lambda h: 3 * h), "wider tolerances do not cost less"),
+        (({"gap": (0, 1)}, BOX, {"a": lambda h: np.nan}), "is not a number"),
+        (({"gap": (0, 1)}, BOX, lambda h: 0), "costs must decrease with the tolerance. Give costs such as"),
+        (({"gap": (0, 1)}, BOX, lambda h: 3 * h), "costs must decrease with the tolerance"),
     ],
 )  # fmt: skip
 def test_what_is_malformed_is_told(arguments, text):
@@ -162,5 +162,5 @@ def test_what_is_malformed_is_told(arguments, text):
 
 
 def test_a_nominal_run_beyond_a_limit_is_told():
-    with pytest.raises(mb.PropagationError, match="nominal run breaks the limit of gap"):
+    with pytest.raises(mb.PropagationError, match="nominal run violates or reaches a limit of gap"):
         mb.tolerances(chain(), {"gap": (None, 0.05)}, BOX)

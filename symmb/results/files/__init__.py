@@ -1,4 +1,4 @@
-"""Results in files: written whole or not at all, and checked when they are read."""
+"""Results in files: written completely or not at all, and checked when they are read."""
 
 from symmb.results.files.formats import Table, in_json, load, require_usual_size, save, save_json
 from symmb.results.files.jsonable import to_jsonable

@@ -1,8 +1,8 @@
 """Records in NumPy archives and in JSON, and tables.
 
-A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats keep the same
-entries. JSON calls ``t`` times and ``names`` outputs, and has None for numbers that are not finite. An archive has one
-array for each array of the record, and the rest as JSON in its array ``about``.
+A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats store the same
+entries. JSON calls ``t`` times and ``names`` outputs, and stores None for numbers that are not finite. An archive has
+one array for each array of the record, and everything else as JSON in its array ``about``.
 """
 
 import csv
@@ -25,24 +25,24 @@ _IN_JSON = {"t": "times", "names": "outputs"}
 _IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
 
 _VERSION = 1
-"""Of both formats. Earlier files do not tell theirs, and are of this one."""
+"""Version of both formats. Earlier files do not state their version; it is this version."""
 
 Table = Mapping[str, Any]
-"""Columns by their headings, all equally long."""
+"""Columns by their headings. All have the same length."""
 T = TypeVar("T")
 
 
 def save(path: str | PathLike[str], sources: Mapping[str, Callable[[], Mapping[str, Any]]]) -> None:
-    """Write a result in the format that the suffix of its file names.
+    """Write a result in the format that the suffix of the file selects.
 
     Parameters
     ----------
-    sources : mapping       functions that give the "record", the "entries" of JSON and, if there is one, the "table"
+    sources : mapping       functions that give the "record", the "entries" of JSON and, if it exists, the "table"
 
     Raises
     ------
     DeclarationError    if the name has another suffix
-    FileError           if the file cannot be written; the previous one is kept
+    FileError           if the file cannot be written; the previous file stays
     """
     form = _format_of(path, sources)
     contents = sources[form.source]()
@@ -64,12 +64,12 @@ def in_json(record: Mapping[str, Any]) -> dict[str, Any]:
 def load(
     path: str | PathLike[str], what: str, build: Callable[[Record], T], from_table: Callable[[Record], T] | None = None
 ) -> T:
-    """What a file holds, built from its record, or from the ``headings`` and ``columns`` of its table.
+    """A result read from a file: built from the record, or from the ``headings`` and ``columns`` of the table.
 
     Raises
     ------
-    DeclarationError    if the file has another suffix, is damaged or has other contents
-    FileError           if it cannot be read
+    DeclarationError    if the file has another suffix, is damaged or holds something else
+    FileError           if the file cannot be read
     """
     form = _format_of(path, ("record", "entries", *(["table"] if from_table else [])))
     with told(path, "read"):
@@ -81,10 +81,10 @@ def load(
         version = record.whole("version", _VERSION)
         if version != _VERSION:
             raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
-        if "result" in record and (content := f"what {record.text('result')}.save writes") != what:
+        if "result" in record and (content := f"a result of {record.text('result')}.save") != what:
             raise DeclarationError(f"it holds {content}.")
         return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
-    except Exception as error:  # a damaged file makes zlib, zipfile, json and NumPy raise nearly anything
+    except Exception as error:  # damaged files can raise nearly every exception in zlib, zipfile, json and NumPy
         why = (
             str(error)
             if isinstance(error, DeclarationError)
@@ -102,7 +102,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _without_arrays(value: Any, place: str, arrays: dict[str, Any]) -> Any:
-    """The value in the types of JSON, without its arrays, which are put into ``arrays`` by their place."""
+    """The value in the types of JSON. Its arrays are moved to ``arrays``, with their place as the key."""
     if isinstance(value, Mapping):
         parts = {name: _without_arrays(part, f"{place}/{name}", arrays) for name, part in value.items()}
         return {name: part for name, part in parts.items() if not isinstance(value[name], np.ndarray)}
@@ -135,7 +135,7 @@ def _of_archive(data: bytes) -> Record:
 
 
 def require_usual_size(archive: zipfile.ZipFile | None) -> None:
-    """DeclarationError if an archive, by its own list, becomes much more than it is."""
+    """DeclarationError if the data of an archive would be much larger than the archive."""
     members = archive.infolist() if archive else []
     size, packed = (sum(getattr(member, name) for member in members) for name in ("file_size", "compress_size"))
     if size > _LARGE and size > _MOST_RATIO * packed:
@@ -143,10 +143,10 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
 
 
 _LARGE = 2**26
-"""Size from which on archives are judged [bytes]: smaller ones take no time."""
+"""Smallest size of an archive that is checked [bytes]: smaller archives can be unpacked quickly."""
 _MOST_RATIO = 200
-"""Most bytes that one of an archive may become: results that are random in their last digits become a few, those that
-are constant a thousand."""
+"""Most bytes that one byte of an archive may become. Results with random last digits expand by a few times, constant
+results a thousand times."""
 
 
 def _write_json(file: BinaryIO, entries: Mapping[str, Any]) -> None:
@@ -169,7 +169,7 @@ def _write_table(file: BinaryIO, columns: Table) -> None:
 def _of_table(data: bytes) -> Record:
     text = data.decode("utf-8")
     if not text.endswith(("\r", "\n")):
-        raise DeclarationError("its last line has no end: a part of the file is missing.")
+        raise DeclarationError("its last line is incomplete: a part of the file is missing.")
     headings, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
     for number, cells in enumerate(rows, 2):
         if len(cells) != len(headings):
@@ -188,13 +188,13 @@ def _column(cells: tuple[str, ...]) -> list[float] | list[str]:
 
 
 class Format(NamedTuple):
-    """How files of a suffix are written and read.
+    """How files with a suffix are written and read.
 
     Attributes
     ----------
-    source : str        what they hold of a result: its "record", its "entries" of JSON or its "table"
-    write : callable    of an open file and of these
-    read : callable     of the bytes of a file, the inverse of `write`
+    source : str        the stored form of the result: its "record", its "entries" of JSON or its "table"
+    write : callable    takes an open file and the stored form
+    read : callable     takes the bytes of a file, the inverse of `write`
     """
 
     source: str

@@ -1,4 +1,4 @@
-"""The contents of a file, read with checks."""
+"""The contents of a file, checked when they are read."""
 
 import math
 from collections.abc import Mapping
@@ -24,18 +24,18 @@ class Record:
 
     @classmethod
     def of(cls, value: Any, where: str, holder: "Record | None" = None) -> "Record":
-        """The record of a mapping of names to values, which another one may hold."""
+        """The record of a mapping from names to values. `holder` is the record around it, if any."""
         if not isinstance(value, Mapping):
             raise DeclarationError(f"{where or 'the file'} holds {_kind(value)}, not names with values.")
         return cls(value, where, holder)
 
     def __contains__(self, name: str) -> bool:
-        """Whether the entry is there. Files of earlier versions have arrays without rows and columns for None."""
+        """Whether the entry exists. Files of earlier versions have arrays without rows and columns instead of None."""
         value = self._entries.get(name)
         return value is not None and getattr(value, "shape", None) != (0, 0)
 
     def text(self, name: str, *allowed: str) -> str:
-        """A text; one of those allowed, if there are any."""
+        """A text; if allowed texts are given, one of these."""
         value = self._value(name)
         if not isinstance(value, str):
             raise self._wrong(name, "a text", _kind(value))
@@ -75,13 +75,13 @@ class Record:
         return value
 
     def with_nan(self, name: str, *shape: int | None) -> Array:
-        """An array of real numbers, some of which may not be known. None stands for any length of an axis."""
+        """An array of real numbers. Some may be unknown. None stands for any length of an axis."""
         entry = self._value(name)
         try:
             value = np.array(entry, dtype=float)
         except (TypeError, ValueError):
             raise self._wrong(name, "an array of real numbers", "other contents") from None
-        if not value.size and len(shape) > 1 and 0 in shape:  # JSON does not keep the lengths of empty arrays
+        if not value.size and len(shape) > 1 and 0 in shape:  # JSON does not store the lengths of empty arrays
             value = value.reshape([length or 0 for length in shape])
         fits = len(value.shape) == len(shape) and all(n in (None, m) for n, m in zip(shape, value.shape, strict=True))
         if not fits:
@@ -97,7 +97,7 @@ class Record:
         return value
 
     def arrays(self, name: str, *shape: int | None) -> dict[str, Array]:
-        """Arrays of the same shape by name, with their units, if there are any."""
+        """Arrays of the same shape by name, with their units, if any."""
         record = self.record(name)
         return ByName({key: record.array(key, *shape) for key in record.plain}, self.units(name))
 
@@ -106,7 +106,7 @@ class Record:
         return self.array(name, None).astype(bool)
 
     def size(self, name: str, *shape: int | None) -> Array:
-        """An array of numbers that are not negative. Those that are infinite are nan in JSON."""
+        """An array of nonnegative numbers. Infinite numbers are nan in JSON."""
         value = self.with_nan(name, *shape)
         if isinstance(self._value(name), list):
             value = np.where(np.isnan(value), np.inf, value)
@@ -115,23 +115,23 @@ class Record:
         return value
 
     def covariance(self, name: str, n: int) -> Array:
-        """A symmetric matrix (n, n) with variances of at least 0. Variances that are infinite are nan in JSON."""
+        """A symmetric matrix (n, n) with variances of at least 0. Infinite variances are nan in JSON."""
         value = self.with_nan(name, n, n)
         variances = np.where(np.isnan(np.diag(value)), np.inf, np.diag(value))
         if not (np.allclose(value, value.T, equal_nan=True) and (variances >= 0).all()):
-            raise self._wrong(name, "a symmetric matrix with a diagonal of at least 0", "another one")
+            raise self._wrong(name, "a symmetric matrix with variances of at least 0", "another matrix")
         np.fill_diagonal(value, variances)
         return value
 
     def times(self, name: str = "t") -> Array:
-        """Times (n_t,) that increase; at least one."""
+        """Times (n_t,) in increasing order; at least one."""
         t = self.array(name, None)
         if not t.size or (np.diff(t) <= 0).any():
             raise self._wrong(name, "times that increase", "others")
         return t
 
     def pair(self, name: str, *shape: int | None) -> tuple[Array, Array]:
-        """Lower and upper bounds, by the name of the lower ones. A bound that is infinite is nan in JSON."""
+        """Lower and upper bounds, found by the name of the lower bounds. Infinite bounds are nan in JSON."""
         bounds, names = [], (name, name.replace("lower", "upper"))
         for own, infinite in zip(names, (-np.inf, np.inf), strict=True):
             value = self.with_nan(own, *shape)
@@ -141,15 +141,15 @@ class Record:
         return bounds[0], bounds[1]
 
     def lower(self, name: str, *shape: int | None) -> Array:
-        """The lower ones of a pair."""
+        """The lower bounds of a pair."""
         return self.pair(name, *shape)[0]
 
     def upper(self, name: str, *shape: int | None) -> Array:
-        """The upper ones of a pair."""
+        """The upper bounds of a pair."""
         return self.pair(name.replace("upper", "lower"), *shape)[1]
 
     def length(self, name: str) -> int:
-        """How many values an entry holds, of this record or of the one that holds it."""
+        """The number of values of an entry in this record, or in the record that holds this record."""
         if name not in self._entries and self._holder is not None:
             return self._holder.length(name)
         return len(self._value(name))
@@ -159,7 +159,7 @@ class Record:
         return self.of(self._value(name), self._named(name), self)
 
     def records(self, name: str, *fields: str) -> list["Record"]:
-        """A list of records; empty if it is missing. With fields, an item may be the list of their values."""
+        """A list of records; empty if the entry is missing. With fields, an item may be the list of their values."""
         value = self._entries.get(name)
         if not isinstance(value, list | tuple | None):
             raise self._wrong(name, "a list", _kind(value))
@@ -174,12 +174,12 @@ class Record:
         return self._entries
 
     def numbers(self, name: str) -> dict[str, float]:
-        """Numbers by name, with their units, if there are any."""
+        """Numbers by name, with their units, if any."""
         record = self.record(name)
         return ByName({key: record.number(key) for key in record.plain}, self.units(name))
 
     def units(self, name: str) -> dict[str, str]:
-        """Units of numbers by name, if there are any."""
+        """Units of numbers by name, if any."""
         units = self.record(f"{name}_units") if f"{name}_units" in self else Record({})
         return {key: units.text(key) for key in units.plain}
 

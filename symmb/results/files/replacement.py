@@ -1,4 +1,4 @@
-"""A file that takes its place when it is complete."""
+"""A file that replaces the previous file when the new file is complete."""
 
 import os
 import stat
@@ -15,7 +15,7 @@ from symmb._options import shown
 
 @contextmanager
 def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
-    """Errors of the system about a file, which cannot be `what` ("read", "written"), as sentences with its name.
+    """Convert errors of the system about a file to sentences with its name. `what` is "read" or "written".
 
     Raises
     ------
@@ -29,7 +29,7 @@ def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
     except (FileError, BrokenPipeError):  # the reader of a pipe, such as `head`, has closed it
         raise
     except UnicodeEncodeError as error:
-        raise FileError(f"{shown(str(path))} cannot be {what}: this is no name of a file.") from error
+        raise FileError(f"{shown(str(path))} cannot be {what}: this is not the name of a file.") from error
     except OSError as error:
         kind = MissingFileError if isinstance(error, FileNotFoundError) else FileError
         raise kind(f"{str(path)!r} cannot be {what}: {error.strerror or text_of(error)}.") from error
@@ -37,14 +37,14 @@ def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
 
 @contextmanager
 def replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """A binary file to write to. It replaces the file at ``path`` when the block ends without an exception.
+    """A binary file to write to. It replaces the file at ``path`` if the block ends without an exception.
 
-    Until then it lies beside that file, under a name of its own, so that a kill or a full disk leaves the previous
-    contents. Links are followed, and the permissions of the previous file stay. A device or a pipe is written directly.
+    Until then the data are in a temporary file in the same folder. If the process is killed or the disk is full, the
+    previous file stays. Links are followed, and permissions are kept. Devices and pipes are written directly.
 
     Raises
     ------
-    FileError   if the folder cannot be written to, or is full
+    FileError   if the folder is full, or cannot be written to
     """
     with told(path, "written"), _replacement(path) as file:
         yield file
@@ -81,7 +81,7 @@ def require_suffix(path: str | os.PathLike[str], *allowed: str) -> str:
 
     Raises
     ------
-    DeclarationError    if it is not one of those allowed
+    DeclarationError    if the suffix is not one of the allowed suffixes
     """
     if not isinstance(path, str | Path | os.PathLike) or "\0" in str(path):
         raise DeclarationError(f"The name of a file must be a text or a Path, got {shown(path)}.")

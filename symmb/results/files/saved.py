@@ -1,4 +1,4 @@
-"""Results that files keep."""
+"""Results that can be saved as files."""
 
 from pathlib import Path
 from typing import Any, Self
@@ -9,7 +9,7 @@ from symmb.results.files.schema import attributes, entries
 
 
 class Saved:
-    """A dataclass with a record of its fields, from which it is built again, and perhaps a table."""
+    """A dataclass that converts its fields to a record and back, and possibly to a table."""
 
     def _record(self) -> dict[str, Any]:
         return entries(self)
@@ -33,30 +33,30 @@ class Saved:
         return {"result": type(self).__name__} | self._record()
 
     def save(self, path: str | Path) -> None:
-        """Write an .npz or .json file with everything, or, of runs and bounds, a .csv table over time.
+        """Write the complete result as .npz or .json, or a .csv table over time (runs and bounds only).
 
         Raises
         ------
         DeclarationError
             If the name has another suffix
         FileError
-            If the file cannot be written; the previous one is kept
+            If the file cannot be written; the previous file stays
         """
         sources = {"record": self._named_record, "entries": self.to_json}
         save(path, sources | ({"table": self._table} if _has_table(type(self)) else {}))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a file of `save`. A table holds times and outputs only.
+        """Read a file that `save` has written. A table holds times and outputs only.
 
         Raises
         ------
         DeclarationError
-            If the file is damaged or has other contents
+            If the file is damaged or holds something else
         FileError
-            If it cannot be read
+            If the file cannot be read
         """
-        what, from_table = f"what {cls.__name__}.save writes", cls._of_table if _has_table(cls) else None
+        what, from_table = f"a result of {cls.__name__}.save", cls._of_table if _has_table(cls) else None
         return load(path, what, cls._of_record, from_table)
 
 

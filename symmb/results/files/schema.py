@@ -1,4 +1,4 @@
-"""Results whose fields declare once how files hold them: by which check, over which axes, and under which name."""
+"""Results whose fields declare how files store them: the check, the axes, and the name of the entry."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import Field, fields
@@ -16,27 +16,27 @@ _CHECKS: dict[Any, Callable[..., Any]] = {
     dict[str, float]: Record.numbers,
     Mapping[str, float]: Record.numbers,
 }
-"""How fields of these types are read, if they do not declare a check of their own."""
+"""How fields of these types are read if the field does not declare a check."""
 
 
 def entry(check: Callable[..., Any] | None = None, *axes: str | None, name: str = "") -> dict[str, Any]:
-    """Metadata of a field that files hold.
+    """Metadata of a field that files store.
 
     Parameters
     ----------
-    check          method of Record that reads the entry; default: that of the type of the field
-    axes           entries, of this record or of the one that holds it, that are as long as each axis of an array; None
-                   for any length
-    name           name of the entry, if it is not that of the field
+    check          method of Record that reads the entry; default: the method for the type of the field
+    axes           for each axis of an array, the entry (of this record or the record around it) with the same length;
+                   None for any length
+    name           name of the entry, if it differs from the name of the field
     """
     return {"check": check, "axes": axes, "name": name}
 
 
 NOT_KEPT: Mapping[str, Any] = {"kept": False}
-"""Metadata of a field that files do not hold, or hold in other entries, which the class reads and writes itself."""
+"""Metadata of a field that files do not store, or that the class stores in other entries."""
 TIMES, NAMES = entry(Record.times), entry(Record.names)
 _EMPTY = (None, "", (), {})
-"""Defaults of fields whose entries may be missing, as in files of earlier versions."""
+"""Defaults of fields whose entries may be missing, for example in files of earlier versions."""
 
 
 def entries(result: Any) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def entries(result: Any) -> dict[str, Any]:
 
 
 def attributes(kind: Any, record: Record) -> dict[str, Any]:
-    """The fields of a dataclass from a record. Those that arrays are as long as are read before these."""
+    """The fields of a dataclass from a record. Fields that give the lengths of arrays are read first."""
     return {own.name: _value(own, record) for own in sorted(_kept(kind), key=lambda own: bool(_axes(own)))}
 
 

@@ -1,6 +1,6 @@
 """Pictures of numbers, drawn with matplotlib from plain arrays.
 
-Results of the rooms above draw themselves with these functions.
+Results of later wings draw themselves with these functions.
 """
 
 from symmb.results.plot.bounds import Band, PlottedBounds, add_limits, family, plot_bounds

@@ -25,14 +25,14 @@ from symmb.results.plot.layout import (
 from symmb.results.plot.style import OWN, Style
 
 _SEEN = 0.015
-"""Share of a panel's height below which curves touch, so that they look like one thick line."""
+"""Distance of curves, relative to the height of a panel, below which they look like one thick line."""
 _TINT = 0.16
-"""Opacity of the band between bounds: other bands stay visible below it."""
+"""Opacity of the band between bounds: other bands stay visible below a band."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """What is filled, the reference of a comparison for one: lower, upper (n_t, n_y)."""
+    """A filled band, such as the reference of a comparison: lower, upper (n_t, n_y)."""
 
     label: str
     lower: Array
@@ -40,12 +40,12 @@ class Band:
 
 
 _LIMIT, _BAR = "#d1495b", 0.3
-"""Colour of limits, and width of the bar of a scalar output, over that of its panel."""
+"""Colour of limits, and width of the bar of a scalar output, relative to the width of its panel."""
 
 
 @dataclass(frozen=True)
 class PlottedBounds:
-    """Bounds by one setting of one family of methods: lower, upper (n_t, n_y), error (n_y,), run time [s]."""
+    """Bounds of one setting of a family of methods: lower, upper (n_t, n_y), error (n_y,), run time [s]."""
 
     family: str
     label: str
@@ -85,17 +85,17 @@ def plot_bounds(
     timeless: Sequence[str] = (),
     style: Style = OWN,
 ) -> Figure:
-    """Bounds over time, one panel an output; see `plot_comparison` for t, names, units and style.
+    """Draw bounds over time, one panel for each output; see `plot_comparison` for t, names, units and style.
 
     Parameters
     ----------
-    family                             the method, which has its own colour
-    chosen : columns to draw           default: the first six outputs, in the caller's axes as many as there are
-    outer, inner : lower and upper (n_t, n_y) each, or None    bounds widened by their estimated error, and what
-                                                               runs attained
-    nominal : (n_t, n_y) or None       the nominal run, a thin line
+    family                             the method, which selects the colour
+    chosen : columns to draw           default: the first six outputs, or as many as the caller gives axes
+    outer, inner : lower and upper (n_t, n_y) each, or None    bounds widened by their estimated error, and values
+                                                               that runs attained
+    nominal : (n_t, n_y) or None       the nominal run, drawn as a thin line
     deviation                          draw deviations from the nominal run
-    timeless                           outputs that are the same at all times: a bar stands for them
+    timeless                           outputs with the same value at all times, drawn as bars
     """
     least = rounding(np.stack([band.lower, band.upper]), units)
     shown, own_names, own_units = outputs_of(names, units, chosen, MOST_PANELS if style.ax is None else None)
@@ -144,7 +144,7 @@ def draw_bounds(
     units: Sequence[str],
     style: Style,
 ) -> None:
-    """Bounds by several methods over the reference, one panel an output."""
+    """Draw bounds by several methods over the reference, one panel for each output."""
     least = rounding(np.stack([reference.lower, reference.upper]), units)
     colours = style.colours([colour_of(curve.family) for curve in curves])
     texts = style.labels([f"{curve.label}, {curve.kind}" for curve in curves])
@@ -161,13 +161,13 @@ def draw_bounds(
 
 
 def _draw_pair(axes: Axes, x: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:
-    """Two curves of one style over places x, with one label."""
+    """Draw two curves of one style over places x, with one label."""
     for y, text in ((lower, label), (upper, None)):
         axes.plot(x, np.broadcast_to(y, x.shape), label=text, **style)
 
 
 def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[float, float]:
-    """Limits that show the reference and half its range on either side; wilder bounds leave the panel."""
+    """Axis limits that show the reference and half its range on either side. Larger bounds extend beyond the panel."""
     low, high = np.nanmin(reference.lower[:, i]), np.nanmax(reference.upper[:, i])
     room = 0.5 * (high - low) if high > low else max(abs(high), 1.0) * 1e-3
     lows = np.concatenate([[low], *(curve.lower[:, i] for curve in curves)])
@@ -180,7 +180,7 @@ def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[f
 def add_limits(figure: Figure, ax: GivenAxes, limits: Sequence[tuple[float, float]]) -> None:
     """Draw limits (low, high) as lines, one pair for each panel of a picture, or for each of the caller's axes.
 
-    Infinite ones are left out.
+    Infinite limits are not drawn.
     """
     for axes, ends in zip(figure.axes if ax is None else axes_in("LimitCheck.plot", ax), limits, strict=False):
         for end in ends:

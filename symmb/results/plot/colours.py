@@ -1,4 +1,4 @@
-"""One colour a method, the same in every picture."""
+"""One colour for each method, the same in every picture."""
 
 from zlib import crc32
 
@@ -35,11 +35,11 @@ _SOLVERS = (
 )
 BAND_COLOUR = "#c9d3dd"
 RUN_COLOUR = "#1f2937"
-"""Colours of what no method made: reference bounds, and single runs."""
+"""Colours of curves that no method made: reference bounds, and single runs."""
 
 
 def colour_of(family: str) -> str:
-    """The colour of a method or a solver. It follows from the name alone, whatever else a picture shows.
+    """The colour of a method or a solver. It depends on the name only, not on other curves of the picture.
 
     Examples
     --------

@@ -48,21 +48,21 @@ def plot_comparison(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Bounds over time above, mean error against run time below.
+    """Draw bounds over time above, and the rms error against run time below.
 
     Parameters
     ----------
     t : (n_t,)              times [s]
     names : n_y names       of the outputs
-    curves                  the settings to draw; a family is one curve of the error diagram, and its most
-                            accurate setting stands for it above
-    measured : (n_y,)       which outputs count in the mean error
-    uncertainty : (n_y,)    the reference's, in the norm of the error; mean errors below its mean are drawn
-                            there, hollow
-    units : n_y units       '' where they are not known
-    chosen : columns        of the outputs to draw; default: those with the largest errors
-    style : options         the caller's axes: one an output for bounds over time; a single one without chosen
-                            outputs takes the errors; labels and colours: one a family
+    curves                  the settings to draw; a family is one curve of the error diagram. Its most accurate
+                            setting is drawn above
+    measured : (n_y,)       which outputs count in the mean of the rms errors
+    uncertainty : (n_y,)    of the reference, in the norm of the error. Errors below its mean are drawn at its mean,
+                            with hollow markers
+    units : n_y units       '' if not known
+    chosen : columns        of the outputs to draw; default: the outputs with the largest errors
+    style : options         axes of the caller: one for each output for bounds over time; a single one without chosen
+                            outputs is for the errors; labels and colours: one for each family
     """
     families: dict[str, list[PlottedBounds]] = {}
     for curve in curves:
@@ -121,10 +121,10 @@ def _draw_errors(
         label = "reference's uncertainty\n(hollow: error not above it)"
         axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
     axes.set_xlabel("run time [s], warm; the numbers count runs", fontsize=8.5)
-    axes.set_ylabel("mean error, share of the width", fontsize=8.5)
+    axes.set_ylabel("rms error / width, mean over outputs", fontsize=8.5)
     axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
     axes.margins(0.06, 0.1)
-    if all(y == floor for _, y, _, _ in numbers):  # margins are a share of the height, of which there is none
+    if all(y == floor for _, y, _, _ in numbers):  # default margins are relative to the height, which is 0 here
         axes.set_autoscaley_on(False)
         axes.set_ylim(0.1 * floor, 10.0 * floor)
     if style.ax is not None:
@@ -136,7 +136,7 @@ def _draw_errors(
 
 
 def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) -> None:
-    """Each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
+    """Write each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
     from matplotlib.patheffects import withStroke
 
     place = np.array([axes.transData.transform((x, y)) for x, y, _, _ in numbers]).reshape(-1, 2) * 72.0 / DPI
@@ -162,13 +162,13 @@ def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) 
 
 
 def largest_error(curve: PlottedBounds, measured: Mask) -> float:
-    """Mean error over the outputs that count; infinite where it is not a number."""
+    """Mean over the measured outputs of their rms errors; infinite if it is nan."""
     error = np.nan_to_num(curve.error[measured], nan=np.inf, posinf=np.inf)
     return float(error.mean()) if error.size else 0.0
 
 
 def hardest_outputs(curves: Sequence[PlottedBounds], measured: Mask) -> list[int]:
-    """The outputs to draw, in their order: those with the largest median error."""
+    """The outputs to draw, in their order: the outputs with the largest median error."""
     if len(measured) <= MOST_PANELS or not curves:
         return list(range(min(len(measured), MOST_PANELS)))
     median = np.median([np.nan_to_num(curve.error, nan=np.inf, posinf=np.inf) for curve in curves], axis=0)

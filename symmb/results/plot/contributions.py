@@ -1,4 +1,4 @@
-"""Pictures of what parameters contribute to widths."""
+"""Pictures of the contributions of parameters to widths."""
 
 from collections.abc import Sequence
 
@@ -35,8 +35,8 @@ def plot_contributions(
     row: int | None = None,
     style: Style = OWN,
 ) -> Figure:
-    """Widths alone (n_t, n_y, n_p) over time as lines beside that of all, (n_t, n_y), one panel an output; at the time
-    of a row, or if there is one time only, bars of alone and saved.
+    """Draw the widths of single parameters (n_t, n_y, n_p) as lines beside the total width (n_t, n_y), one panel for
+    each output. At the time of a row, or if there is only one time, draw bars of the widths alone and saved.
     """
     columns, names, units = outputs_of(names, units, chosen, MOST_PANELS if style.ax is None else None)
     row = 0 if len(t) == 1 else row

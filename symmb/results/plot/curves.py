@@ -20,10 +20,10 @@ def plot_trajectory(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Values (n_t, n_y) over times t (n_t,) [s], one panel an output; see `plot_comparison` for names,
+    """Draw values (n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for names,
     units, chosen and style.
 
-    In a single one of the caller's axes all outputs are drawn, each with a colour of its own.
+    In a single one of the caller's axes all outputs are drawn, in different colours.
     """
     columns, own_names, own_units = outputs_of(names, units, chosen)
     least = rounding(values, units)[columns]
@@ -50,10 +50,10 @@ def plot_family(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Curves (N, n_t, n_y) over times t (n_t,) [s], one panel an output; see `plot_comparison` for the others.
+    """Draw curves (N, n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for the rest.
 
-    Up to eight curves have a colour and a name each. More are coloured from the first to the last one, and the legend
-    names the first, the middle and the last.
+    Up to eight curves each have a colour and a name. More curves are coloured in a sequence, and the legend
+    names the first, the middle and the last curve.
     """
     from matplotlib import colormaps
 
@@ -75,7 +75,7 @@ def plot_family(
 
 
 def plot_fit(series: Sequence[tuple[str, Array, Array, Array]], units: Sequence[str], style: Style = OWN) -> Figure:
-    """One panel an output: its name, times [s], measured values and those of the fitted run, each (n,).
+    """Draw one panel for each output: its name, times [s], measured values and values of the fitted run, each (n,).
 
     See `plot_comparison` for units and style.
     """

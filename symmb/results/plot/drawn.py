@@ -1,4 +1,4 @@
-"""Results that draw themselves: a panel an output over time, or three diagrams."""
+"""Results with a plot method: one panel for each output over time, or three diagrams."""
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 class Panels:
-    """A result that prints as a head above a table, and whose picture has one panel an output."""
+    """A result that prints as a head above a table. Its picture has one panel for each output."""
 
     if TYPE_CHECKING:
         names: Any
     _left: ClassVar[Collection[int]] = (0,)
-    """Columns of the table whose cells begin below each other."""
+    """Columns of the table that are aligned on the left."""
     _most: ClassVar[int | None] = MOST_PANELS
     """Most outputs that a notebook shows; None for all."""
 
@@ -29,7 +29,7 @@ class Panels:
         raise NotImplementedError
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """The table, with these names in the place of those of the outputs."""
+        """The table, with these names instead of the names of the outputs."""
         raise NotImplementedError
 
     def _figure(self, columns: list[int] | None, style: Style) -> "Figure":
@@ -78,33 +78,33 @@ class OverTime(Panels):
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class says; write the picture to `path` if given.
+        """Draw outputs over time, as the class says. Write the picture to `path` if it is given.
 
         Parameters
         ----------
         outputs : str or list
-            those to draw; default: all
+            the outputs to draw; default: all
         ax : matplotlib Axes
-            to draw in, instead of a new figure, one an output; of a trajectory also one for all
+            to draw in, instead of a new figure: one for each output; for a trajectory also one for all outputs
         figsize : (width, height)
             of a new figure [inch]
         title : str
-            of a new figure, in place of its own
+            of a new figure, instead of the default title
         label, color, legend
-            of the curves: a text or a colour, or a list with one for each; and True or False
+            of the curves: a text or a colour, or a list with one entry for each curve; and True or False
 
         Raises
         ------
         DeclarationError
             If an option is wrong
         FileError
-            If the file cannot be written; the previous one is kept
+            If the file cannot be written; the previous file stays
         """
         return self._drawn(path, outputs, ax, figsize, title, **look)
 
 
 class OverTimeBesideGiven(Panels):
-    """Outputs over time beside what was given: limits, or data."""
+    """Outputs over time beside given limits or data."""
 
     def plot(
         self,
@@ -120,13 +120,13 @@ class OverTimeBesideGiven(Panels):
 
 
 class ThreeDiagrams:
-    """A result that prints as its text, and whose picture is three diagrams."""
+    """A result that prints as text, and whose picture has three diagrams."""
 
     def __repr__(self) -> str:
         return str(self)
 
     def _figure(self, style: Style) -> "Figure":
-        """The picture, in up to three axes of the caller if there are any."""
+        """The picture, in up to three axes of the caller if given."""
         raise NotImplementedError
 
     def plot(
@@ -137,25 +137,25 @@ class ThreeDiagrams:
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw the diagrams of the class; write the picture to `path` if given.
+        """Draw the diagrams of the class. Write the picture to `path` if it is given.
 
         Parameters
         ----------
         ax : matplotlib Axes
-            to draw in, instead of a new figure: up to three, for these diagrams
+            to draw in, instead of a new figure: up to three, in the order of the diagrams
         figsize : (width, height)
             of a new figure [inch]
         title : str
-            of a new figure, in place of its own
+            of a new figure, instead of the default title
         label, color, legend
-            of the curves: a text or a colour, or a list with one for each; and True or False
+            of the curves: a text or a colour, or a list with one entry for each curve; and True or False
 
         Raises
         ------
         DeclarationError
             If an option is wrong
         FileError
-            If the file cannot be written; the previous one is kept
+            If the file cannot be written; the previous file stays
         """
         owner = f"{type(self).__name__}.plot"
         return finish(self._figure(Style(owner, ax, **look)), owner, path, ax, figsize, title)

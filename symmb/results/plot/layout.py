@@ -1,7 +1,7 @@
 """The common layout of all pictures: size, panels, legend, saving.
 
-Figures are drawn without pyplot, so nothing global changes. matplotlib loads on the first call. A notebook shows them
-as they are.
+Figures are drawn without pyplot, so that no global state changes. matplotlib loads on the first call. Notebooks show
+the figures directly.
 """
 
 import io
@@ -28,36 +28,37 @@ if TYPE_CHECKING:
 PICTURES = (".png", ".pdf", ".svg")
 """Formats of pictures."""
 MOST_PANELS = 6
-"""Most outputs whose bounds are drawn: more panels are too small to read."""
+"""Most outputs whose bounds are drawn: with more outputs the panels are too small to read."""
 WIDTH, ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 10.0, 1.8, 0.3, 3.8
 """Width of a figure, and heights of a row of panels, of the title and of a diagram [inch]."""
 _NARROW, _LINE = (4.2, 2.4), 50
-"""Width and height [inch] of a picture of one panel without its legend, for telephones, and characters of its lines."""
+"""Width and height [inch] of a picture of one panel without its legend, for phones, and characters of its lines."""
 _LEGEND_COLUMNS = 3
 DPI = 150
 """Resolution of saved pictures [1/inch]: sharp at the width of a text column."""
 MARKERS = "osD^vPX*"
 DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.5)), (0, (8, 3)))
 LEAST_ERROR, LARGEST_ERROR = 1e-16, 10.0
-"""Range of drawn errors: rounding, as a share of the width, and a run that has lost the motion, as a share of it."""
+"""Range of drawn errors, relative to the width: from rounding to a run that has lost the motion."""
 NUMBER_DISTANCE = 16.0
-"""Distance from which on a number does not touch others [point]."""
+"""Distance up to which a number touches other numbers [point]."""
 ROUNDING = 1e-12, 1e-15
-"""Spreads of an output that are rounding: over its own largest value, and over that of all outputs of its unit."""
+"""Spreads of an output that are rounding, relative to its largest value, and to that of all outputs of its unit."""
 _FLAT = 0.05, 50.0
-"""Smallest room around a spread that is rounding, so that it looks flat: over its middle, and over the rounding."""
+"""Smallest axis range for a spread that is rounding, so that the curve looks flat: relative to its middle, and to the
+rounding."""
 _SIZES = 1.0, 50.0
-"""Smallest and largest side of a picture [inch]: larger ones need more than a gigabyte."""
+"""Smallest and largest side of a picture [inch]: larger pictures need more than a gigabyte."""
 _TRUETYPE = 42
-"""Type of fonts in PDF files: journals refuse matplotlib's default, type 3."""
+"""Type of fonts in PDF files: journals refuse type 3, matplotlib's default."""
 _LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
-"""Characters of a line, and size [point], of legends in axes of the caller: the first that fits into them is taken."""
+"""Characters of a line, and size [point], of legends in axes of the caller: the first pair that fits is used."""
 _SCREEN = 80
-"""Pixels of a notebook for an inch of a figure."""
+"""Pixels in a notebook for an inch of a figure."""
 
 
 def new_figure(height: float) -> Figure:
-    """A figure that a notebook shows without further ado."""
+    """A figure that notebooks show directly."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -75,7 +76,7 @@ def png(figure: Figure) -> bytes:
 
 
 def narrow_png(figure: Figure) -> bytes:
-    """A figure of one panel as a PNG file that is legible at the width of a telephone, whatever its legend needs."""
+    """A figure with one panel as a PNG file, legible at the width of a phone. The legend gets the space it needs."""
     figure.set_size_inches(*_NARROW)
     for axes in figure.axes:
         _entitle(axes, "\n".join(wrap(axes.get_title(loc="left"), _LINE)))
@@ -85,7 +86,7 @@ def narrow_png(figure: Figure) -> bytes:
 
 
 def _fitted(figure: Figure, legend: "Legend") -> float:
-    """Give the legend so few columns and so short lines that it fits into the figure; its height [inch]."""
+    """Reduce the columns and the line length of the legend until it fits into the figure; return its height [inch]."""
     canvas: Any = figure.canvas
     handles, texts = legend.legend_handles, ["\n".join(wrap(text.get_text(), _LINE)) for text in legend.get_texts()]
     columns, extent = _LEGEND_COLUMNS, legend.get_window_extent(canvas.get_renderer())
@@ -103,7 +104,7 @@ def _shown(figure: Figure) -> tuple[bytes, dict[str, int]]:
 
 
 def save(figure: Figure, path: str | Path | None) -> Figure:
-    """Write the figure to a path, if there is one. Its suffix chooses the format."""
+    """Write the figure to a path, if a path is given. Its suffix selects the format."""
     if path is not None:
         suffix = require_suffix(path, *PICTURES)
         from matplotlib import rc_context
@@ -121,13 +122,13 @@ def finish(
     figsize: tuple[float, float] | None = None,
     title: str | None = None,
 ) -> Figure:
-    """The picture of a result, with the size [inch] and the title that its caller asks for; see `save` for path.
+    """The picture of a result, with the size [inch] and the title that the caller requests; see `save` for path.
 
-    It raises DeclarationError if the size or the title is none, or the picture is in axes of the caller.
+    It raises DeclarationError if the size or the title is not valid, or the picture is in axes of the caller.
     """
     for name, given in (("figsize", figsize), ("title", title)):
         if given is not None and ax is not None:
-            raise DeclarationError(f"{owner}: {name} goes with a new figure, not with ax.")
+            raise DeclarationError(f"{owner}: {name} sets a new figure. Leave it out, or leave out ax.")
     if title is not None and not isinstance(title, str):
         raise DeclarationError(f"{owner}: title must be a text, got {shown(title)}.")
     if figsize is not None:
@@ -145,14 +146,14 @@ def finish(
 
 
 def rounding(values: Array, units: Sequence[str] = ()) -> Array:
-    """(n_y,) spreads of outputs (..., n_y) that are rounding; see `ROUNDING`."""
+    """(n_y,) whether the spreads of outputs (..., n_y) are rounding; see `ROUNDING`."""
     size = np.nan_to_num(np.abs(values)).reshape(-1, np.shape(values)[-1]).max(axis=0, initial=0.0)
     alike = [max(s for s, other in zip(size, units, strict=True) if other == unit) if unit else 0.0 for unit in units]
     return np.maximum(ROUNDING[0] * size, ROUNDING[1] * np.array(alike or 0.0))
 
 
 def flatten(panels: Sequence[Axes], least: Array) -> None:
-    """Widen the axes of spreads that are rounding (n,), so that these look flat."""
+    """Widen the axes of outputs whose spread is rounding (n,), so that the curves look flat."""
     for axes, spread in zip(panels, least.tolist(), strict=True):
         low, high = axes.dataLim.intervaly
         if 0 < high - low <= spread:
@@ -162,19 +163,19 @@ def flatten(panels: Sequence[Axes], least: Array) -> None:
 
 
 def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
-    """Columns of the outputs to be drawn, by name; None if none are asked for."""
+    """Columns of the outputs to draw, by name; None if no outputs are given."""
     if outputs is None:
         return None
     if not isinstance(outputs, str | list | tuple) or not all(isinstance(name, str) for name in outputs):
         raise DeclarationError(f"{owner}: outputs must be a name or a list of names, got {shown(outputs)}.")
     wanted = require_names(owner, "output", [outputs] if isinstance(outputs, str) else outputs, names)
     if not wanted:
-        raise DeclarationError(f"{owner}: outputs names nothing to draw.")
+        raise DeclarationError(f"{owner}: outputs is empty. Give at least one name, or leave outputs out.")
     return [names.index(name) for name in wanted]
 
 
 def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list[Axes]:
-    """One panel an output, each with a title, on a common time axis."""
+    """One panel for each output, with a title, on a common time axis."""
     columns = n_columns(len(titles))
     grid = figure.subplots(n_rows(len(titles)), columns, sharex=True, squeeze=False).ravel()
     for axes in grid[len(titles) :]:
@@ -198,14 +199,14 @@ def _entitle(axes: Axes, title: str) -> None:
 def given_panels(
     owner: str, ax: GivenAxes, t: Array, names: Sequence[str], units: Sequence[str], *, overlay: bool = False
 ) -> list[Axes]:
-    """The caller's axes, one an output, with their labels; a single one is repeated if outputs may overlay."""
+    """The caller's axes, one for each output, with labels. A single one is repeated if outputs may share axes."""
     panels = axes_in(owner, ax)
     if overlay and len(panels) == 1:
         panels *= len(names)
     if len(panels) != len(names):
         raise DeclarationError(
-            f"{owner}: {len(names)} outputs ({', '.join(names[:6])}{', ...' * (len(names) > 6)}) need as many axes, "
-            f"got {len(panels)}. Choose some by outputs=[...]."
+            f"{owner}: {len(names)} outputs ({', '.join(names[:6])}{', ...' * (len(names) > 6)}) need "
+            f"{len(names)} axes, got {len(panels)}. Choose some by outputs=[...]."
         )
     texts = labels(names, units)
     for axes in dict.fromkeys(panels):
@@ -228,7 +229,7 @@ def given_panels(
 def outputs_of(
     names: Sequence[str], units: Sequence[str], chosen: Sequence[int] | None, most: int | None = None
 ) -> tuple[list[int], list[str], list[str]]:
-    """Columns of the outputs to draw, their names and their units; by default the first ones, or all."""
+    """Columns of the outputs to draw, their names and their units; by default the first outputs, or all."""
     columns = [*range(len(names))][:most] if chosen is None else [*chosen]
     return columns, [names[i] for i in columns], [units[i] for i in columns] if units else []
 
@@ -243,7 +244,8 @@ def panels_over_time(
     room: float = 0.0,
     overlay: bool = False,
 ) -> tuple[Figure, list[Axes]]:
-    """A new figure with one panel an output and room for a legend [inch], or that of the caller's axes; and its panels.
+    """The figure and its panels: a new figure with one panel for each output and room for a legend [inch], or the
+    figure of the caller's axes.
 
     See `given_panels` for overlay.
     """
@@ -257,18 +259,18 @@ def panels_over_time(
 
 
 def three_diagrams(style: Style, room: float) -> tuple[Figure, list[Axes]]:
-    """A new figure with three diagrams and room for a legend [inch], or that of up to three axes of the caller."""
+    """A new figure with three diagrams and room for a legend [inch], or the figure of the caller's axes."""
     if style.ax is None:
         figure = new_figure(DIAGRAM_HEIGHT + room)
         return figure, list(figure.subplots(1, 3))
     panels = axes_in(style.owner, style.ax)
     if len(panels) > 3:
-        raise DeclarationError(f"{style.owner}: there are three diagrams, got {len(panels)} axes.")
+        raise DeclarationError(f"{style.owner}: there are three diagrams, got {len(panels)} axes. Pass at most three.")
     return root(panels[0]), panels
 
 
 def finish_diagrams(figure: Figure, panels: Sequence[Axes], style: Style, title: str, columns: int) -> None:
-    """The style of diagrams, and the title and legend of a new figure, or a legend in the caller's axes."""
+    """Format diagrams, and add the title and legend of a new figure, or a legend in the caller's axes."""
     for axes in panels:
         style_axes(axes)
         axes.grid(alpha=0.25)
@@ -287,7 +289,7 @@ def axes_in(owner: str, ax: GivenAxes) -> list[Axes]:
 
 
 def root(axes: Axes) -> Figure:
-    """The figure that axes are in, whatever parts it has."""
+    """The figure that contains the axes, also if they are in a subfigure."""
     figure: Any = axes.figure
     return figure.figure
 
@@ -303,12 +305,12 @@ def _time_label(t: Array) -> str:
 
 
 def plain(text: str) -> str:
-    """A text whose dollar signs are not mathematics."""
+    """A text whose dollar signs do not start mathematics."""
     return text.replace("$", r"\$")
 
 
 def abscissa(t: Array) -> Array:
-    """The times; a single one is drawn as a stretch."""
+    """The times; a single time is drawn as a short interval."""
     return t if len(t) > 1 else t + np.array([-0.5, 0.5])
 
 
@@ -337,7 +339,7 @@ def cyclic(styles: Sequence[Any], k: int) -> Any:
 
 
 def shared_legend(figure: "FigureBase", panels: Sequence[Axes], columns: int = _LEGEND_COLUMNS) -> None:
-    """One legend of all panels."""
+    """One legend for all panels."""
     handles = _handles(panels)
     _add_legend(figure, [*handles.values()], [*map(plain, handles)], columns)
 
@@ -353,7 +355,7 @@ def _add_legend(figure: "FigureBase", handles: Sequence[Any], texts: Sequence[st
 
 
 def legends(figure: "FigureBase", panels: Sequence[Axes], style: Style, columns: int = _LEGEND_COLUMNS) -> None:
-    """One legend of a new figure, or one in each of the caller's axes."""
+    """One legend of a new figure, or one legend in each of the caller's axes."""
     if style.ax is None:
         return None if style.legend is False else shared_legend(figure, panels, columns)
     for axes in dict.fromkeys(panels):
@@ -362,7 +364,7 @@ def legends(figure: "FigureBase", panels: Sequence[Axes], style: Style, columns:
 
 
 def own_legend(axes: Axes, style: Style) -> None:
-    """A legend inside axes, where it fits, of several curves; or of one if it is asked for."""
+    """A legend inside axes, at a free place, if there are several curves, or if a legend is requested."""
     handles = _handles([axes])
     if style.legend is False or len(handles) < (1 if style.legend else 2):
         return
@@ -377,5 +379,5 @@ def own_legend(axes: Axes, style: Style) -> None:
 
 
 def labels(names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
-    """Names with their units in brackets, where there are any."""
+    """Names, with their units in brackets if known."""
     return tuple(map(label, names, units or [""] * len(names)))

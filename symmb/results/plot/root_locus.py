@@ -1,4 +1,4 @@
-"""The picture of a root locus: the complex plane, and frequency and damping over the parameter."""
+"""The picture of a root locus: the complex plane, and frequency and damping against the parameter."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -12,7 +12,7 @@ from symmb.results.plot.layout import cyclic, finish_diagrams, plain, three_diag
 from symmb.results.plot.style import OWN, Style
 
 _TINT = 0.22
-"""Opacity of bands: other bands stay visible below them."""
+"""Opacity of bands: other bands stay visible below a band."""
 
 
 def plot_root_locus(
@@ -25,15 +25,15 @@ def plot_root_locus(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Eigenvalues in the complex plane, and frequency and damping over a parameter.
+    """Draw eigenvalues in the complex plane, and frequency and damping against a parameter.
 
     Parameters
     ----------
-    values : (n,) of the parameter
-    eigenvalues : (n, m) complex       all of them [1/s]
-    curves : "f", "zeta", "re", "im" -> (n, k) of k oscillations, nan where there is none
-    bands : the same -> lower and upper (n, k); may be empty
-    style : options                    with up to three of the caller's axes, for these diagrams in this order
+    values : (n,) values of the parameter
+    eigenvalues : (n, m) complex       all eigenvalues [1/s]
+    curves : "f", "zeta", "re", "im" -> (n, k) of k oscillations, nan if the oscillation does not exist
+    bands : the same names -> lower and upper bounds (n, k); may be empty
+    style : options                    with up to three axes of the caller, in this order of diagrams
     """
     figure, panels = three_diagrams(style, 0.4)
     modes = range(curves["f"].shape[1])
@@ -62,7 +62,7 @@ def _draw_plane(
     bands: Mapping[str, tuple[Array, Array]],
     looks: Sequence[tuple[Any, str | None]],
 ) -> None:
-    """The upper half of the complex plane. A circle is at the first value, a cross at the last one."""
+    """The upper half of the complex plane. A circle marks the first value, a cross the last value."""
     axes.axvline(0.0, color=RUN_COLOUR, linewidth=0.6)
     real = np.where((eigenvalues.imag == 0) & (eigenvalues != 0), eigenvalues.real, np.nan)
     real = real[np.isfinite(real)]
@@ -80,10 +80,10 @@ def _draw_plane(
 
 
 def _draw_area(axes: Axes, left: Array, right: Array, low: Array, high: Array, *, colour: str) -> None:
-    """What rectangles of all values cover, and the hulls of each two that follow each other."""
+    """Draw the area of the rectangles of all values, and the convex hulls of each two neighbouring rectangles."""
     from matplotlib.colors import to_rgb
 
-    light = 1 - _TINT * (1 - np.array(to_rgb(colour)))  # opaque, so that those that overlap look like one
+    light = 1 - _TINT * (1 - np.array(to_rgb(colour)))  # opaque, so that overlapping areas have one colour
     sides = np.stack([left, right, right, left], axis=1), np.stack([low, low, high, high], axis=1)
     corners = np.stack(sides, axis=2)
     for one, other in pairwise(corners):
@@ -93,7 +93,7 @@ def _draw_area(axes: Axes, left: Array, right: Array, low: Array, high: Array, *
 
 
 def _hull(points: Array) -> Array:
-    """Corners of the convex hull of points (n, 2), by their angle about the middle of those that stick out."""
+    """Corners of the convex hull of points (n, 2), sorted by their angle about the mean of the hull points."""
     angles = np.linspace(0, 2 * np.pi, 33)[:-1]
     farthest = (points @ np.stack([np.cos(angles), np.sin(angles)])).argmax(axis=0)
     return points[farthest]

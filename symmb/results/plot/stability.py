@@ -28,14 +28,14 @@ def plot_stability(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Error against run time, drift of positions over time, and errors under stress.
+    """Draw error against run time, drift of positions over time, and errors under stress.
 
     Parameters
     ----------
-    points : solver -> (run time [s], error) of each setting; none where errors are not known
+    points : solver -> (run time [s], error) of each setting; empty if errors are not known
     drift : solver -> (n_t,) of one setting
-    stress : solver -> what was done to the scene -> error
-    style : options            with up to three of the caller's axes, for these diagrams in this order
+    stress : solver -> variant of the scene -> error
+    style : options            with up to three axes of the caller, in this order of diagrams
     """
     figure, panels = three_diagrams(style, 0.8)
     colours, texts = style.colours([*map(colour_of, points)]), style.labels([*points])
@@ -44,13 +44,13 @@ def plot_stability(
         look: dict[str, Any] = {"color": colours[k], "linestyle": cyclic(DASHES, k), "linewidth": 1.1}
         seconds, errors = np.reshape(points[name], (-1, 2)).T
         panels[0].loglog(seconds, np.clip(errors, LEAST_ERROR, LARGEST_ERROR), marker=marker, label=label, **look)
-        panels[0].set(xlabel="run time [s]", ylabel="error [share of the motion]")
+        panels[0].set(xlabel="run time [s]", ylabel="error, relative to the motion")
         for axes in panels[1:2]:  # the caller may have fewer axes
             axes.semilogy(t, np.maximum(drift[name], LEAST_ERROR), label=label, **look)
             axes.set(xlabel="time [s]", ylabel="largest violation of a position row [m, rad]")
         for axes in panels[2:]:
             values = np.clip(list(stress[name].values()), LEAST_ERROR, LARGEST_ERROR)
             axes.semilogx(values, list(stress[name]), marker, c=look["color"], label=label)
-            axes.set(xlabel="error under stress [share of the motion]")
+            axes.set(xlabel="error under stress, relative to the motion")
     finish_diagrams(figure, panels, style, title, 4)
     return figure

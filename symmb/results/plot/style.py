@@ -1,4 +1,4 @@
-"""What a caller asks of a picture: axes to draw in, and labels, colours and a legend of the curves."""
+"""What a caller sets in a picture: axes to draw in, and labels, colours and a legend of the curves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from symmb._types import GivenAxes
 
 @dataclass(frozen=True)
 class Style:
-    """Options of the method `owner`. What is None is left to the picture.
+    """Options of the method `owner`. Options that are None are set by the picture.
 
-    `label` is a text and `color` a colour of matplotlib, or a list with one for each curve. `legend` is a truth value.
+    `label` is a text, `color` a colour of matplotlib; either may be a list, one for each curve. `legend` is a bool.
     """
 
     owner: str = "plot"
@@ -27,13 +27,13 @@ class Style:
             raise DeclarationError(f"{self.owner}: legend must be True or False, got {shown(self.legend)}.")
 
     def labels(self, own: Sequence[str], apart: bool = False) -> list[str | None]:
-        """Labels of curves, by default their own. One text is for all in panels apart, else for the first."""
+        """Labels of curves, by default their names. One text labels all curves in separate panels, or the first."""
         if isinstance(self.label, str):
             return [self.label if k == 0 or apart else None for k in range(len(own))]
         return self._each("label", own, lambda text: isinstance(text, str))
 
     def colours(self, own: Sequence[Any]) -> list[Any]:
-        """Colours of curves, by default their own. One colour is for all."""
+        """Colours of curves, by default the colours of the picture. A single colour is used for all curves."""
         from matplotlib.colors import is_color_like
 
         return [self.color] * len(own) if is_color_like(self.color) else self._each("color", own, is_color_like)
@@ -44,7 +44,7 @@ class Style:
             return [*own]
         if isinstance(given, list | tuple) and len(given) == len(own) and all(map(fits, given)):
             return [*given]
-        raise DeclarationError(f"{self.owner}: {name} must be one, or a list of {len(own)}, got {shown(given)}.")
+        raise DeclarationError(f"{self.owner}: {name} must be one value, or a list of {len(own)}, got {shown(given)}.")
 
 
 OWN = Style()

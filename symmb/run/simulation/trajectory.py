@@ -312,7 +312,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
         DeclarationError
             If the file is damaged, has other contents, or is of another scene
         """
-        known, derived = files.load(path, "what Trajectory.save writes", of_record, of_table)
+        known, derived = files.load(path, "a result of Trajectory.save", of_record, of_table)
         program = None
         if scene is not None:
             require_instance("Trajectory.load: scene", scene, Scene, "a Scene")

@@ -1,4 +1,4 @@
-"""The program `symmb`, which `python -m symmb` runs as well."""
+"""The program `symmb`, also started by `python -m symmb`."""
 
 import importlib
 import os
@@ -10,25 +10,25 @@ from symmb.show.cli.signals import INTERRUPTED, end_at_signals, end_now
 
 
 def run() -> int | str | None:
-    """Run the command that the arguments name. Signals end it from its first moment on, while modules load as well."""
+    """Run the command of the arguments. Signals can end it from the start, also while modules load."""
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # it was closed
+        if getattr(sys, name) is None:  # the stream is closed
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
     end_at_signals()
     try:
         try:
             status = importlib.import_module("symmb.show.cli.main").main()
-        except SystemExit as end:  # of --help, and of faults of the arguments
+        except SystemExit as end:  # raised by --help, and by wrong arguments
             status = end.code
         for number in SIGNALS:
-            signal.signal(number, signal.SIG_IGN)  # the work is done: its status is that of the process
+            signal.signal(number, signal.SIG_IGN)  # the work is done, so that signals must not change the exit status
     except KeyboardInterrupt:
         status = INTERRUPTED
     if status == INTERRUPTED:
-        end_now()  # Python would end by SIGINT, if a module was loading
+        end_now()  # otherwise Python would end by SIGINT if a module was loading
     try:
         sys.stdout.flush()
-    except OSError as error:  # a full disk, or a reader that has gone: Python would try again, and end with 120
+    except OSError as error:  # a full disk, or a closed reader: Python would try again, and end with status 120
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not status and not isinstance(error, BrokenPipeError):
             print(f"symmb: {error}", file=sys.stderr)

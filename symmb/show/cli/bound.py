@@ -1,4 +1,4 @@
-"""The command `symmb bound`: bounds by one method, and whether limits are kept."""
+"""The command `symmb bound`: bounds by one method, and a check of limits."""
 
 import argparse
 import shlex
@@ -16,11 +16,11 @@ from symmb.show.cli.result_path import result_paths, write_results
 from symmb.show.cli.scene_file import load_subject
 from symmb.show.report import BLOCK, write_bounds
 
-_NO_CONTRIBUTIONS = "Contributions of parameters take further runs here: --contributions makes them."
+_NO_CONTRIBUTIONS = "Contributions of parameters need further runs here. Add --contributions."
 End = float | str | None
-"""A number, one with a unit, or None if it is left out."""
+"""Pattern for a number, a number with a unit, or an empty end."""
 VIOLATED = 1
-"""Exit status where a limit is violated, as of a test that fails."""
+"""Exit status if a limit is violated, the same as for a failed test."""
 
 
 def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
@@ -29,18 +29,18 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     bound.add_argument(
         "--box", metavar="k=1:2", nargs="+", action="extend", default=[], help="intervals, instead of the scene's"
     )
-    bound.add_argument("--tolerances", metavar="F", help="a table of intervals (.csv, .toml), beside --box")
+    bound.add_argument("--tolerances", metavar="F", help="a table of intervals (.csv, .toml), in addition to --box")
     bound.add_argument(
         "--limit", metavar="x=:0.3", nargs="+", action="extend", default=[], help="limits low:high of outputs"
     )
     bound.add_argument("--method", metavar="M", default="pce", help="method; default: pce")
     bound.add_argument("--solver", metavar="S", help="solver of the runs")
-    bound.add_argument("--contributions", action="store_true", help="make the runs that contributions may take")
+    bound.add_argument("--contributions", action="store_true", help="make the runs that contributions need")
     bound.add_argument("--json", metavar="F", help="write everything to this file")
     bound.add_argument("--csv", metavar="F", help="write bounds over time to this file")
     bound.add_argument("--plot", metavar="F.png", help="draw bounds over time, and limits")
     bound.add_argument("--view", metavar="F", help="draw the mechanism in the runs that attain the bounds")
-    bound.add_argument("--report", metavar="F.html", help="write a report of the bounds and limits that prints")
+    bound.add_argument("--report", metavar="F.html", help="write a printable report of the bounds and limits")
     text = f"parts of the report's title block: {', '.join(BLOCK)}"
     bound.add_argument("--title-block", metavar="author=A", nargs="+", action="extend", default=[], help=text)
 
@@ -54,7 +54,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     require_names("--title-block", "part", [*block], BLOCK)
     subject, own = load_subject(options.scene)
     box = _box(options, subject, own)
-    if limits:  # before the study, which may take long
+    if limits:  # check before the study, which may take long
         names = subject.output_names if isinstance(subject, mb.Scene) else subject.outputs
         limit_pairs("--limit", limits, names, getattr(subject, "units", ()))
     if "view" in paths and not isinstance(subject, mb.Scene):
@@ -75,7 +75,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
 
 
 def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions | None:
-    """Contributions where they take no further runs, or are asked for; otherwise how to get them."""
+    """Contributions if they need no further runs, or are requested; otherwise how to get them."""
     contributions = bounds.contributions() if is_asked else bounds._known_contributions() if bounds.range_of else None
     if contributions is not None or bounds.range_of:
         print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
@@ -92,7 +92,7 @@ def _limits(options: argparse.Namespace) -> dict[str, tuple[End, End]]:
 
 
 def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:
-    """The intervals of --box and of --tolerances, or those of the scene where both are left out."""
+    """The intervals of --box and of --tolerances, or the intervals of the scene if both are missing."""
     intervals: dict[str, Any] = {}
     for name, (low, high) in _ranges("--box", options.box).items():
         if low is None or high is None:
@@ -105,14 +105,12 @@ def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box
     if intervals:
         return mb.Box(**intervals)
     if own is None:
-        raise DeclarationError(
-            f"{options.scene} has no box that says which parameters are uncertain. Give intervals: --box NAME=1:2."
-        )
+        raise DeclarationError(f"{options.scene} has no box with uncertain parameters. Give intervals: --box NAME=1:2.")
     return own
 
 
 def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[End, End]]:
-    """The ends of texts such as k=1:2 and k=1:2mm, by name; None for an end that is left out. A unit holds for both."""
+    """The ends of texts such as k=1:2 and k=1:2mm, by name; None if an end is missing. A unit holds for both ends."""
     ranges: dict[str, tuple[End, End]] = {}
     for word in words:
         name, _, text = word.partition("=")
@@ -125,8 +123,8 @@ def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[End, End]]:
         except ValueError:
             colon = ""
         if not name or not colon:
-            raise DeclarationError(f"{option} takes name=low:high, got {shown(word)}.")
+            raise DeclarationError(f"{option} must be name=low:high, got {shown(word)}.")
         if name in ranges:
-            raise DeclarationError(f"{option} has {name!r} twice.")
+            raise DeclarationError(f"{option} has {name!r} twice. Give each name once.")
         ranges[name] = low, high
     return ranges

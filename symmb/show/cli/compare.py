@@ -22,7 +22,7 @@ from symmb.show.cli.urdf_scene import parameter_name
 from symmb.show.report import write_comparison
 
 _OVER_TIME = "lower", "upper", "estimate", "inner_lower", "inner_upper"
-"""Entries of a method that its row of the table does not show. They are nearly all of a file."""
+"""Entries of a method that its row of the table does not show. They are most of the file."""
 
 
 def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
@@ -47,14 +47,14 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
         "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
     )
     compare.add_argument("--solver", metavar="S", help="solver of all methods")
-    compare.add_argument("--store", metavar="F.db", help="keep each run in this file, and take from it what it holds")
+    compare.add_argument("--store", metavar="F.db", help="store each run in this file, and read stored runs from it")
     elsewhere = compare.add_mutually_exclusive_group()
     elsewhere.add_argument("--workers", metavar="N", type=int, help="make runs in N processes")
     elsewhere.add_argument("--dask", metavar="ADDRESS", help="make runs on the Dask cluster of this scheduler")
-    compare.add_argument("--json", metavar="F", help="write the table, and what stands beside it, to this file")
+    compare.add_argument("--json", metavar="F", help="write the table and its notes to this file")
     compare.add_argument("--save", metavar="F.npz", help="write everything to this file, which Comparison.load reads")
     compare.add_argument("--plot", metavar="F.png", help="draw bounds over time and error against run time")
-    compare.add_argument("--report", metavar="F.html", help="write a report of the comparison that prints")
+    compare.add_argument("--report", metavar="F.html", help="write a printable report of the comparison")
 
 
 def _compare(options: argparse.Namespace) -> tuple[str, ...]:
@@ -62,7 +62,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     solver = None if options.solver is None else specs.solver(options.solver)
     paths = result_paths(options)
     if options.workers is not None and options.workers < 1:
-        raise DeclarationError(f"--workers takes a number of processes from 1 on, got {options.workers}.")
+        raise DeclarationError(f"--workers must be a number of processes, 1 or more, got {options.workers}.")
     if options.uncertain and options.spread is None:
         raise DeclarationError("--uncertain names parameters with intervals. Give their width by --spread 5%.")
     subject, own = load_subject(options.scene, options.uncertain)
@@ -111,12 +111,12 @@ def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
 
 
 def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:
-    """The intervals of --spread, or those of the file without it."""
+    """The intervals of --spread, or the intervals of the file if the option is missing."""
     if options.spread is None:
         if own is None:
             raise DeclarationError(
-                f"{options.scene} has no box that says which parameters are uncertain. Name them, and how far they "
-                "are: --uncertain NAME --spread 5%."
+                f"{options.scene} has no box with uncertain parameters. Name them and the half width: "
+                "--uncertain NAME --spread 5%."
             )
         return own
     spread, names = _share(options.spread), options.uncertain
@@ -125,7 +125,7 @@ def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box
     if not names:
         if own is None:
             raise DeclarationError(
-                f"--spread: {subject!r} has no box that says which parameters are uncertain. Name them by --uncertain, "
+                f"--spread: {subject!r} has no box with uncertain parameters. Name the parameters by --uncertain, "
                 "or give its Scene box=mb.Box.around(p, 0.05) or box=mb.Box(name=(lower, upper))."
             )
         names = own.names
@@ -139,8 +139,8 @@ def _share(text: str) -> float:
     except ValueError:
         share = math.nan
     if not 0.0 < share < math.inf:
-        raise DeclarationError(f"--spread takes a positive share such as 5% or 0.05, got {shown(text)}.")
+        raise DeclarationError(f"--spread must be a positive number such as 5% or 0.05, got {shown(text)}.")
     if share >= 1.0:
-        hint = "Wider intervals go into the Box by their ends." if text.endswith("%") else f"Did you mean {text}%?"
+        hint = "Declare wider intervals by their ends in the Box." if text.endswith("%") else f"Did you mean {text}%?"
         raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, and the intervals would reach 0. {hint}")
     return share

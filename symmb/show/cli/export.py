@@ -37,7 +37,7 @@ def add_export(command: Callable[..., argparse.ArgumentParser], solvers: str) ->
 def _codegen(options: argparse.Namespace) -> None:
     folder = Path(options.output)
     if folder.exists() and not folder.is_dir():
-        raise DeclarationError(f"{folder} is a file; -o takes the folder that the C files go to.")
+        raise DeclarationError(f"{folder} is a file. -o needs the name of a folder for the C files.")
     solver = None if options.solver is None else specs.solver(options.solver)
     scene = load_scene(options.scene)
     with Progress("generating C"):
@@ -45,7 +45,7 @@ def _codegen(options: argparse.Namespace) -> None:
         bodies = equations.bodies
         nominal = {**bodies.start.nominal(), "times": equations.times}
         files = dict.fromkeys(bodies.dae.save_c(folder, nominal))
-        if solver is None:  # no pilot runs: nothing is compiled
+        if solver is None:  # no pilot runs, so that nothing is compiled
             solver = mb.EventDriven() if bodies.dae.impacts is not None else mb.DormandPrince()
         try:
             files |= dict.fromkeys(save_scene_c(simulator_with(scene, solver), folder.resolve()))

@@ -29,10 +29,10 @@ from symmb.show.drawing import FORMATS
 
 _PACKAGE = Path(mb.__file__).parent
 _GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
-"""The first page of the guide: in an installed package, and beside it in a checkout."""
+"""The first page of the guide: inside an installed package, or beside it in a checkout."""
 
 _DOUBTFUL = 3
-"""Exit status of a command whose result cannot be trusted."""
+"""Exit status of a command whose result has warnings."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -40,25 +40,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns
     -------
-    int     0; 1 if a simulation broke down or a limit is violated, 2 on bad input, each with one sentence on stderr;
+    int     0; 1 if a simulation failed or a limit is violated; 2 for wrong input, with one sentence on stderr;
             3 if the result has warnings; 130 if interrupted
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
+        sys.stdout.reconfigure(errors="replace")  # terminals without '≤' show '?'
     words = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(words, argparse.Namespace(words=words))
-    log = logging.getLogger("symmb")  # what the library announces
+    log = logging.getLogger("symmb")  # messages of the library
     log.handlers = [logging.StreamHandler(sys.stderr)]
     log.setLevel(logging.INFO)
     warnings.showwarning = lambda message, *_: print(f"symmb {options.command}: {message}", file=sys.stderr)
     try:
-        result = options.run(options)  # its doubts, or an exit status
+        result = options.run(options)  # warnings of the result, or an exit status
         sys.stdout.flush()
         return result if isinstance(result, int) else _DOUBTFUL if result else 0
     except SymmbError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, SimulationError) else 2
-    except BrokenPipeError:  # the reader of the pipe, such as `head`, has closed it
+    except BrokenPipeError:  # the reader of the pipe, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
-    """Print what was found before an interrupt, and write it beside the files that were asked for."""
+    """Print the results so far after an interrupt, and write them beside the requested files."""
     if partial is None:
         return
     print(partial)
@@ -123,7 +123,7 @@ def _view(options: argparse.Namespace) -> tuple[str, ...]:
         else:
             result = mb.linearize(scene, parameters=parameters)
             if not 1 <= options.mode <= len(result.modes):
-                count = f"It has {len(result.modes)}, which are numbered from 1 on."
+                count = f"It has {len(result.modes)}, numbered from 1."
                 raise DeclarationError(f"{scene.name} has no mode {options.mode}. {count}")
             run, doubts = result.motion(options.mode - 1), result.doubts
         mb.view(run, path)
@@ -143,11 +143,11 @@ def _cache(options: argparse.Namespace) -> None:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Prints an error in one line, without the usage, which `--help` shows."""
+    """A parser that prints an error in one line, without the usage. `--help` shows the usage."""
 
     def error(self, message: str) -> NoReturn:
         if "required: SCENE" in message:
-            message += " (it comes first: --methods and --set take all that follows)"
+            message += " (put SCENE first: --methods and --set take all following words)"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help.\n")
 
 
@@ -172,16 +172,16 @@ def _parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         subcommand.add_argument(
-            "scene", metavar="SCENE", help="a Python file with scene, a URDF file, or a shipped scene"
+            "scene", metavar="SCENE", help="a Python file that defines scene, a URDF file, or a shipped scene"
         )
         subcommand.set_defaults(run=run)
         return subcommand
 
     _add_scene_commands(command, methods, solvers)
     add_runs(commands)
-    text = "show the folder of compiled models, how many there are and their size"
+    text = "show the folder of compiled models, and their number and size"
     cache_command = commands.add_parser(
-        "cache", help=text, description=text + ". They are built again when they are needed."
+        "cache", help=text, description=text + ". Removed models are compiled again when needed."
     )
     cache_command.add_argument("--clear", action="store_true", help="remove them")
     cache_command.set_defaults(run=_cache)
@@ -190,7 +190,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
-    """The commands that take a scene, with their options."""
+    """Add the commands that take a scene, with their options."""
     add_bound(command, methods, solvers)
     add_compare(command, methods, solvers)
 
@@ -203,21 +203,21 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
 
     add_linearize(command)
 
-    stability = command("stability", "try every solver on the scene, as it is and under stress, and advise", _stability)
+    stability = command("stability", "try every solver on the scene and under stress, and recommend one", _stability)
     stability.add_argument("--json", metavar="F", help="write everything to this file")
     stability.add_argument("--plot", metavar="F.png", help="draw error against run time, and drift over time")
 
     stability.add_argument(
-        "--seconds", metavar="S", type=float, default=70.0, help="time after which no run begins; default: 70"
+        "--seconds", metavar="S", type=float, default=70.0, help="time after which no run starts; default: 70"
     )
 
     equations = command("equations", "print a summary and the equations of the scene", _equations)
     equations.add_argument("--joint", action="store_true", help="in coordinates of the joints that carry the bodies")
     equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")
 
-    view = command("view", "simulate the scene and draw the mechanism, to be looked at in a browser", _view)
+    view = command("view", "simulate the scene and draw the mechanism, for a browser", _view)
     view.add_argument("-o", "--output", metavar="F", help=f"file to write; its suffix is one of {', '.join(FORMATS)}")
-    view.add_argument("--mode", metavar="K", type=int, help="the mode of this number, from 1 on, in place of a run")
+    view.add_argument("--mode", metavar="K", type=int, help="draw mode number K, counted from 1, instead of a run")
     add_set(view)
 
     add_export(command, solvers)

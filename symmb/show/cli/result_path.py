@@ -1,4 +1,4 @@
-"""Files of results: their paths are checked before the work, and written after it."""
+"""Files of results. Their paths are checked before the work, and the files are written after it."""
 
 import argparse
 from collections.abc import Mapping
@@ -22,13 +22,13 @@ _SUFFIXES = {
 
 
 def result_paths(options: argparse.Namespace) -> dict[str, Path]:
-    """The files of results that are asked for, by their options; errors as of `result_path`."""
+    """The requested files of results, by their options; errors as in `result_path`."""
     paths = {name: result_path(getattr(options, name, None), *suffixes) for name, suffixes in _SUFFIXES.items()}
     return {name: path for name, path in paths.items() if path is not None}
 
 
 def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any] = {}, drawn: Any = None) -> None:
-    """Write a result as JSON, with `more` entries, and as a table, and draw it or `drawn`, where asked for."""
+    """Write a result as JSON, with `more` entries, and as a table, and draw it or `drawn`, if requested."""
     if "json" in paths:
         save_json(paths["json"], result.to_json() | more)
     for name in {"csv", "save"} & {*paths}:
@@ -40,13 +40,13 @@ def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any
 def result_path(name: str | None, *suffixes: str) -> Path | None:
     """The path of a result, or None for None.
 
-    It raises DeclarationError if it is a folder, its folder does not exist, or its suffix is not one of those given.
+    It raises DeclarationError if the path is a folder, its folder does not exist, or its suffix is not allowed.
     """
     if name is None:
         return None
     path = Path(name)
     if path.is_dir() or not path.parent.is_dir():
         raise DeclarationError(f"Cannot write {name}: it is a folder, or its folder does not exist.")
-    if path.suffix or ".json" not in suffixes:  # /dev/stdout takes JSON
+    if path.suffix or ".json" not in suffixes:  # /dev/stdout receives JSON
         require_suffix(path, *suffixes)
     return path

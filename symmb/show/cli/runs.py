@@ -1,4 +1,4 @@
-"""The command `symmb runs`: what a file of stored runs holds."""
+"""The command `symmb runs`: the contents of a file of stored runs."""
 
 import argparse
 import re
@@ -14,7 +14,7 @@ from symmb.connect import STATES, RunDatabase, open_run_database
 from symmb.results.files import replacement, require_suffix
 
 _PRUNED = {"failed": (1, 2, 3), "timed-out": (2,), "all": (0, 1, 2, 3)}
-"""States of the runs that each word removes."""
+"""States of the runs that each word of --prune removes."""
 
 
 def add_runs(commands: "argparse._SubParsersAction[Any]") -> None:

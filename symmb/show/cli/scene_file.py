@@ -1,4 +1,4 @@
-"""Scenes from a Python or URDF file, or by name, and the option `--set`: errors are told in one sentence."""
+"""Scenes from a Python or URDF file, or by name, and the option `--set`. Errors are reported in one sentence."""
 
 import argparse
 import importlib.util
@@ -26,9 +26,9 @@ _MODELS = Path(models.__path__[0])
 def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
     """The scene of a Python file, of a URDF file, or of a shipped model by its name.
 
-    The file runs with its own `__file__`, and it can import from its folder. `scene` is a Scene, or a function that is
-    called without arguments. A scene without a name gets that of the file. `numbers` of a URDF file become parameters.
-    It raises DeclarationError if there is no such file or model, it defines no `scene()`, or running it raises.
+    The file runs with its own `__file__`, and it can import from its folder. `scene` is a Scene, or a function without
+    arguments. A scene without a name gets the name of the file. `numbers` of a URDF file become parameters.
+    It raises DeclarationError if the file or model does not exist, it defines no `scene()`, or running it raises.
     """
     path = _find(given)
     return urdf_scene(path, numbers) if is_urdf(given) else _scene(_module(path), path)
@@ -41,12 +41,12 @@ def is_urdf(given: str) -> bool:
 
 def add_set(command: argparse.ArgumentParser) -> None:
     """Add the option to a command."""
-    text = "parameters that are not nominal"
+    text = "values of parameters that differ from the nominal values"
     command.add_argument("--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help=text)
 
 
 def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a command, and the parameters that --set gives; of a URDF file these are its numbers.
+    """The scene of a command, and the parameters from --set; for a URDF file these are its numbers.
 
     It raises DeclarationError if a text is not of the form name=number, or the scene cannot be loaded.
     """
@@ -64,9 +64,9 @@ def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, 
 
 
 def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:
-    """What a file bounds, and the box: its `scene()`, or the pair of a simulator and its box of its `simulator()`.
+    """The scene or simulator in a file, and the box: from its `scene()`, or the pair returned by its `simulator()`.
 
-    It raises DeclarationError as `load_scene`.
+    It raises DeclarationError in the same cases as `load_scene`.
     """
     path = _find(given)
     if is_urdf(given):
@@ -86,12 +86,10 @@ def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simul
 
 
 def _module(path: Path) -> ModuleType:
-    """The module of a file. Other processes find it by its name, so that its functions can be sent to them."""
+    """The module of a file. Other processes can import the module by its name, so that its functions can be sent."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
-        raise DeclarationError(
-            f"{path} is not a Python file; a scene file ends in .py and defines scene(), or in .urdf."
-        )
+        raise DeclarationError(f"{path} is not a scene file. Use a .py file that defines scene(), or a .urdf file.")
     module = importlib.util.module_from_spec(spec)
     known = sys.modules.setdefault(path.stem, module)
     if getattr(known, "__file__", None) == str(path):
@@ -106,7 +104,7 @@ def _scene(module: ModuleType, path: Path) -> Scene:
     if not isinstance(scene, Scene):
         if not callable(scene):
             raise DeclarationError(
-                f"{path} defines no function scene() that returns a symmb.Scene, and no variable scene that is one."
+                f"{path} defines no function scene() that returns a symmb.Scene, and no variable scene of this type."
             )
         with _foreign(path):
             scene = scene()
@@ -133,7 +131,7 @@ def _find(given: str) -> Path:
 
 @contextmanager
 def _foreign(path: Path) -> Iterator[None]:
-    """A context for the code of the file: it can import from its folder, and its exceptions become a sentence."""
+    """A context for the code of the file. The code can import from its folder; its exceptions become a sentence."""
     before, folder = sys.path, str(path.parent.resolve())
     sys.path = [folder, *before]
     try:

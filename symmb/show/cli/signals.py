@@ -1,7 +1,7 @@
-"""The end of the program at SIGINT, SIGTERM, SIGHUP and SIGQUIT, whatever it is doing.
+"""The end of the program at SIGINT, SIGTERM, SIGHUP and SIGQUIT, at any moment.
 
-They raise KeyboardInterrupt in the main thread, so that what was found so far can be written. A call of compiled code
-may keep the main thread from this for long. A second thread therefore ends the process after a short time.
+The signals raise KeyboardInterrupt in the main thread, so that the results so far can be written. A call of compiled
+code may delay this. A second thread therefore ends the process after a short time.
 """
 
 import os
@@ -22,28 +22,28 @@ if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
 INTERRUPTED = 130
-"""The exit status of a program that was interrupted, as shells have it for SIGINT."""
+"""The exit status of an interrupted program, as shells define it for SIGINT."""
 _GRACE = 1.4
 """Time for the main thread to end [s]. The program ends within 2 s."""
 _LOST = 0
-"""The byte by which the main thread tells that an interrupt was lost: Python drops exceptions of some callbacks."""
+"""The byte with which the main thread reports a lost interrupt: Python drops exceptions of some callbacks."""
 _LATER = 0.005
 """Time until a lost interrupt is repeated [s]: by then the callback has returned."""
 
 
 def end_at_signals() -> None:
-    """End this process at the signals, at once at the second one."""
+    """End this process at the signals; at the second signal immediately."""
     for number in SIGNALS:
-        if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN:  # by nohup
+        if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores
             signal.signal(number, _interrupt)
-    if os.name != "posix":  # elsewhere nothing is compiled, and no pipe tells of signals
+    if os.name != "posix":  # other systems compile nothing, and have no pipe for signals
         return
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     try:
         Thread(target=_watch, args=(reader,), daemon=True).start()
-    except RuntimeError:  # no thread can be started: the handlers alone end the process
-        os.environ["OPENBLAS_NUM_THREADS"] = "1"  # or else NumPy's would end it by SIGINT
+    except RuntimeError:  # the thread cannot be started: the handlers alone end the process
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"  # otherwise NumPy's threads would end the process by SIGINT
         return
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     sys.unraisablehook = partial(_report_unraisable, writer)
@@ -77,11 +77,11 @@ def _watch(reader: int) -> None:
 
 
 def end_now() -> NoReturn:
-    """End this process with all that it has started."""
+    """End this process with all programs that it has started."""
     clean_up()
     if sys.stderr.isatty():
-        os.write(sys.stderr.fileno(), b"\r\x1b[K")  # the line that shows progress
+        os.write(sys.stderr.fileno(), b"\r\x1b[K")  # clear the progress line
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, RuntimeError, ValueError):  # the main thread may be writing to it
+        with suppress(OSError, RuntimeError, ValueError):  # the main thread may be writing to the stream
             stream.flush()
     os._exit(INTERRUPTED)

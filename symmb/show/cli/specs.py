@@ -16,7 +16,7 @@ def table(title: str, specs: Sequence[Spec]) -> str:
 
 
 def solver_table() -> str:
-    """The table of solvers, with the words that set their options."""
+    """The table of solvers, with the words for their options."""
     return f"{table('solvers', SOLVERS)}\n  Words that may follow: {', '.join(WORDS)}; as in dopri:1e-8:projection."
 
 

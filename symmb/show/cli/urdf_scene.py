@@ -11,24 +11,24 @@ import symmb as mb
 from symmb._errors import DeclarationError
 
 _TIMES = np.linspace(0.0, 2.0, 201)
-"""Output times [s]: a fall from rest takes an arm about half a second."""
+"""Output times [s]: an arm falls from rest in about half a second."""
 _DOWN = 0.0, 0.0, -9.81
-"""Gravity [m/s^2]: z is up in such files."""
+"""Gravity [m/s^2]: z points up in URDF files."""
 
 
 def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
-    """The machine on its base under gravity, at rest in its zero pose, without motors, for two seconds.
+    """The machine on its base under gravity for two seconds. It starts at rest in its zero pose, without motors.
 
-    Outputs are the values of its joints, and the positions of bodies that move freely or in a plane.
-    `numbers` name those numbers of the file that become parameters, as `parameter_name` tells. It raises
-    DeclarationError if the file has faults, it has no such number, or nothing in it moves.
+    Outputs are the coordinates of its joints, and the positions of bodies that move freely or in a plane.
+    `numbers` names the numbers of the file that become parameters; `parameter_name` gives their names. It raises
+    DeclarationError if the file has faults, a number does not exist, or no joint moves.
     """
     names = {name: parameter_name(name) for name in numbers}
     if len(set(names.values())) < len(names):
         raise DeclarationError(
             f"{path}: two of {', '.join(names)} give parameters of one name. Rename a link or joint."
         )
-    with warnings.catch_warnings():  # they are told below
+    with warnings.catch_warnings():  # they are reported below
         warnings.simplefilter("ignore", mb.SymmbWarning)
         nominal = mb.load_urdf(path).numbers
     p = mb.Parameters(**{own: nominal.get(name, 0.0) for name, own in names.items()})
@@ -40,6 +40,6 @@ def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
 
 
 def parameter_name(number: str) -> str:
-    """The name of the parameter in the place of a number: "forearm_mass" for "forearm.mass"."""
+    """The name of the parameter for a number: "forearm_mass" for "forearm.mass"."""
     name = re.sub(r"\W", "_", number)
     return name if name.isidentifier() else f"_{name}"

@@ -1,6 +1,6 @@
-"""Bodies as shapes: the points that elements are attached to, joined; their size, where points do not tell it.
+"""Bodies as shapes: attached points joined by bars, and solids if the points do not show the size.
 
-A body with one point, or none, is drawn as the homogeneous rod, disc or solid that has its mass and inertia.
+A body with at most one point is drawn as a homogeneous rod, disc or solid with its mass and inertia.
 """
 
 from collections.abc import Iterator
@@ -29,20 +29,20 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 SOLID = "solid of the same inertia"
-"""Kind of the solids of bodies whose points tell their size as well."""
+"""Kind of the solids of bodies whose points also show their size."""
 _SAME = 1e-6
-"""Distance of points, as a share of the unit of length, below which they are one."""
+"""Distance of points, relative to the unit of length, below which they coincide."""
 _ALIKE = 0.03
 """Relative difference of second moments of mass below which a solid is drawn as round."""
 _LIGHT, _LONG = 500.0, 2.0
-"""Least density [kg/m^3] and greatest half length, over the span of a robot divided by its links, of the solid of
-a link: inertias in files are often placeholders, such as 1 kg m^2 of a finger."""
+"""Smallest density [kg/m^3] and largest half length of the solid of a link, relative to the robot's span per link:
+inertias in files are often placeholders, such as 1 kg m^2 for a finger."""
 _NEIGHBOURS, _REACH = 12, 1.6
-"""Nodes of a mesh that may be joined: of these nearest ones, up to this share of the longest edge of its tree."""
+"""Nearest nodes of a mesh that may be joined, and their largest distance, relative to the longest edge of its tree."""
 
 
 class BodySketch:
-    """A body to be drawn; `reach` tells its size when the numbers are known."""
+    """A body to draw. After the numbers are computed, `reach` is its size."""
 
     def __init__(self, body: Body, colour: str, survey: Survey, own: BodyShapes | None) -> None:
         self.body, self.colour, self.survey = body, colour, survey
@@ -69,7 +69,7 @@ class BodySketch:
     def second_moments(self) -> tuple[Array, Array]:
         """Variances of the mass along its principal axes, (3,) [m^2], and these axes as columns, (3, 3).
 
-        Those of a link of a robot are reduced to what its density and the robot's size allow.
+        For a link of a robot, they are limited by a smallest density and by the size of the robot.
         """
         m, J = (0.0, np.zeros((3, 3))) if self.mass is None else (self.mass.first[0], self.inertia.first.reshape(3, 3))
         if m <= 0:
@@ -88,7 +88,7 @@ class BodySketch:
 
     @property
     def reach(self) -> float:
-        """Its longest extent [m]."""
+        """The longest extent of the body [m]."""
         if isinstance(self.body, FlexibleBody):
             return float(np.ptp(self.body.modes.positions, axis=0).max())
         if self.own:
@@ -97,7 +97,7 @@ class BodySketch:
         return float(max(extent, 0.0 if self.slides else np.sqrt(12 * self.second_moments[0].max())))
 
     def shapes(self, u: float) -> Iterator[Shape]:
-        """Its shapes, for the unit of length u [m]."""
+        """The shapes of the body, for the unit of length u [m]."""
         if isinstance(self.body, FlexibleBody):
             yield from self._net(u)
             return
@@ -128,7 +128,7 @@ class BodySketch:
         return self._shape("bar", (self._at(a), self._at(b)), (u,))
 
     def _rod_or_disc(self, far: list[Array], u: float) -> Iterator[Shape]:
-        """A planar body on one point or none: a homogeneous rod through the point, a bob, or a disc about it."""
+        """A planar body with at most one point: a homogeneous rod through the point, a bob, or a disc around it."""
         radius = float(np.sqrt(self.second_moments[0].max()))
         if not far:
             if radius:
@@ -162,11 +162,11 @@ class BodySketch:
         half = np.maximum(half, 0.3 * u)
         kind = "" if alone else SOLID
         yield self._shape("solid", (self._at(np.zeros(3)),), (form,), kind, direction=axes * half, faint=True)
-        if alone:  # a spoke shows how it turns
+        if alone:  # a spoke shows the rotation
             yield self._bar(np.zeros(3), axes[:, 0] * half[0], 0.6 * u)
 
     def _joined(self, points: list[Array], u: float) -> Iterator[Shape]:
-        """A bar between two points, the edges of a plate for more in a plane, those of their hull for others."""
+        """A bar between two points; the edges of a plate for points in a plane; else the edges of their convex hull."""
         if len(points) < 2:
             return
         cloud = np.array(points)
@@ -177,7 +177,7 @@ class BodySketch:
             along = (cloud - middle) @ axes[0]
             a, b, center = cloud[along.argmin()], cloud[along.argmax()], np.zeros(3)
             yield self._bar(a, b, u)
-            if np.linalg.norm(np.cross(a, b)) > 2 * u * np.linalg.norm(b - a):  # the centre of mass lies off the bar
+            if np.linalg.norm(np.cross(a, b)) > 2 * u * np.linalg.norm(b - a):  # the centre of mass is beside the bar
                 yield self._shape("plate", (self._at(a), self._at(b), self._at(center)), (u,), faint=True)
                 for end in (a, b):
                     yield self._bar(center, end, 0.45 * u)
@@ -219,7 +219,7 @@ def _distinct(points: Array, distance: float) -> list[Array]:
 
 
 def _edges(hull) -> set[tuple[int, int]]:
-    """Edges of a hull in space between facets that are not in one plane."""
+    """Edges of a convex hull in space between facets in different planes."""
     normals: dict[tuple[int, int], list[Array]] = {}
     for corners, equation in zip(hull.simplices.tolist(), hull.equations, strict=True):
         for i, k in ((0, 1), (1, 2), (0, 2)):
@@ -228,10 +228,10 @@ def _edges(hull) -> set[tuple[int, int]]:
 
 
 def mesh_edges(positions: Array) -> list[tuple[int, int]]:
-    """Pairs of nodes to join: modes know nodes, not elements.
+    """Pairs of nodes to join: the modes have nodes, but no elements.
 
-    A pair belongs to it if no third node lies in the ball on its line (a Gabriel graph, which gives chains and grids
-    back), and if it is not long beside the minimum spanning tree, which is part of it.
+    A pair is joined if no third node lies in the ball with the pair as its diameter (a Gabriel graph, which reproduces
+    chains and grids), and if it is not much longer than the minimum spanning tree's edges. All its edges are joined.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import minimum_spanning_tree
@@ -246,7 +246,7 @@ def mesh_edges(positions: Array) -> list[tuple[int, int]]:
     columns, lengths = neighbours[:, 1:].ravel(), distances[:, 1:].ravel()
     tree = minimum_spanning_tree(coo_array((np.maximum(lengths, 1e-300), (rows, columns)), (count, count))).tocoo()
     edges = {(min(i, k), max(i, k)) for i, k in zip(tree.row.tolist(), tree.col.tolist(), strict=True)}
-    longest = np.zeros(count)  # edge of the tree at each node
+    longest = np.zeros(count)  # longest edge of the tree at each node
     np.maximum.at(longest, tree.row, tree.data)
     np.maximum.at(longest, tree.col, tree.data)
     for i, k, length in zip(rows.tolist(), columns.tolist(), lengths, strict=True):

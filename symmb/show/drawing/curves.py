@@ -28,15 +28,15 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Survey
 
 _LINES = 96
-"""Straight lines by which a curve is drawn."""
+"""Number of straight lines for a curve."""
 _ROCKER = 0.9
-"""Length of a rocker up to its tip, over the distance of its pivot from the shaft of the cam."""
+"""Length of a rocker up to its tip, relative to the distance of its pivot from the shaft of the cam."""
 _Z = np.array([[0.0, 0.0, 1.0]])
 
 
 @sketch.register
 def _(rope: Rope, survey: Survey) -> Build:
-    """Its straight parts, which are dashed while it is slack, and its pulleys."""
+    """The straight parts of a rope, dashed while it is slack, and its pulleys."""
     points = [wrap if isinstance(wrap, Point) else wrap[0] for wrap in rope.points]
     radii = [0.0 if isinstance(wrap, Point) else wrap[1] for wrap in rope.points]
     places = [survey.place(point) for point in points]
@@ -88,7 +88,7 @@ def _(element: CurveContact | PointOnCurve, survey: Survey) -> Build:
 
 
 def _lines_of(curve: Curve) -> list[ca.SX]:
-    """Places (2,) on a curve between which it is drawn straight [m]."""
+    """Places (2,) on a curve. Straight lines between them draw the curve [m]."""
     return [ca.substitute(curve.place, curve.s, s) for s in np.linspace(*curve.ends, _LINES + 1).tolist()]
 
 
@@ -96,14 +96,14 @@ def _lines_of(curve: Curve) -> list[ca.SX]:
 def _(cam: CamFollower, survey: Survey) -> Build:
     """The cam that lifts the follower's tip by its law, and the tip.
 
-    The law tells neither the size of the cam nor where the follower touches it: the tip of one that slides is its
-    point, or two lifts beyond the shaft; a rocker has its tip where the cam's radius is at right angles to it.
+    The law states neither the size of the cam nor the contact point. The tip of a sliding follower is its point, or
+    two lifts from the shaft. A rocker has its tip at a right angle to the cam's radius.
     """
     shaft, rocker = cam.cam, cam.follower
     angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (shaft, rocker))
     run = survey.run(angle)
     turns, low, high = shaft.coordinate == "angle", float(run.min()), float(run.max())
-    if turns:  # once round, from 0 if the cam stays within a turn: tables often begin there
+    if turns:  # one revolution, from 0 if the cam stays within it: tables often start at 0
         whole = 2 * np.pi * np.floor(low / (2 * np.pi))
         low = whole if high <= whole + 2 * np.pi else low
         high = low + 2 * np.pi
@@ -138,7 +138,7 @@ def _(cam: CamFollower, survey: Survey) -> Build:
 
 
 def _tip_of_rocker(c: Array, pivot: Array, axis: Array) -> Array:
-    """Where a rocker touches a cam about c (3,): on the side on which it moves away when it turns ahead."""
+    """The contact point of a rocker with a cam around c (3,), on the side from which the rocker moves away."""
     away = c - pivot - axis * (axis @ (c - pivot))
     return pivot + _ROCKER**2 * away + _ROCKER * np.sqrt(1 - _ROCKER**2) * np.cross(axis, away)
 
@@ -149,7 +149,7 @@ def _turned(a: Array, axis: Array, angle: float) -> Array:
 
 
 def _fixed(survey: Survey, frame: int, world: Array) -> int:
-    """The place on a frame that is at a world position (3,) at the start."""
+    """The place on a frame at a world position (3,) at the start."""
     pose = survey.pose(frame)[0]
     return survey.fixed(frame, pose[:, :3].T @ (world - pose[:, 3]))
 
@@ -176,7 +176,7 @@ def _(contact: SlotContact, survey: Survey) -> Build:
 
 
 def _outline(origin: Point, places: list[ca.SX], survey: Survey) -> Callable[[], tuple[int, ...]]:
-    """What gives the places along an outline (2,) [m] from a point."""
+    """A function that gives the places along an outline (2,) [m] from a point."""
     frame: int = survey.frame(origin.body)
     asked = survey.ask(ca.vertcat(*[origin.s + ca.vertcat(place, 0) for place in places]))
     return lambda: tuple(survey.fixed(frame, corner) for corner in asked.first.reshape(-1, 3))

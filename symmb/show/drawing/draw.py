@@ -1,4 +1,4 @@
-"""A run as a Drawing: scales, camera, and the order of what is drawn."""
+"""A run as a Drawing: scales, camera, and the order of the shapes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,26 +17,26 @@ from symmb.show.drawing.shapes import Drawing, Shape
 from symmb.show.drawing.survey import Survey
 
 MOST_PICTURES = 1001
-"""Pictures of a page, about: of longer runs every so many output times are shown."""
+"""Approximate number of pictures of a page. For longer runs only every n-th output time is shown."""
 _UNIT = 0.011
-"""Radius of a bar over the size of the mechanism."""
+"""Radius of a bar, relative to the size of the mechanism."""
 _SHORT = 7.0
-"""Sizes over the median size of its bodies, above which the mechanism is large, and bars are as thin as bodies ask."""
+"""Size, relative to the median size of its bodies, above which a mechanism is large. Its bars are then thinner."""
 _TRAVELLED = 0.3
-"""Share of the space through which a mechanism travels that counts as its size at least."""
+"""Smallest size of a mechanism, relative to the space of its motion."""
 _FLAT = 1e-9
-"""Share of the size up to which a coordinate out of the plane is rounding."""
+"""Coordinate out of the plane, relative to the size, that counts as rounding."""
 _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
-"""Angles from which a spatial mechanism is seen at first: about the vertical, and above the horizontal."""
+"""Initial angles of view for a spatial mechanism: about the vertical, and above the horizontal."""
 
 
 def draw(
     run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = MOST_PICTURES
 ) -> Drawing:
-    """A run at its output times, or at every so many and at those that `also` numbers, with the path of a point."""
+    """A run at its output times, or at every n-th time and those numbered in `also`, with the path of a point."""
     scene = run.scene
     if scene is None:
-        raise DeclarationError("This run holds no scene: it was read from a file. Give Trajectory.load the scene.")
+        raise DeclarationError("This run has no scene: it was read from a file. Use Trajectory.load(path, scene).")
     rows = _pictures(len(run.t), also, most)
     run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
     survey = Survey(run, scene)
@@ -60,7 +60,7 @@ def draw(
     unit = _unit(size, bodies)
     shapes = _shapes(survey, bodies, sketches, unit)
     planar = _is_planar(survey, g, size)
-    shapes += [shape for own in given for shape in own.shapes()]  # which may lie beside the plane of the motion
+    shapes += [shape for own in given for shape in own.shapes()]  # these may lie beside the plane of the motion
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
     return Drawing(
@@ -85,23 +85,23 @@ def draw(
 
 
 def _is_unseen(part: Body | Element) -> bool:
-    """Whether it is a flywheel, or belongs to one."""
+    """Whether the element is a flywheel, or belongs to one."""
     return any(isinstance(body, Flywheel) for body in ([part] if isinstance(part, Body) else part.bodies()))
 
 
 def _pictures(count: int, also: Sequence[int], most: int) -> Indices:
-    """Numbers of the output times that are shown, the first and the last among them."""
+    """Numbers of the output times that are shown, including the first and the last."""
     rows = np.linspace(0, count - 1, min(count, most)).astype(int)
     return np.union1d(rows, [row for row in also if row < count]).astype(int)
 
 
 def _diagonal(tracks: Sequence[Array]) -> float:
-    """Of the box about ways, each (n, 3) [m]."""
+    """Diagonal of the bounding box of paths, each (n, 3) [m]."""
     return float(np.linalg.norm(np.ptp(np.vstack(tracks), axis=0))) if tracks else 0.0
 
 
 def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) -> float:
-    """Of the mechanism [m], whose attached points and centres of mass have a span, and move along tracks."""
+    """Size of the mechanism [m], from the span of its attached points and centres of mass, and from their paths."""
     travelled = _diagonal(tracks)
     own = max([span, *(body.reach for body in bodies)])
     return max(own, _TRAVELLED * travelled) if own else travelled or 1.0
@@ -116,7 +116,7 @@ def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
 def _shapes(
     survey: Survey, bodies: Sequence[BodySketch], sketches: Sequence[tuple[Element, Build | None]], unit: float
 ) -> list[Shape]:
-    """Those of bodies and of elements. What a joint holds by is there while the joint is closed."""
+    """The shapes of bodies and of elements. The parts of a joint at its bodies are present while it is closed."""
     of_elements = [
         replace(shape, present=survey.closed(element))
         if isinstance(element, Joint) and shape.colour != GUIDE
@@ -130,7 +130,7 @@ def _shapes(
 
 
 def _once(shapes: Sequence[Shape]) -> list[Shape]:
-    """Supports and such that several elements ask for at the same place are drawn once."""
+    """Shapes such as supports are drawn once, if several elements need them at the same place."""
     seen, rest = set(), []
     for shape in shapes:
         key = (shape.form, shape.places) if shape.form == "support" else id(shape)
@@ -152,7 +152,7 @@ def _is_planar(survey: Survey, g: Array, size: float) -> bool:
 
 
 def _right_and_up(g: Array, planar: bool) -> tuple[Array, Array]:
-    """World axes that point to the right and up, so that things fall down."""
+    """World axes to the right and up in the picture, so that objects fall down."""
     down = g if np.linalg.norm(g) else np.array([0.0, -1.0, 0.0] if planar else [0.0, 0.0, -1.0])
     main = np.abs(down).argmax()
     up = -np.sign(down[main]) * np.eye(3)[main]
@@ -160,7 +160,7 @@ def _right_and_up(g: Array, planar: bool) -> tuple[Array, Array]:
 
 
 def _camera(g: Array, planar: bool) -> Array:
-    """Rows to the right, up and to the viewer."""
+    """Rows: directions to the right, up and to the viewer."""
     right, up = _right_and_up(g, planar)
     camera = np.array([right, up, np.cross(right, up)])
     if planar:

@@ -1,4 +1,4 @@
-"""Elements as shapes: one function a kind, in `joints` and `forces`, registers with `sketch`."""
+"""Elements as shapes. `joints` and `forces` register one function for each kind of element with `sketch`."""
 
 from collections.abc import Callable, Iterator
 from functools import singledispatch
@@ -11,14 +11,14 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 Build = Callable[[float], Iterator[Shape]]
-"""Draws an element, for a unit of length [m], when the numbers are known."""
+"""A function that draws an element for a unit of length [m], after the numbers are computed."""
 JOINT, GUIDE, SPRING, DAMPER, LOAD, CONTACT = "joint", "guide", "spring", "damper", "load", "contact"
-"""Colours of elements; bodies have numbers."""
+"""Colours of elements; colours of bodies are numbers."""
 
 
 @singledispatch
 def sketch(element: Element, survey: Survey) -> Build | None:
-    """How to draw an element, which asks the survey for places now; None if it has no place."""
+    """The function that draws an element. It requests places from the survey now; None if the element has no place."""
     return None
 
 
@@ -45,6 +45,6 @@ def supports(element: Element, survey: Survey, *points: Point) -> Build:
 
 
 def unit_vectors(asked: Asked) -> Array:
-    """Directions of length 1, (1, 3) or (n_f, 3)."""
+    """Unit vectors, (1, 3) or (n_f, 3)."""
     values = asked()
     return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-300)

@@ -1,4 +1,4 @@
-"""What is shown together: a run, the runs that attain bounds, and where a point is over the box."""
+"""What is shown together: a run, the runs that attain bounds, and the region of a point over the box."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,17 +23,17 @@ from symmb.show.drawing.shapes import Drawing
 LOWER, UPPER = "#b3541e", "#5b3fa0"
 """Colours of the runs that attain the lower and the upper bound."""
 _LINE, _FEW, _SAMPLES, _SWEPT = 6, 2, 128, 150
-"""Samples of a point's region: along each of a few parameters, and in all for more; times between which it sweeps."""
+"""Samples for a point's region: along each of a few parameters, and in total for more; times between its outlines."""
 _MOST_RUNS, _PICTURES, _FEWEST = 500, 20_000, 101
-"""Runs of a page with sliders, their pictures in all, about, and those of one run at least: a page has some ten MB."""
+"""Most runs of a page with sliders, approximate total of their pictures, fewest pictures of a run: a page has 10 MB."""
 _CLOSE, _THIN = 0.05, 0.5
-"""Extent of what a cell of samples reaches in a while, over the mechanism's size, up to which the region is its hull.
-The region of other cells is where their samples went: the width of their ways over the radius of a bar."""
+"""Largest extent of a cell of samples over some time, relative to the mechanism's size, for which the region is its
+convex hull. For other cells the region is the paths of their samples; width of a path over the radius of a bar."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ghost:
-    """A run that attains a bound, beside the nominal one."""
+    """A run that attains a bound, beside the nominal run."""
 
     label: str
     tint: str
@@ -42,8 +42,8 @@ class Ghost:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where a point is over the box: positions of samples (n_f, n, 3), and (3 m, 2), corners of triangles
-    that cover its sweep in the xy plane, or the ways of samples that are far apart."""
+    """The region of a point over the box: positions of samples (n_f, n, 3), and (3 m, 2), corners of triangles
+    that cover its sweep in the xy plane, or the paths of samples that are far apart."""
 
     name: str
     points: Array
@@ -52,7 +52,7 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class PicturedBounds:
-    """Bounds of the outputs at the times of the pictures, (n_f, n_y), and the output and time that are looked at."""
+    """Bounds of the outputs at the times of the pictures, (n_f, n_y), and the selected output and time."""
 
     lower: Array
     upper: Array
@@ -62,7 +62,7 @@ class PicturedBounds:
 
 @dataclass(frozen=True, eq=False)
 class Slider:
-    """A parameter with its unit, the values for which there are runs, and the number of the one to begin with."""
+    """A parameter with its unit, its values in the runs, and the number of the initial value."""
 
     name: str
     values: Array
@@ -71,9 +71,9 @@ class Slider:
 
 @dataclass(frozen=True, eq=False)
 class Exhibit:
-    """All that a page, a still or a film shows; `picture` is the one to begin with.
+    """All contents of a page, a still or a film. `picture` is the initial picture.
 
-    `family` are the runs over the grid of sliders, the last one changing fastest. The drawing is one of them.
+    `family` are the runs over the grid of sliders; the last slider changes fastest. The drawing is one of them.
     """
 
     drawing: Drawing
@@ -93,11 +93,11 @@ def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
 
 
 def of_sweep(sweep: Sweep, time: float | None, point: Point | None) -> Exhibit:
-    """The runs over a grid, and a slider for each parameter of it."""
+    """The runs over a grid, and a slider for each parameter of the grid."""
     if sweep.simulator is None or not sweep.grid:
         raise DeclarationError(
             "view draws sweeps over a grid of a scene's parameters: sweep(scene, {name: values}). This one "
-            + ("has no grid." if sweep.simulator else "holds no scene: it is of a function or a program, or of a file.")
+            + ("has no grid." if sweep.simulator else "has no scene: it is of a function or a program, or of a file.")
         )
     if not sweep.ok.all() or len(sweep) > _MOST_RUNS:
         why = f"has {len(sweep)} runs." if sweep.ok.all() else f"has failed runs. {sweep.doubts[0]}"
@@ -118,32 +118,32 @@ def of_sweep(sweep: Sweep, time: float | None, point: Point | None) -> Exhibit:
 
 
 def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Point | None) -> Exhibit:
-    """The nominal run, those that attain the bounds of an output at a time, and the region of a point."""
+    """The nominal run, the runs that attain the bounds of an output at a time, and the region of a point."""
     study = bounds.study
     if not isinstance(study, Study):
         raise DeclarationError(
-            "These bounds hold no scene: they were read from a file. Draw those that propagate(scene, method) returns."
+            "These bounds have no scene: they were read from a file. Draw the result of propagate(scene, method)."
         )
     scene = study.scene
     if output is not None:
         require_name("view", "output", output, bounds.names)
     column = bounds.names.index(output) if output else _widest(bounds)
     name, width = bounds.names[column], bounds.upper[:, column] - bounds.lower[:, column]
-    times = scene.times if name in bounds.figures else bounds.t  # a figure has the same bounds at all of them
+    times = scene.times if name in bounds.figures else bounds.t  # a scalar output has the same bounds at all times
     widest = len(times) // 2 if name in bounds.figures else int(width.argmax())
     at = widest if time is None else row_of("view", times, time)
     row, t = min(at, len(bounds.t) - 1), float(times[at])
     value_of = name if name in bounds.figures else f"{name}({t:g} s)"
     if bounds.attaining is None:
         raise DeclarationError(
-            f"{bounds.method} keeps no runs that attain its bounds, which view would draw. "
+            f"{bounds.method} stores no runs that attain its bounds, so that view cannot draw them. "
             "Use PolynomialChaos() or Vertex()."
         )
     samples = bounds.attaining.samples([(side, row, column) for side in SIDES])
     middle = Sample(np.nan, np.array([[*study.simulator.parameters.values()]]), 0)
     nominal, lowest, highest = attaining_runs(study, [middle, *samples])
     if not np.isfinite(nominal.x).all():
-        nominal = simulate(scene, study.solver)  # which tells why
+        nominal = simulate(scene, study.solver)  # this call raises the reason
     also = [at, *_extremes(bounds.lower, bounds.upper)]
     drawing = draw(nominal, also=also)
 
@@ -159,7 +159,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
             ("highest", UPPER, highest, bounds.upper[row, column]),
         )
     ]
-    rows = np.minimum(np.searchsorted(bounds.t, drawing.t), len(bounds.t) - 1)  # figures have one time
+    rows = np.minimum(np.searchsorted(bounds.t, drawing.t), len(bounds.t) - 1)  # scalar outputs have one time
     return Exhibit(
         drawing,
         tuple(ghosts),
@@ -170,10 +170,10 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
 
 
 def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
-    """The runs of samples with all their states, repeated to the last bit, without work and events.
+    """The runs of samples with all their states, bitwise repeated, without work and events.
 
-    Their states are outputs of a second simulator, as studies keep only the outputs of the scene. It is one for all
-    runs, because a large model compiles for half a minute.
+    Their states are outputs of a second simulator, because studies store only the outputs of the scene. All runs use
+    the same simulator, because a large model compiles for half a minute.
     """
     scene, solver = study.scene, study.solver
     system = scene.system
@@ -196,7 +196,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
 
 
 def _region(study: Study, point: Point, drawing: Drawing) -> Region:
-    """Positions of a point for samples of the box, and what it sweeps."""
+    """Positions of a point for samples of the box, and the area that the point covers over time."""
     scene = study.scene.with_outputs({"x": point.x, "y": point.y, "z": point.z})
     simulator = simulator_with(scene, study.solver)
     d = len(study.box)
@@ -211,7 +211,7 @@ def _region(study: Study, point: Point, drawing: Drawing) -> Region:
 
 
 def _many(d: int) -> Array:
-    """Samples of a box of many parameters: random corners, and random points inside."""
+    """Samples of a box with many parameters: random corners, and random points inside."""
     random = np.random.default_rng(0)
     return np.vstack([random.choice([-1.0, 1.0], (_SAMPLES // 2, d)), random.uniform(-1, 1, (_SAMPLES // 2, d))])
 
@@ -224,10 +224,10 @@ def _cells(unit: Array) -> list[Indices]:
 
 
 def _swept(points: Array, cells: Sequence[Indices], close: float, side: float) -> Array:
-    """Corners (3 m, 2) of m triangles that cover what the cells of samples (n_t, n, 2) sweep over time.
+    """Corners (3 m, 2) of m triangles that cover the sweep of the cells of samples (n_t, n, 2) over time.
 
-    A cell whose samples stay close for a while is covered by their hull. The hull of others may hold what no parameters
-    reach, such as the inside of a circle on which the point moves: the way of each sample is covered.
+    If the samples of a cell stay close for a time, their convex hull is covered. Other hulls may contain places that no
+    parameters reach, such as the inside of a circular path. Then the path of each sample is covered.
     """
     triangles, ways = [np.zeros((0, 2))], []
     rows = np.unique(np.linspace(0, len(points) - 1, _SWEPT).astype(int))
@@ -246,7 +246,7 @@ def _swept(points: Array, cells: Sequence[Indices], close: float, side: float) -
 
 
 def _squares(ways: Array, side: float) -> Array:
-    """Corners (3 m, 2) of triangles that cover straight ways (n, 2, 2) by squares; squares in a row are one."""
+    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares. Squares in a row are merged."""
     begin, along = ways[:, 0], ways[:, 1] - ways[:, 0]
     count = int(np.ceil(np.abs(along).max() / side)) + 1
     cells = np.zeros((0, 2), dtype=int)
@@ -279,14 +279,14 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
 
 
 def _widest(bounds: Bounds) -> int:
-    """The output with the largest width beside its own range."""
+    """The output with the largest width relative to its own range."""
     width = (bounds.upper - bounds.lower).max(axis=0)
     extent = bounds.upper.max(axis=0) - bounds.lower.min(axis=0)
     return int(np.argmax(width / np.maximum(extent, 1e-300)))
 
 
 def _extremes(lower: Array, upper: Array) -> list[int]:
-    """Numbers of the times at which outputs (n_t, n_y) are lowest or highest: the page writes these values."""
+    """Numbers of the times at which outputs (n_t, n_y) are lowest or highest. The page prints these values."""
     return [*lower.argmin(axis=0).tolist(), *upper.argmax(axis=0).tolist()]
 
 

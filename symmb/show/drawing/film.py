@@ -1,4 +1,4 @@
-"""Films: the pictures of a run one after the other, as .gif by Pillow or as .mp4 by the program ffmpeg."""
+"""Films: the pictures of a run in sequence, as .gif by Pillow or as .mp4 by the program ffmpeg."""
 
 import shutil
 import subprocess
@@ -15,7 +15,7 @@ from symmb.show.drawing.still import canvas, paint
 
 _DPI = 90
 _LOOKED_AT = 40
-"""Pictures by which the frame of a film is chosen."""
+"""Number of pictures that determine the frame of a film."""
 
 
 def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
@@ -23,7 +23,7 @@ def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
 
     Raises
     ------
-    DeclarationError       if what writes the format is not installed, or fails
+    DeclarationError       if the program or package for the format is not installed, or fails
     """
     write, rate = FILMS[suffix]
     t = exhibit.drawing.t
@@ -40,7 +40,7 @@ def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
     limits = axes.get_xlim(), axes.get_ylim()
     picture, shown = np.empty(0), None
     for k in numbers:
-        if k == shown:  # output times are fewer than pictures
+        if k == shown:  # there are fewer output times than pictures
             yield picture
             continue
         axes.clear()
@@ -75,9 +75,9 @@ def _mp4(exhibit: Exhibit, numbers: list[int], file: BinaryIO, rate: int) -> Non
     pixels = b"".join([first.tobytes(), *(picture.tobytes() for picture in pictures)])
     done = subprocess.run([program, "-loglevel", "error", *source, *target], input=pixels, capture_output=True)
     if done.returncode:
-        raise DeclarationError(f"ffmpeg writes no film: {done.stderr.decode(errors='replace').strip()}")
+        raise DeclarationError(f"ffmpeg cannot write the film: {done.stderr.decode(errors='replace').strip()}")
     file.write(done.stdout)
 
 
 FILMS = {".gif": (_gif, 20), ".mp4": (_mp4, 30)}
-"""Writers of the formats of films, and pictures a second."""
+"""Writers of the film formats, and pictures per second."""

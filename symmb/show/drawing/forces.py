@@ -73,7 +73,7 @@ def _is_none(law: object) -> bool:
 
 @sketch.register
 def _(spring: NonlinearSpring, survey: Survey) -> Build:
-    """A gas spring and a hydraulic damper as cylinders, another law as a coil about a rod."""
+    """A gas spring and a hydraulic damper as cylinders, other laws as a coil around a rod."""
     ends = survey.place(spring.point_a), survey.place(spring.point_b)
     support = supports(spring, survey, spring.point_a, spring.point_b)
 
@@ -126,7 +126,7 @@ def _(contact: Contact, survey: Survey) -> Build:
     def build(u: float) -> Iterator[Shape]:
         r = float(radius.first[0])
         yield shape_of(contact, "ball", CONTACT, (ball,), (max(r, 0.9 * u),), faint=r > u)
-        # The part of the plane that the ball is next to when it is nearest: the plane itself has no end.
+        # The part of the plane next to the ball when the ball is nearest: the plane itself is infinite.
         frame = survey.frame(contact.plane_point.body)
         pose, n, base = survey.pose(frame), unit_vectors(normal)[0], survey.base(plane)
         away = ((survey.track(ball) - pose[:, :, 3])[:, None] @ pose[:, :, :3])[:, 0] - base
@@ -169,7 +169,7 @@ def _(element: TorsionSpring | TorsionContact | Clutch, survey: Survey) -> Build
 
 
 def _shared_place(a: AbstractBody, b: AbstractBody, survey: Survey) -> int:
-    """Where a joint connects two bodies, on b's; else the origin of b's frame, or of a's if b is the ground."""
+    """The point of body b at which a joint connects two bodies; else the origin of b (of a if b is the ground)."""
     pair = {survey.frame(a), survey.frame(b)}
     for joint in survey.scene.system.elements:
         if isinstance(joint, AxisJoint | Spherical) and {survey.frame(body) for body in joint.bodies()} == pair:
@@ -196,7 +196,7 @@ def _(torque: Torque, survey: Survey) -> Build | None:
 @sketch.register(Actuator)
 @sketch.register(Motor)
 def _(actuator: Actuator | Motor, survey: Survey) -> Build:
-    """A motor about the joint, or a cylinder along it with its rod, and the arrow of what it does."""
+    """A motor around the joint, or a cylinder along the joint with its rod, and the arrow of its force or torque."""
     joint, turns = cast(AxisJoint, actuator.joint), actuator.handle == "angle"
     law = actuator.law if isinstance(actuator, Actuator) else actuator.torque
     load = survey.bind(law, actuator.title) * actuator.axis
@@ -233,7 +233,7 @@ def _arrow(element: Element, form: str, point: Point, law: tuple[Expr, ...], sur
     place = survey.place(point)
     try:
         vector = survey.ask(ca.vertcat(*[survey.bind(part, element.title) for part in law]))
-    except DeclarationError:  # a law of multipliers, or of turns that the run does not count
+    except DeclarationError:  # the law has multipliers, or turns that the run does not count
         return None
 
     def build(u: float) -> Iterator[Shape]:

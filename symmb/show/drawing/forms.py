@@ -1,4 +1,4 @@
-"""The forms and colours of shapes, for stills, films and pages: each form is some parts in axes of its shape."""
+"""The forms and colours of shapes, for stills, films and pages. A form consists of parts in axes of its shape."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,29 +23,29 @@ COLOURS = {
     "g": "#5b6470",
     "scale": "#3b434d",
 }
-"""Colours of what is not a body, of axes, of gravity and of the scale."""
+"""Colours of parts that are not bodies, of axes, of gravity and of the scale."""
 NOMINAL = ("guide", "load")
-"""Colours of what is drawn of the nominal run alone."""
+"""Colours of shapes that are drawn for the nominal run only."""
 LIGHT = {"direction": (-0.4, 0.6, 0.8), "everywhere": 0.42, "lit": 0.48, "in_front": 0.14}
-"""Direction to the light, seen by the viewer, and the brightness of surfaces: of all, towards it, and to the viewer."""
+"""Direction to the light, seen by the viewer, and brightness of surfaces: base, towards light, and to the viewer."""
 IN_WORLD = ("arrow", "twist", "support")
-"""Forms whose direction is in world axes."""
+"""Forms with a direction in world axes."""
 _TURNS, _STUB = 7, 0.12
-"""Turns of a coil, and the share of its length at each end that is straight."""
+"""Turns of a coil, and the fraction of its length at each end that is straight."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of a shape, in axes x, y, z that follow it.
+    """A part of a shape. Its axes x, y, z move with the shape.
 
     Attributes
     ----------
-    what : str           box, ball: from -1 to 1; cylinder, cone, drum: z from 0 to 1, where the cone has its tip;
+    what : str           box, ball: from -1 to 1; cylinder, cone, drum: z from 0 to 1, the tip of a cone is at z = 1;
                          bar: a cylinder with round ends; line: along `points`;
                          arrow: `size` has the radii of its shaft and of its head, and the length of its head
     axes : str           world; half: half axes of a solid; axis: z along the direction;
-                         scaled: y is the direction, and the others are as long;
-                         ends: z is the distance from one place to the other, and the others are unit vectors
+                         scaled: y is the direction, and x and z have the same length;
+                         ends: z is the distance from one place to the other, and x and y are unit vectors
     size, at : (3,)      sizes, and the place, along x, y and z
     points : (n, 3)      of a line, whose radius is size[0]
     """
@@ -63,14 +63,14 @@ def circle(turns: Array) -> Array:
 
 
 def parts(shape: Shape, flat: bool) -> Iterator[Part]:
-    """The parts of a shape, `flat` as pictures in a plane show it. Forms that follow their places alone have none."""
+    """The parts of a shape; `flat`: for pictures in a plane. Forms that only follow their places have no parts."""
     return _FORMS[shape.form](shape, flat) if shape.form in _FORMS else iter(())
 
 
 def directions(shape: Shape) -> Array | None:
-    """Directions as parts take them: rows of a track, or corners of a mesh; half axes one after the other.
+    """Directions in the order that parts need: rows of a track, or corners of a mesh; half axes one after the other.
 
-    Those of a torque have the radius of its round arrow as their length.
+    The direction of a torque has the radius of its round arrow as its length.
     """
     track, r = shape.direction, shape.size[0]
     if track is None or shape.form not in ("solid", "twist"):
@@ -127,7 +127,7 @@ def _support(shape: Shape, flat: bool) -> Iterator[Part]:
 
 
 def _one(part: Callable[..., Part]) -> Callable[[Shape, bool], Iterator[Part]]:
-    """A form of one part, from its sizes."""
+    """A form with one part, from its sizes."""
     return lambda shape, flat: iter([part(*shape.size)])
 
 

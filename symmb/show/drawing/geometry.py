@@ -1,4 +1,4 @@
-"""Shapes that bodies were given: boxes, cylinders, spheres and meshes."""
+"""Given shapes of bodies: boxes, cylinders, spheres and meshes."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -15,15 +15,15 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Survey
 
 MOST_TRIANGLES = 12_000
-"""Triangles of all meshes of a drawing, which are 1.2 MB of a page. Each mesh has the same share."""
+"""Most triangles of all meshes in a drawing; they take 1.2 MB of a page. All meshes are reduced by the same ratio."""
 _SOLIDS = {"box": 0.0, "cylinder": 1.0, "sphere": 2.0}
 """Kinds of the form "solid"."""
 
 
 class BodyShapes:
-    """The shapes of a body to be drawn; `unread` has the titles of other meshes, and why each is not.
+    """The shapes of a body to draw. `unread` has the titles of meshes that cannot be drawn, and the reasons.
 
-    `coarse` has the titles of meshes of which fewer triangles are drawn, and the numbers of these and of all.
+    `coarse` has the titles of meshes with fewer triangles than their file, and both numbers of triangles.
     """
 
     def __init__(self, body: AbstractBody, survey: Survey, most: int) -> None:
@@ -41,7 +41,7 @@ class BodyShapes:
         return bool(self._drawn)
 
     def _triangles(self, mesh: Mesh, most: int) -> Array | None:
-        """Corners of the triangles that are drawn, (3 m, 3); None of a file that cannot be read, or is a point."""
+        """Corners of the drawn triangles, (3 m, 3); None if the file cannot be read, or the mesh is a point."""
         title = f"{Path(mesh.path).name!r} of {self.body.name!r}"
         try:
             triangles = mesh.triangles
@@ -55,12 +55,12 @@ class BodyShapes:
 
     @property
     def reach(self) -> float:
-        """Its longest extent along an axis of the body [m]."""
+        """The longest extent of the shapes along an axis of the body [m]."""
         points = np.vstack([ends for *_, ends in self._placed()])
         return float(np.ptp(points, axis=0).max())
 
     def _placed(self) -> Iterator[tuple[str, Array, Array, Array]]:
-        """Form, middle, half axes as columns, and corners of each shape, of a box about it if it is no mesh."""
+        """Form, middle, half axes as columns, and corners of each shape; of its bounding box if it is not a mesh."""
         for form, middle, axes, triangles in self._drawn:
             at, half = middle.first, axes.first.reshape(3, 3).T
             local = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -82,7 +82,7 @@ class BodyShapes:
 
 
 def shapes_of_bodies(survey: Survey, elements: Sequence[object]) -> list[BodyShapes]:
-    """The shapes of bodies, and of the grounds that elements are attached to."""
+    """The shapes of bodies, and of the grounds to which elements are attached."""
     attached = [body.owner for e in elements if isinstance(e, Element) for body in e.bodies()]
     grounds = {id(body): body for body in attached if isinstance(body, Ground)}
     bodies = [body for body in (*grounds.values(), *survey.bodies[1:]) if body.shapes]
@@ -91,7 +91,7 @@ def shapes_of_bodies(survey: Survey, elements: Sequence[object]) -> list[BodySha
 
 
 def not_drawn(bodies: Sequence[BodyShapes]) -> Iterator[str]:
-    """What is not drawn of meshes, in one line for all that fail in the same way."""
+    """Parts of meshes that are not drawn. Meshes with the same reason share a line."""
     alike: dict[str, list[tuple[str, str]]] = {}
     for title, why in (unread for body in bodies for unread in body.unread):
         alike.setdefault(re.sub(r"\S*" + re.escape(title.split("'")[1]) + r"\S*", "", why), []).append((title, why))
@@ -104,7 +104,7 @@ def not_drawn(bodies: Sequence[BodyShapes]) -> Iterator[str]:
 
 
 def outward(corners: Array) -> tuple[Array, bool]:
-    """Corners (3 m, 3) of triangles, anticlockwise from outside if they make a closed surface, and whether they do."""
+    """Corners (3 m, 3) of triangles, anticlockwise from outside if the surface is closed, and whether it is closed."""
     _, number = np.unique(corners, axis=0, return_inverse=True)
     triangles = number.reshape(-1, 3)
     edges = np.vstack([triangles[:, [i, k]] for i, k in ((0, 1), (1, 2), (2, 0))]) @ [1, len(corners)]

@@ -25,7 +25,7 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 _BLOCK = (3.6, 2.6, 2.6)
-"""Sides of a slider, in units."""
+"""Sides of a slider, in units of length."""
 
 
 @sketch.register
@@ -42,7 +42,7 @@ def _(joint: Revolute, survey: Survey) -> Build:
 
 
 def _axis(joint: AxisJoint, survey: Survey) -> Asked:
-    """In the frame of body a, where a joint that closes in the run has it from then on."""
+    """Positions in the frame of body a. If a joint closes in the run, they are those after closing."""
     return survey.direction(joint.point_a.body, joint.own_frames[0][:, 2])
 
 
@@ -101,11 +101,11 @@ def _(joint: AxisJoint, survey: Survey) -> Build:
         pose = survey.pose(guide)
         local = (np.swapaxes(pose[:, :, :3], 1, 2) @ offset[:, :, None])[:, :, 0]
         travel, closed = (local * along).sum(axis=1), survey.closed(joint)
-        if closed is not None and closed.any():  # an open joint leaves its guide
+        if closed is not None and closed.any():  # an open joint can leave its guide
             travel = np.broadcast_to(travel, len(closed))[closed[:, 0] > 0] if len(closed) > 1 else travel
         rail = [survey.shifted(a, s * along) for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
         yield shape_of(joint, "bar", GUIDE, tuple(rail), (0.5 * u,))
-        # The block lies along the guide, as seen from the frame that it moves with.
+        # The block lies along the guide, in the axes of the frame that carries the block.
         seen = (pose[:, :, :3] @ along[:, :, None])[:, :, 0]
         inside = (np.swapaxes(survey.pose(slider)[:, :, :3], 1, 2) @ seen[:, :, None])[:, :, 0]
         size = tuple(side * u for side in _BLOCK) if square else (1.6 * u, 5 * u)

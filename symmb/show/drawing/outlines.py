@@ -1,4 +1,4 @@
-"""Shapes as flat outlines, seen from a camera: what stills and films paint, from the back to the front."""
+"""Shapes as flat outlines, seen from a camera. Stills and films paint the outlines from back to front."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ _CONVEX = {"box": _BOX, "cylinder": np.vstack([_CIRCLE, _CIRCLE + [0, 0, 1]]), "
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A polygon (n, 2) to fill, or a line of a `width` [m], in the camera's plane; `depth` grows to the viewer [m].
+    """A filled polygon (n, 2), or a line of a `width` [m], in the camera's plane; `depth` increases to the viewer [m].
 
-    With `light` (m,) the points are corners of m triangles, the last ones in front, each as bright as it tells.
+    With `light` (m,), the points are corners of m triangles, the front triangles last, and `light` is their brightness.
     """
 
     points: Array
@@ -43,7 +43,7 @@ class Painter:
         self.drawing, self.k, self.camera = drawing, k, camera
 
     def outlines(self) -> list[Outline]:
-        """All outlines, those at the back first."""
+        """All outlines, from back to front."""
         shapes = (shape for shape in self.drawing.shapes if self.drawing.has(shape, self.k))
         every = [outline for shape in shapes for outline in self._of(shape)]
         return sorted(every, key=lambda outline: outline.depth)
@@ -114,7 +114,7 @@ class Painter:
         return Outline(convex_hull(seen[:, :2]), float(seen[:, 2].mean()), shape)
 
     def triangles(self, shape: Shape, corners: Array, *, closed: bool) -> Outline:
-        """Shaded triangles by their corners in space (3 m, 3); of a closed surface those that face the viewer."""
+        """Shaded triangles with corners in space (3 m, 3). Of a closed surface, only triangles that face the viewer."""
         seen = (corners @ self.camera.T).reshape(-1, 3, 3)
         normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -186,4 +186,4 @@ _WHOLE: dict[str, Callable[[Painter, Shape, list[Array], Array], Iterator[Outlin
     "plate": _plate,
     "path": _path,
 }
-"""Forms that are painted as one, not by their parts."""
+"""Forms that are painted as a whole, not by their parts."""

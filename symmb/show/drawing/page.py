@@ -1,4 +1,4 @@
-"""The page of a drawing: one HTML file with the viewer and all numbers in it, which needs no network."""
+"""The page of a drawing: one HTML file with the viewer and all numbers. It needs no network."""
 
 import base64
 import html
@@ -17,11 +17,11 @@ from symmb.show.drawing.shapes import Drawing, Shape
 
 _SPEEDS = (1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 _WATCHED = 8.0
-"""Seconds for which one looks at a run, about; it is slower or faster if it would take less than half, or twice."""
+"""Approximate time to show a run [s]. The speed changes if the run would take less than half, or more than twice."""
 
 
 class _Numbers:
-    """All numbers of a page, each array once; each part is known by its offset and its rows."""
+    """All numbers of a page. Equal arrays are stored once, and found by offset and number of rows."""
 
     def __init__(self) -> None:
         self._offsets: dict[bytes, int] = {}
@@ -113,7 +113,7 @@ def _shape(shape: Shape, planar: bool, numbers: _Numbers) -> dict[str, Any]:
 
 
 def speed(duration: float) -> float:
-    """Share of real time at which a run is played at first."""
+    """Initial speed of the page, relative to real time."""
     if _WATCHED / 2 <= duration <= 2 * _WATCHED or not duration:
         return 1.0
     return min(_SPEEDS, key=lambda speed: abs(np.log(duration / speed / _WATCHED)))

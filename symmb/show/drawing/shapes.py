@@ -1,6 +1,6 @@
-"""What a drawing consists of: frames that move, places in them, and shapes at the places, in numbers alone.
+"""The contents of a drawing: frames that move, places in frames, and shapes at places, as numbers only.
 
-Pages, stills and films are made from a `Drawing`. None of them knows a body or a joint.
+Pages, stills and films are made from a `Drawing`. They use no bodies or joints.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from symmb._types import Array
 
 @dataclass(frozen=True, eq=False)
 class MovingFrame:
-    """A moving frame: `pose` (n_f, 3, 4) is [R | r], body to world [-, m]. `pose` (1, 3, 4) is at rest."""
+    """A moving frame: `pose` (n_f, 3, 4) is [R | r], body to world [-, m]. A fixed frame has `pose` (1, 3, 4)."""
 
     name: str
     pose: Array
@@ -20,9 +20,9 @@ class MovingFrame:
 
 @dataclass(frozen=True, eq=False)
 class FramePoint:
-    """A point in a frame, in its axes [m]: `base` and, where it moves in the frame, `shift`, (1, 3) or (n_f, 3).
+    """A point in a frame, in its axes [m]: `base` and, if it moves in the frame, `shift`, (1, 3) or (n_f, 3).
 
-    The shift of a flexible body (`elastic`) is its deformation at the point, which a viewer may enlarge.
+    The shift in a flexible body (`elastic`) is its deformation at the point. A viewer may enlarge the deformation.
     """
 
     frame: int
@@ -33,7 +33,7 @@ class FramePoint:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A shape at places, with the name and the kind of what it stands for.
+    """A shape at places, with the name and the kind of its body or element.
 
     form     places       direction, in the frame of the first place        size [m]
     bar      a, b         -                                                 radius
@@ -53,9 +53,9 @@ class Shape:
     twist    a            the same, for a torque                            radius
     plane    a            normal                                            side
     support  a            -                                                 size: fixed to the ground
-    path     a            -                                                 radius: where the place goes over the run
+    path     a            -                                                 radius: the path of the place over the run
 
-    `present` (n_f, 1) or (1, 1) is 1 in pictures that have the shape, and 0 in those that do not; None: all have it.
+    `present` (n_f, 1) or (1, 1) is 1 in pictures that have the shape, and 0 in others; None: all pictures have it.
     """
 
     form: str
@@ -71,20 +71,20 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A run, drawn: all that pages, stills and films show.
+    """A drawn run: all contents of pages, stills and films.
 
     Attributes
     ----------
     name : str
-    t : (n_f,)                 times of the pictures [s]: output times of the run, all or every so many
+    t : (n_f,)                 times of the pictures [s]: output times of the run, all or every n-th
     frames, places, shapes     frame 0 is the ground
     camera : (3, 3)            rows: directions to the right, up and to the viewer, in world axes
-    planar : bool              whether all moves in the xy plane
-    up : (3,)                  against gravity, in world axes
+    planar : bool              whether all motion is in the xy plane
+    up : (3,)                  direction against gravity, in world axes
     size, unit : float         of the mechanism, and the radius of its bars [m]
     gravity : (3,)             [m/s^2]
     outputs, values            labels, and values (n_f, n_y)
-    notes : tuple of str       what acts but has no place, and is not drawn
+    notes : tuple of str       elements that are not drawn, because they have no place
     """
 
     name: str
@@ -103,7 +103,7 @@ class Drawing:
     notes: tuple[str, ...] = field(default=())
 
     def pose(self, frame: int, k: int) -> Array:
-        """[R | r] (3, 4) of a frame in picture k."""
+        """Pose [R | r] (3, 4) of a frame in picture k."""
         pose = self.frames[frame].pose
         return pose[min(k, len(pose) - 1)]
 
@@ -124,14 +124,14 @@ class Drawing:
         return shape.present is None or bool(shape.present[min(k, len(shape.present) - 1)] > 0.5)
 
     def box(self) -> tuple[Array, Array]:
-        """Least and largest world coordinates (3,) of all places over all pictures [m]."""
+        """Smallest and largest world coordinates (3,) of all places over all pictures [m]."""
         if not self.places:
             return np.zeros(3), np.ones(3)
         tracks = np.vstack([self.track(i) for i in range(len(self.places))])
         return tracks.min(axis=0), tracks.max(axis=0)
 
     def track(self, place: int) -> Array:
-        """World positions (n_f, 3), or (1, 3) of a place at rest [m]."""
+        """World positions (n_f, 3) of a place, or (1, 3) if the place is fixed [m]."""
         at = self.places[place]
         pose = self.frames[at.frame].pose
         local = at.base[None] if at.shift is None else at.base + at.shift

@@ -1,4 +1,4 @@
-"""`view`: a scene, a run or bounds, drawn into a file whose suffix chooses the format."""
+"""`view`: draw a scene, a run or bounds into a file. The suffix of the file selects the format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ FORMATS = tuple(_WRITERS)
 
 @dataclass(frozen=True)
 class Page:
-    """A drawing that a notebook shows: the text of a page in HTML, which needs no network."""
+    """A drawing that a notebook shows: the text of an HTML page that needs no network."""
 
     name: str
     text: str = field(repr=False)
@@ -50,34 +50,34 @@ def view(
     time: float | None = None,
     point: Point | None = None,
 ) -> Page | None:
-    """Draw a mechanism, into a file or in a notebook.
+    """Draw a mechanism into a file, or in a notebook.
 
     Parameters
     ----------
     subject : Scene, Trajectory, Bounds or Sweep
-        a Scene, or one of `prepare`, is simulated at its nominal parameters; with Bounds, the runs that attain them are
-        drawn as well; the page of a Sweep over a grid has a slider for each of its parameters, whose places are runs
+        a Scene, or a scene of `prepare`, is simulated at its nominal parameters; for Bounds, the runs that attain the
+        bounds are also drawn; the page of a Sweep over a grid has a slider for each parameter
     path : str or Path
-        .html: a page to play, turn and look into, which needs no network; .png, .svg: a still; .gif, .mp4: a film; .mp4
-        needs the program ffmpeg; default: a page that a notebook shows below its cell
+        .html: an interactive page that plays and rotates, and needs no network; .png, .svg: a still; .gif, .mp4: a film
+        (.mp4 needs the program ffmpeg); default: a page that a notebook shows below its cell
     output : str
-        of Bounds: the output whose lowest and highest value the runs attain; default: the widest
+        for Bounds: the output whose lowest and highest values the runs attain; default: the widest
     time : float
-        of a still, and when the bounds are attained [s]; default: the start, and where the output's bounds are widest,
-        or the middle of the motion for a scalar output
+        for a still, and for runs that attain bounds [s]; default: the start, and the time of the output's widest
+        bounds, or the middle of the motion if the output is scalar
     point : Point
-        whose path is drawn, and with Bounds where it gets over the box
+        a point whose path is drawn, and for Bounds also the region that it reaches over the box
 
     Returns
     -------
     Page or None
-        without a path, the page, whose `text` is HTML
+        the page if no path is given; its `text` is HTML
 
     Raises
     ------
     DeclarationError
-        If the suffix is another one, bounds cannot be drawn, the time is outside of the run, or the point is of no body
-        of the scene
+        If the suffix is not supported, bounds cannot be drawn, the time is outside of the run, or the point belongs to
+        no body of the scene
 
     Examples
     --------
@@ -97,10 +97,10 @@ def view(
     if isinstance(subject, Bounds):
         exhibit = of_bounds(subject, output, time, point)
     elif output is not None:
-        raise DeclarationError("view: output= chooses the bounds that runs attain. It goes with Bounds alone.")
+        raise DeclarationError("view: output= selects the bounds that runs attain. Use it with Bounds only.")
     elif isinstance(subject, Sweep):
         if suffix != ".html":
-            raise DeclarationError("view: the sliders of a Sweep need a page: a file that ends in .html.")
+            raise DeclarationError("view: the sliders of a Sweep need a page. Give a file name that ends in .html.")
         exhibit = of_sweep(subject, time, point)
     else:
         exhibit = of_run(subject if isinstance(subject, Trajectory) else simulate(subject), time, point)
@@ -118,7 +118,7 @@ def start_picture(subject: Scene | DAESimulator) -> bytes:
     at_start = scene.curves.with_times(times)
     x, (fault,) = program.bodies.start.states(np.array([[*parameters.values()]]))
     if fault:
-        simulate(at_start)  # which tells why
+        simulate(at_start)  # this call raises the reason
     none, text = np.full(1, np.nan), repr(program.solver)
     run = Trajectory(at_start, program, parameters, text, "", times, x, none, {}, np.nan, np.nan)
     file = BytesIO()

@@ -1,4 +1,4 @@
-"""Stills: an exhibit in one picture, painted with matplotlib from the back to the front."""
+"""Stills: an exhibit in one picture, painted with matplotlib from back to front."""
 
 from collections.abc import Sequence
 from textwrap import wrap
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 STILLS = (".png", ".svg")
 """Formats of stills."""
 _WIDTH, _TALLEST, _FLATTEST = 7.0, 1.1, 0.45
-"""Width of a still [inch], and its greatest and least height over its width."""
+"""Width of a still [inch], and its largest and smallest height, relative to its width."""
 _MARGIN = 0.06
-"""Around the mechanism, over its size."""
+"""Margin around the mechanism, relative to its size."""
 _NAME, _LABEL, _LINES = 65, 104, 4
-"""Most characters of the name, beside which the time stands, and of a line of a run's label, and its most lines."""
+"""Most characters of the name (the time is beside it), and of a line of a run's label, and most lines of a label."""
 _EQUALS = "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}"
 _LINE = 0.5
-"""More above for each further line of a label, over the margin."""
+"""Additional margin at the top for each further line of a label, relative to the margin."""
 _FOOT = 2.2
-"""More below, over the margin: arrows of axes and gravity stand there."""
+"""Additional margin at the bottom, relative to the margin: the arrows of axes and gravity are there."""
 
 
 def still(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
@@ -60,7 +60,7 @@ def canvas(exhibit: Exhibit, pictures: Sequence[int], dpi: float) -> "tuple[Figu
 
 
 def _limits(exhibit: Exhibit, pictures: Sequence[int]) -> tuple[Array, Array]:
-    """Least and largest coordinates (2,) in the camera's plane over these pictures [m]."""
+    """Smallest and largest coordinates (2,) in the camera's plane over these pictures [m]."""
     camera = exhibit.drawing.camera
     corners = [
         outline.points
@@ -109,7 +109,7 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
 
 
 def _lines(label: str) -> list[str]:
-    """Lines of the label of a run; further ones are indented. A name stands beside its value."""
+    """Lines of the label of a run. Further lines are indented. A name and its value stay in one line."""
     whole, style = label.replace(" = ", _EQUALS), {"subsequent_indent": "    ", "break_on_hyphens": False}
     lines = wrap(whole, _LABEL, max_lines=_LINES, placeholder=" …", **style)
     return [line.replace(_EQUALS, " = ") for line in lines]
@@ -130,7 +130,7 @@ def _paint(axes: "Axes", outline: Outline, colour: str, alpha: float, order: flo
 
     if outline.light is not None and alpha == 1:
         shades = np.clip(outline.light[:, None] * _rgb(colour), 0, 1)
-        triangles: Any = outline.points.reshape(-1, 3, 2)  # an array is drawn in a tenth of the time of a list
+        triangles: Any = outline.points.reshape(-1, 3, 2)  # an array is drawn ten times faster than a list
         axes.add_collection(PolyCollection(triangles, facecolor=shades, edgecolor=shades, linewidth=0.3, zorder=order))
     elif outline.width:
         width = max(outline.width * _points_per_metre(axes), 0.8)

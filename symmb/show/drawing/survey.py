@@ -1,4 +1,4 @@
-"""The numbers of a run that a drawing needs: asked for one by one, evaluated all together."""
+"""The numbers of a run that a drawing needs. They are requested one by one, and evaluated all together."""
 
 from dataclasses import dataclass
 
@@ -14,12 +14,12 @@ from symmb.run.simulation import Trajectory
 from symmb.show.drawing.shapes import FramePoint, MovingFrame
 
 _AT_REST = 1e-12
-"""Change over a run, as a share of the largest value, below which a number is constant."""
+"""Change over a run, relative to the largest value, below which a number counts as constant."""
 
 
 @dataclass(eq=False)
 class Asked:
-    """Values of an expression along the run, known when the survey is evaluated: (1, n) if constant, else (n_f, n)."""
+    """Values of an expression along the run, available after `evaluate`: (1, n) if constant, else (n_f, n)."""
 
     values: Array | None = None
 
@@ -30,14 +30,14 @@ class Asked:
 
     @property
     def first(self) -> Array:
-        """At the first time, (n,)."""
+        """The values at the first time, (n,)."""
         return self()[0]
 
 
 class Survey:
-    """Places, directions and expressions of a scene, of which `evaluate` computes the numbers along a run.
+    """Places, directions and expressions of a scene. `evaluate` computes their numbers along a run.
 
-    From these follow `down` and `span`, the diagonal of the box about attached points and centres of mass at the start.
+    They determine `down`, and `span`, the diagonal of the box around attached points and centres of mass at the start.
     """
 
     def __init__(self, run: Trajectory, scene: Scene) -> None:
@@ -56,7 +56,7 @@ class Survey:
         self._poses = [self.ask(ca.horzcat(body.frame.R, body.frame.r)) for body in self.bodies]
 
     def ask(self, expression: Expr) -> Asked:
-        """The values of an expression along the run. The run must hold those of its symbols."""
+        """The values of an expression along the run. The run must contain the values of its symbols."""
         bound = ca.vec(self.scene.expression(expression))
         known = {state.sx.element_hash() for state in self.scene.system.collected.states}
         if any(state.sx.element_hash() not in known for state in self.bind.states(bound)):
@@ -66,16 +66,16 @@ class Survey:
         return asked
 
     def acting(self, element: Element) -> Element:
-        """The element, or of a joint that closes in the run the one that holds the bodies where it has closed."""
+        """The element itself. A joint that closes in the run is replaced by the joint that holds the bodies then."""
         return self._grips.get(element.name, element)
 
     def closed(self, joint: Element) -> Array | None:
-        """1 in pictures in which a joint is closed, else 0, (n_f, 1) or (1, 1); None of one that does not open."""
+        """1 in pictures in which a joint is closed, else 0, (n_f, 1) or (1, 1); None if the joint cannot open."""
         gate = self._gates.get(joint.name)
         return None if gate is None else gate()
 
     def frame(self, body: AbstractBody) -> int:
-        """Number of the frame of the body, which must be in the scene, that carries a point or a node."""
+        """Number of the frame that carries a point or a node. Its body must be in the scene."""
         owner = body.owner
         number = 0 if isinstance(owner, Ground) else next((i for i, b in enumerate(self.bodies) if b is owner), None)
         if number is None:
@@ -86,7 +86,7 @@ class Survey:
         """Number of the place of a point."""
         key = id(point.body), id(point.s)
         if key not in self._known:
-            self._keep.append(point)  # so that no other object gets its identity
+            self._keep.append(point)  # so that no other object gets the same id
             number, owner = self.frame(point.body), point.body.owner
             if owner is point.body:
                 base, now = self.ask(point.s), None
@@ -98,7 +98,7 @@ class Survey:
         return self._known[key]
 
     def fixed(self, frame: int, local: Array) -> int:
-        """Number of the place at rest in a frame at (3,) [m]."""
+        """Number of the fixed place (3,) in a frame [m]."""
         return self._add(frame, Asked(np.asarray(local, dtype=float)[None]), None)
 
     def moving(self, frame: int, base: Array, now: Array) -> int:
@@ -110,7 +110,7 @@ class Survey:
         return self._add(0, world, None)
 
     def shifted(self, place: int, by: Array) -> int:
-        """Number of the place that moves along with another one, at a distance (3,) or (n_f, 3) from it [m]."""
+        """Number of a place at a given distance (3,) or (n_f, 3) from another place, moving with it [m]."""
         frame, base, now = self._places[place]
         return self._add(frame, Asked(base() + by), None if now is None else Asked(now() + by))
 
@@ -119,13 +119,13 @@ class Survey:
         return len(self._places) - 1
 
     def direction(self, body: AbstractBody, axis: Expr) -> Asked:
-        """A vector fixed in a body's axes, in the axes of the frame that carries it, (1, 3) or (n_f, 3)."""
+        """A vector fixed in a body's axes, given in the axes of the frame that carries it, (1, 3) or (n_f, 3)."""
         local = axis if isinstance(axis, ca.SX) else vector(axis)
         owner = body.owner
         return self.ask(local if owner is body else owner.frame.R.T @ body.frame.R @ local)
 
     def evaluate(self) -> None:
-        """Compute all that was asked for."""
+        """Compute all requested numbers."""
         if not self._asked:
             return
         values = np.atleast_2d(self.run(ca.vertcat(*[expression for expression, _ in self._asked])))
@@ -158,20 +158,20 @@ class Survey:
         return self._poses[frame]().reshape(-1, 4, 3).transpose(0, 2, 1)
 
     def away(self, place: int) -> Array:
-        """The direction down, or up if the bodies hang below a place at the start: where its support stands, (1, 3)."""
+        """The direction from a place at the start to its support, (1, 3): down, or up if the bodies hang below it."""
         centers = np.mean([self.pose(i)[0, :, 3] for i in range(1, len(self.bodies))], axis=0)
         return (self.down if self.down @ (centers - self.track(place)[0]) <= 0 else -self.down)[None]
 
     def attached(self, frame: int) -> list[int]:
-        """The places in a frame that elements are attached to."""
+        """The places in a frame at which elements are attached."""
         return [place for place in self._known.values() if self._places[place][0] == frame]
 
     def frames(self) -> tuple[MovingFrame, ...]:
-        """The ground's frame and those of the bodies."""
+        """The frame of the ground and the frames of the bodies."""
         return tuple(MovingFrame(body.name, self.pose(i)) for i, body in enumerate(self.bodies))
 
     def places(self) -> tuple[FramePoint, ...]:
-        """All places asked for so far, by their numbers."""
+        """All requested places, by their numbers."""
         return tuple(_place(frame, base(), None if now is None else now()) for frame, base, now in self._places)
 
 

@@ -1,12 +1,12 @@
 "use strict";
-// Viewer of a drawing (see shapes.py for what it consists of). No network, no library.
+// Viewer of a drawing (see shapes.py for its contents). It needs no network and no library.
 //
 // All positions are computed here from the numbers of the run, picture by picture; nothing is interpolated.
 // Matrices are arrays of 16 numbers, column by column, as WebGL takes them. Vectors are arrays of 3 numbers.
 
 const page = JSON.parse(document.getElementById("drawing").textContent);
 const numbers = new Float64Array(Uint8Array.from(atob(page.numbers), c => c.charCodeAt(0)).buffer);
-let runs = page.runs, first = runs[0];  // those that are shown: one of all if there are sliders
+let runs = page.runs, first = runs[0];  // the runs shown: with sliders, one run at a time
 const rgb = text => [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16) / 255);
 const COLOURS = Object.fromEntries(Object.entries(page.colours).map(([name, text]) => [name, rgb(text)]));
 const INERTIA = "solid of the same inertia";
@@ -168,7 +168,7 @@ function place(it, at, d, half) {  // a part of a shape
   }
 }
 
-const forms = {  // those that follow their places
+const forms = {  // forms that only follow their places
   mesh: (at, shape, run, m) => part(shape.mesh ??= mesh(triangles(shape.direction)), m),
   curve: (at, shape) => dynamic(tube(at, shape.size[0])),
   plate: at => dynamic(faces(at)),
@@ -269,7 +269,7 @@ function fit() {
   for (let i = 0, r = page.region; i < r?.points[1] * r?.count; i++) include(rowAt(r.points[0] + 3 * i, 3), 0.6 * first.unit);
   for (let i = 0; i < swept?.[1]; i++) include([...rowAt(swept[0] + 2 * i, 2), 0], 0);
   if (low[0] > high[0]) { low.fill(-1); high.fill(1); }
-  low[1] -= (high[1] - low[1]) / (Math.max(canvas.height / 84 / devicePixelRatio, 3.3) - 1);  // arrows and the scale stand there
+  low[1] -= (high[1] - low[1]) / (Math.max(canvas.height / 84 / devicePixelRatio, 3.3) - 1);  // room for arrows and the scale
   view.centre = view.axes.reduce((sum, axis, i) => add(sum, times(axis, (low[i] + high[i]) / 2)), [0, 0, 0]);
   view.height = 1.12 * Math.max(high[1] - low[1], (high[0] - low[0]) * canvas.height / canvas.width);
   view.depth = 4 * Math.max(high[2] - low[2], high[1] - low[1], high[0] - low[0]);
@@ -303,7 +303,7 @@ function begin(background) {
 function render() {
   begin([1, 1, 1, 1]);
   gl.uniform1i(uniforms.flat, 0);
-  if (sweep && $("ghosts").checked) {  // behind all else
+  if (sweep && $("ghosts").checked) {  // below all other parts
     gl.uniform1i(uniforms.flat, 1);
     gl.disable(gl.DEPTH_TEST);
     drawPart(sweep, [...COLOURS.region, 1]);
@@ -397,7 +397,7 @@ function rangeOf(columns) {
 
 function drawCurves() {
   const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d"), by = roundBelow(span() / 4);
-  for (const curve of curves) {  // images: a canvas would be laid into the page anew in each picture
+  for (const curve of curves) {  // images: the browser would copy a canvas into the page for each picture
     const { i, c } = curve, w = sheet.width = c.clientWidth * devicePixelRatio, foot = 14 * devicePixelRatio, h = (sheet.height = c.clientHeight * devicePixelRatio) - foot;
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
@@ -467,7 +467,7 @@ function show() {
   arrange(picture);
   render();
   drawn += 1;
-  if (playing && drawn % 4) return;  // what surrounds the picture follows fifteen times a second: it is drawn anew each time
+  if (playing && drawn % 4) return;  // the surroundings are redrawn fifteen times a second only
   const n = first.outputs.length, t = numbers[first.t[0] + picture], wide = curves.length && curves[0].c.clientWidth;
   $("scrub").value = picture;
   $("time").textContent = `${t.toPrecision(5)} s`;
@@ -479,7 +479,7 @@ function show() {
 
 function tick(now) {
   if (!playing) return;
-  clock += Math.min(Math.max(now - previous, 0), 100) / 1000 * Number($("speed").value);  // a first frame can be older than its order
+  clock += Math.min(Math.max(now - previous, 0), 100) / 1000 * Number($("speed").value);  // the first frame can be older than its request
   previous = now;
   if (clock > times0() + span()) clock = times0();
   picture = nearest(first, clock);
@@ -494,7 +494,7 @@ function play(on) {
   $("play").textContent = playing ? "\u275a\u275a" : "\u25b6";
 }
 
-// The person in front of it
+// Input of the user
 function follow() {  // the address: #t=4.2, or #play
   const address = new URLSearchParams(location.hash.slice(1)), t = Number(address.get("t") ?? NaN);
   if (Number.isFinite(t)) { play(false); seek(nearest(first, t)); }

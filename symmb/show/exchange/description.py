@@ -1,4 +1,4 @@
-"""The model description of an FMU, of FMI 2 or 3."""
+"""The model description of an FMU of FMI 2 or 3."""
 
 import xml.etree.ElementTree as ET
 from collections import Counter
@@ -12,7 +12,7 @@ from symmb._units import BASES, unit_of
 from symmb.show.exchange.exported import Exported
 
 BINARY_FILES, HEADERS = ("fmi.c", "scene.c"), ("scene.h",)
-"""Sources of the binary, in the folder sources of an FMU."""
+"""Sources of the binary, in the folder `sources` of an FMU."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class _Variable:
     initial: str = ""
     start: float | None = None
     unit: str = ""
-    state: int | None = None  # number of the variable whose rate it is
+    state: int | None = None  # if the variable is a rate: number of its state
 
 
 def _variables(scene: Exported) -> list[_Variable]:
@@ -50,14 +50,14 @@ def _variables(scene: Exported) -> list[_Variable]:
 
 
 def description(scene: Exported, version: int, identifier: str) -> bytes:
-    """modelDescription.xml of FMI 2 or 3. It raises DeclarationError if a name stands for two variables."""
+    """modelDescription.xml of FMI 2 or 3. It raises DeclarationError if two variables have one name."""
     variables, three = _variables(scene), version == 3
     indicators = range(scene.source.n_switches if scene.source.has_rates else 0)
     if three:
         variables += [_Variable(f"switch[{k}]", "local", "continuous", "calculated") for k in indicators]
     names = Counter(variable.name for variable in variables)
     if twice := [name for name, count in names.items() if count > 1]:
-        raise DeclarationError(f"{twice[0]!r} names two variables of the FMU. Rename the parameter or the output.")
+        raise DeclarationError(f"{twice[0]!r} is the name of two FMU variables. Rename the parameter or the output.")
     token = {"instantiationToken" if three else "guid": scene.source.token}
     root = ET.Element(
         "fmiModelDescription",
@@ -111,7 +111,7 @@ def _add_variable(listed: ET.Element, variable: _Variable, number: int, three: b
 
 
 def _add_structure(root: ET.Element, variables: list[_Variable], three: bool) -> None:
-    """Numbers of outputs, of rates, and of what is calculated at the start. FMI 2 counts from 1."""
+    """Numbers of outputs, of rates, and of variables that are calculated at the start. FMI 2 counts from 1."""
     numbers = range(len(variables))
     outputs = [k for k in numbers if variables[k].causality == "output"]
     rates = [k for k in numbers if variables[k].state is not None]

@@ -1,4 +1,4 @@
-"""A scene as C that runs it, with all that its users have to know."""
+"""A scene as C code that runs it, with all data that its users need."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ class Exported:
     name : str
     source : SceneSource
     parameters, inputs, outputs, states : tuple of str
-    units : tuple of str       of the outputs, '' where they are not known
-    parameter_units : dict     of the parameters that have one
-    tolerance : float          relative tolerance of the steps; 0 without
+    units : tuple of str       of the outputs, '' if not known
+    parameter_units : dict     of the parameters that have a unit
+    tolerance : float          relative tolerance of adaptive steps; 0 for fixed steps
     """
 
     name: str
@@ -40,14 +40,14 @@ class Exported:
 
 
 def exported(subject: Scene | DAESimulator) -> Exported:
-    """A scene, by the solver that pilot runs choose for studies, or one that is prepared with its own.
+    """A scene with the solver that pilot runs select for studies, or a prepared scene with its own solver.
 
-    It raises DeclarationError if something of the scene needs Python.
+    It raises DeclarationError if a part of the scene needs Python.
     """
     scene = scene_of(subject)
     if scene.figures:
         raise DeclarationError(
-            f"{scene.name}: output {next(iter(scene.figures))!r} is a scalar output, and exported scenes have outputs "
+            f"{scene.name}: output {next(iter(scene.figures))!r} is a scalar output. Exported scenes need outputs "
             "over time. Leave it out by scene.with_outputs(...)."
         )
     inputs, simulator = tuple(scene.system.inputs), subject

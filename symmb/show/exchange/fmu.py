@@ -1,4 +1,4 @@
-"""Scenes for other programs: FMUs, for FMI 2 and FMI 3, and C source of runs with a main program."""
+"""Scenes for other programs: FMUs for FMI 2 and 3, and C source of runs with a main program."""
 
 import platform
 import re
@@ -18,20 +18,20 @@ from symmb.show.exchange.exported import exported
 _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", ".dylib")}
 """Names of operating systems in FMI 2 and in FMI 3, and the suffix of libraries."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The time of all files: the same scene gives the same FMU."""
+"""The date of all files, so that the same scene always gives the same FMU."""
 
 
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
-    """Write a scene as an FMU, for co-simulation and, if no constraint or impact binds its coordinates, model exchange.
+    """Write a scene as an FMU, for co-simulation and, if there are no constraints and impacts, for model exchange.
 
-    Programs may set its parameters, and read its outputs. Co-simulation runs the scene as studies do, with its events,
-    in compiled C: the start follows from the parameters, and steps are as long as the tolerance allows, however short
-    communication steps are. The sources are in the FMU. They need a C compiler, and neither symmb nor Python.
+    Programs may set its parameters, and read its outputs. Co-simulation runs the scene as in studies, with its events,
+    in compiled C. The start is computed from the parameters. The tolerance sets the steps; they are independent of
+    communication steps. The FMU contains the sources. They need a C compiler, but neither symmb nor Python.
 
     Parameters
     ----------
     scene : Scene
-        pilot runs choose its solver; or a scene of `prepare` with a solver: DormandPrince, EventDriven or Rosenbrock
+        pilot runs select its solver; or a scene of `prepare` with a solver: DormandPrince, EventDriven or Rosenbrock
     path : path
         `.fmu`
     version : int
@@ -40,13 +40,13 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     Raises
     ------
     DeclarationError
-        If something of the scene needs Python, two variables have one name, or the version or the suffix is unknown
+        If a part of the scene needs Python, two variables have one name, or the version or the suffix is unknown
     AssemblyError
         If the scene cannot be started
     NoCompilerError
-        If there is no C compiler for the binary
+        If no C compiler for the binary is installed
     FileError
-        If the file cannot be written; the previous one is kept
+        If the file cannot be written; the previous file stays
 
     Examples
     --------
@@ -86,9 +86,9 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
 
 
 def save_scene_c(scene: Scene | DAESimulator, folder: Path) -> tuple[Path, ...]:
-    """Write scene.h, scene.c and main.c, which runs the scene over its times, to a folder that exists.
+    """Write scene.h, scene.c and main.c, which runs the scene over its times, to an existing folder.
 
-    It raises DeclarationError if something of the scene needs Python.
+    It raises DeclarationError if a part of the scene needs Python.
     """
     model = exported(scene)
     texts = scene_source(model.source) | {"main.c": (C_FOLDER / "main.c").read_text(encoding="utf-8")}

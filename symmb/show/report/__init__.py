@@ -1,6 +1,6 @@
-"""Reports: a result, what it means and how it was found, in one HTML file that opens offline and prints.
+"""Reports: a result, its meaning and its computation, in one HTML file that opens offline and can be printed.
 
-`Bounds.report` and `Comparison.report` load this room, which stands above the rooms of these results.
+`Bounds.report` and `Comparison.report` load this room. It belongs to a later wing than these results.
 """
 
 from symmb.show.report.bounds_report import write_bounds

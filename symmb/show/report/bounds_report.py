@@ -21,9 +21,9 @@ from symmb.show.report import document
 from symmb.show.report.document import assumed, called, section, seed, settings_table
 from symmb.show.report.verdict import by_urgency, next_steps, verdict
 
-_NO_CONTRIBUTIONS = "The polynomials of the study do not give them. {} makes the further runs that they need."
+_NO_CONTRIBUTIONS = "The polynomials of the study do not give contributions. {} makes the further runs for them."
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
-_AT_MARGIN = "Outputs with limits: at the time of their smallest margin. Others: where they are widest."
+_AT_MARGIN = "Outputs with limits: at the time of their smallest margin. Other outputs: where their bounds are widest."
 
 
 def write_bounds(
@@ -37,8 +37,8 @@ def write_bounds(
 ) -> None:
     """Write the report of bounds; see `Bounds.report`.
 
-    The title block has texts by their names. A `command` repeats the bounds, instead of lines of Python.
-    Contributions that are not known may take runs.
+    The title block has texts by their names. If a `command` is given, the report repeats it instead of lines of Python.
+    Contributions that are not known may need runs.
     """
     require_suffix(path, ".html")
     check = None if limits is None else bounds.check(limits)
@@ -73,7 +73,7 @@ def _parts(
         yield section("Limits", check._tabulated(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
     yield section("Worst cases", _part_or_reason(lambda: _worst(bounds, check)))
-    if bounds.range_of or shares is not None:  # other methods would be followed by a study of their own
+    if bounds.range_of or shares is not None:  # other methods would need a second study
         asked = _ASKED_BY_COMMAND if command else _ASKED
         tables = why or _part_or_reason(lambda: _contributions(bounds, check, shares, asked))
         yield section("What each parameter contributes", tables, style="contributions")
@@ -83,15 +83,15 @@ def _parts(
         yield section("The start", at_start, start, style="still")
     yield settings_table(_settings(bounds), is_own=bounds.study is not None)
     took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
-    weighed = " A run with derivatives counts as many as they cost." if bounds.method.startswith("Taylor(") else ""
-    yield section("What it cost", document.note(f"{bounds.evaluations} runs{took}.{weighed}"))
-    yield section("To repeat it", *_repeated(command, bounds, scene, check))
+    weighed = " A run with derivatives counts as several runs." if bounds.method.startswith("Taylor(") else ""
+    yield section("Cost", document.note(f"{bounds.evaluations} runs{took}.{weighed}"))
+    yield section("How to repeat it", *_repeated(command, bounds, scene, check))
     if scene is not None:
         yield document.equations(f"{scene.system}\n\n{scene.system.equations()}".rstrip())
 
 
 def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
-    """Numbers of the outputs that pictures and tables of parameters show: those with limits first."""
+    """Numbers of the outputs in pictures and tables of parameters: outputs with limits first."""
     names = [*([] if check is None else (limit.output for limit in by_urgency(check))), *bounds.names]
     return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
 
@@ -103,13 +103,13 @@ def _worst(bounds: Bounds, check: LimitCheck | None) -> str:
 
 
 def _part(bounds: Bounds, check: LimitCheck | None) -> str:
-    """A note where not all outputs are shown."""
+    """A note if not all outputs are shown."""
     shown, n = len(_shown(bounds, check)), len(bounds.names)
     return document.note(f"{shown} of {n} outputs.") if shown < n else ""
 
 
 def _pictures(names: Sequence[str], draw: Callable[[str], Figure]) -> str:
-    """One picture an output: a wide one with many panels could not be read on a telephone."""
+    """One picture for each output: a wide picture with many panels cannot be read on a phone."""
     return document.pictures((name, plot.narrow_png(draw(name))) for name in names)
 
 
@@ -122,13 +122,13 @@ def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
 
 
 def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None, asked: str) -> str:
-    """Those that are known, or those of the polynomials of the study; at the smallest margin of outputs with limits."""
+    """Known contributions, or those of the study's polynomials; for limits, at the time of the smallest margin."""
     if shares is None:
         return document.note(_NO_CONTRIBUTIONS.format(asked))
     shown = _shown(bounds, check)
     width = bounds.upper - bounds.lower
     rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
-    rows = {k: i for k, i in rows.items() if width[i, k] > ROUNDING * width[:, k].max()}  # a start may be given
+    rows = {k: i for k, i in rows.items() if width[i, k] > ROUNDING * width[:, k].max()}  # at the start it may be 0
     notes = [_AT_MARGIN] if rows else []
     if left := len(bounds.names) - len(shown):
         notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
@@ -141,7 +141,7 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributio
 
 
 def _part_or_reason(part: Callable[[], str]) -> str:
-    """A part, or why there is none: a run may not come again."""
+    """A part, or the reason why the part is missing: some runs cannot be repeated."""
     try:
         return part()
     except SymmbError as error:
@@ -149,7 +149,7 @@ def _part_or_reason(part: Callable[[], str]) -> str:
 
 
 def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
-    """The runs that attain the bound that is closest to a limit, or the widest bounds; the nominal run if none does."""
+    """The runs that attain the bound closest to a limit, or the widest bounds; or only the nominal run."""
     worst = None if check is None else check.worst
     output, time = (None, None) if worst is None else (worst.output, worst.time)
     text = "The nominal run, and the runs of the study that come closest to the bounds:"
@@ -157,7 +157,7 @@ def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
         exhibit = of_bounds(bounds, output, None if output in bounds.figures else time, None)
     except DeclarationError:
         assert isinstance(bounds.study, Study)
-        text = f"The nominal run. {bounds.method} keeps no runs that attain its bounds."
+        text = f"The nominal run. {bounds.method} stores no runs that attain its bounds."
         when = scene.times[len(scene.times) // 2] if check is None else bounds.t[check.margin.argmin()]
         exhibit = of_run(simulate(scene, bounds.study.solver), float(when), None)
     file, ghosts = BytesIO(), exhibit.ghosts
@@ -179,16 +179,16 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
 
 
 def _repeated(command: str, bounds: Bounds, scene: Scene | None, check: LimitCheck | None) -> list[str]:
-    """What the reader needs, and the command or the lines that find the bounds again with it."""
+    """What the reader needs, and the command or the lines of Python that compute the bounds again."""
     if command:
-        return [document.note("Run this command where the files that it names are:"), html.text(command)]
+        return [document.note("Run this command in the folder with the files that it names:"), html.text(command)]
     solver = repr(bounds.study.solver) if scene is not None and isinstance(bounds.study, Study) else ""
     box = "" if bounds.box is None else repr(bounds.box)
     subject = "scene_or_simulator" if bounds.study is None else "simulator" if scene is None else "scene"
-    what = f"the declaration of {bounds.subject}" if bounds.subject else "what was bounded"
-    needed = f"This report does not hold {what}. Ask its author for the Python file that defines `{subject}`."
+    what = f"the declaration of {bounds.subject}" if bounds.subject else "the declaration of its scene or simulator"
+    needed = f"This report does not contain {what}. Ask its author for the Python file that defines `{subject}`."
     lines = ["import symmb as mb", f"bounds = mb.propagate({subject}, {called(bounds.method, box, solver)})"]
     limits = () if check is None else check.limits
     ends = {own.output: tuple(x if np.isfinite(x) else None for x in (own.low, own.high)) for own in limits}
     lines.append(f'bounds.report("report.html"{f", {ends}" if ends else ""})')
-    return [document.note(f"{needed} Add these lines to it, and run it:"), html.text("\n".join(lines))]
+    return [document.note(f"{needed} Add these lines to the file, and run it:"), html.text("\n".join(lines))]

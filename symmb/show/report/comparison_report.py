@@ -31,10 +31,10 @@ def _parts(comparison: Comparison, command: str) -> Iterator[str]:
     yield assumed(comparison.box, {})
     yield settings_table(settings)
     runs, took = sum(row.evaluations for row in comparison.rows), sum(row.run_seconds for row in comparison.rows)
-    cost = f"The methods: {runs} runs, {took:.3g} s. The reference: {comparison._reference()}."
-    yield section("What it cost", document.note(cost))
+    cost = f"The methods made {runs} runs in {took:.3g} s. The reference: {comparison._reference()}."
+    yield section("Cost", document.note(cost))
     subject = "scene" if comparison.solver else "simulator"
     solver = f"solver={called(comparison.solver)}" if comparison.solver else ""
     call = ", ".join(filter(None, [subject, f"[{called(*methods)}]", called(repr(comparison.box)), solver]))
     lines = f'import symmb as mb\ncomparison = mb.compare({call})\ncomparison.report("report.html")'
-    yield section("To repeat it", html.text(command or lines))
+    yield section("How to repeat it", html.text(command or lines))

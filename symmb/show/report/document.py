@@ -1,4 +1,4 @@
-"""The file of a report: its head, its sections, and what stands in them. All texts are escaped here or by `_html`."""
+"""The file of a report: its head, its sections, and their contents. All texts are escaped here or by `_html`."""
 
 import platform
 import re
@@ -22,13 +22,13 @@ BLOCK = "company", "author", "date", "drawing", "revision"
 """Parts of the title block."""
 _LARGE = 1e6
 _PRINTED = 100
-"""Lines of equations that are printed: a page."""
+"""Most lines of equations that are printed: one page."""
 _CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
-"""A call of a class in the text of a method, a box or a solver."""
+"""Pattern for a call of a class in the text of a method, a box or a solver."""
 
 
 def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str, object]) -> None:
-    """Write a file with a title block, and a title above parts."""
+    """Write a file with a title block, a title and parts."""
     head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
     style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     head += f"<title>{escape(title)}</title><style>{style}</style>"
@@ -48,12 +48,12 @@ def sentences(texts: Iterable[tuple[str, str]]) -> str:
 
 
 def _prose(text: str) -> str:
-    """A text whose code stands between backticks."""
+    """A text with code between backticks."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def section(heading: str, *parts: str, style: str = "") -> str:
-    """Parts under a heading; nothing if there are none."""
+    """Parts below a heading; empty if there are no parts."""
     return f'<section class="{style}"><h2>{escape(heading)}</h2>{"".join(parts)}</section>' if any(parts) else ""
 
 
@@ -65,20 +65,20 @@ def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
 
 
 def note(text: str) -> str:
-    """A sentence about what stands beside it."""
+    """A sentence about the part beside it."""
     return f'<p class="note">{_prose(text)}</p>'
 
 
 def pictures(files: Iterable[tuple[str, bytes]]) -> str:
-    """PNG files with what they show in words, as many beside each other as are legible."""
+    """PNG files with a description each. As many stand side by side as are legible."""
     figures = "".join(f"<figure>{html.picture(png, shown)}</figure>" for shown, png in files)
     return f'<div class="pictures">{figures}</div>'
 
 
 def moving(page: str, png: bytes, labels: Iterable[tuple[str, str]]) -> str:
-    """A page inside the report, in whose place a picture is printed below the colours in it and their labels.
+    """A page inside the report. Printed reports show a picture instead, below the colours and their labels.
 
-    The page runs its own scripts, and reaches nothing of the report.
+    The page runs its own scripts, and cannot access the report.
     """
     frame = f'<iframe sandbox="allow-scripts" title="the mechanism, to play" srcdoc="{escape(page)}"></iframe>'
     texts = (f'<p class="note"><b style="color: {tint}">■</b> {escape(text)}</p>' for tint, text in labels)
@@ -86,7 +86,7 @@ def moving(page: str, png: bytes, labels: Iterable[tuple[str, str]]) -> str:
 
 
 def equations(text: str) -> str:
-    """Equations that show on demand. As many whole matrices as fit on a page are printed."""
+    """Equations that can be shown on demand. As many complete matrices as fit on one page are printed."""
     blocks = text.split("\n\n")
     lengths = np.cumsum([block.count("\n") + 2 for block in blocks])
     printed = [html.text(block) for block in blocks[: int((lengths <= _PRINTED).sum())]]
@@ -98,13 +98,13 @@ def equations(text: str) -> str:
 
 def assumed(box: Box, nominal: Mapping[str, float]) -> str:
     """The intervals of the box, and the values of other parameters."""
-    return section("What is assumed", html.page(html.table(_intervals(box, nominal))))
+    return section("Assumptions", html.page(html.table(_intervals(box, nominal))))
 
 
 def settings_table(settings: Sequence[tuple[str, str]], is_own: bool = False) -> str:
-    """Settings by name; those that are empty are left out.
+    """Settings by name. Empty settings are left out.
 
-    Versions are those of the report. They are those of the result too if it `is_own`, and was not read from a file.
+    Versions are those of this report. If it `is_own`, the result has the same versions: it was not read from a file.
     """
     versions = "versions" if is_own else "versions (of this report)"
     packages = [f"{name} {version(name)}" for name in _PACKAGES]
@@ -127,19 +127,19 @@ def _intervals(box: Box, nominal: Mapping[str, float]) -> list[list[str]]:
 
 
 def _number(value: float) -> str:
-    """A number with 12 digits at most, in powers of ten where that is shorter and it is large."""
+    """A number with at most 12 digits. A large number is written with a power of ten if this is shorter."""
     plain = f"{value:.12g}"
     short = np.format_float_scientific(value, precision=11, trim="-", exp_digits=1).replace("e+", "e")
     return short if abs(value) >= _LARGE and len(short) < len(plain) else plain
 
 
 def seed(method: str) -> str:
-    """The seed of the method that has this text, '' if it takes none."""
+    """The seed of the method with this text; '' if the method has no seed."""
     kinds = {type(example).__name__: type(example) for entry in METHODS for example in entry.examples}
     match = re.search(r"\bseed=(\d+)", method)
     return match[1] if match else str(getattr(kinds.get(method.partition("(")[0]), "seed", ""))
 
 
 def called(*texts: str) -> str:
-    """Arguments of a call in Python from the texts of methods, boxes and solvers; empty ones are left out."""
+    """Arguments of a call in Python, from the texts of methods, boxes and solvers. Empty texts are left out."""
     return ", ".join(_CALL.sub(r"mb.\1", text) for text in texts if text)

@@ -1,4 +1,4 @@
-"""What a report says first: whether limits are kept, and what to do next, in sentences."""
+"""The first page of a report: sentences that say whether limits are kept, and what to do next."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,39 +13,39 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
 STATES = {False: "violated", None: "undecided", True: "kept"}
-"""Names of results of limits, the most urgent first, and what is said of one limit and of several."""
+"""Names of the results of limits, the most urgent first, and the words for one limit and for several limits."""
 _SAID = {
     False: ("is violated in {} cases", "are violated in {} cases"),
     None: ("is not decided", "are not decided"),
     True: ("is kept", "are kept"),
 }
 _MANY, _FEW = 6, 3
-"""Limits or ranges that have a sentence, and parameters that one sentence names."""
+"""Most limits or ranges with a sentence, and most parameters that one sentence names."""
 _FAR, _SMALL = 0.5, 0.05
-"""Distance from the middle, over the half width, from which a value is high or low; the share of the largest
-effect below which a parameter is not named, and the factor of a tolerance below which it is not narrowed."""
+"""Distance from the middle, relative to the half width, from which a value is high or low; smallest effect, relative
+to the largest, of a parameter that is named, and smallest factor of a tolerance that is proposed."""
 _STEPS, _SAFE = 12, 0.99
-"""Bisections of that factor, and a share that covers the rounding of tolerances that are stated."""
+"""Bisections for this factor, and a reduction for the rounding of printed tolerances."""
 _CERTAIN = {
-    "enclosure": "The bounds behind these sentences are proved.",
-    "sampled": "Only the {} cases that were run are known. Other cases may lie farther out.",
+    "enclosure": "The bounds for these sentences are proved.",
+    "sampled": "Only the {} cases that were run are known. Other cases may have more extreme values.",
     "estimate": "These are estimates from {} runs, not proofs.",
 }
-_WARNED = "A warning leaves this open. The annex has it. Clear its cause, or take another method."
-_SEARCH = "`mb.tolerances(...)` searches, with further runs, for tolerances that keep the limits."
+_WARNED = "A warning prevents a decision: see the annex. Remove its cause, or use another method."
+_SEARCH = "`mb.tolerances(...)` makes further runs, and finds tolerances that satisfy the limits."
 _AGAIN = (
-    "These tolerances leave room for the estimated error of the study. `mb.tolerances(...)` makes further runs "
-    "instead, and finds the largest factor of all tolerances together."
+    "These tolerances include a margin for the estimated error of the study. `mb.tolerances(...)` makes further runs "
+    "instead, and finds the largest common factor of all tolerances."
 )
 
 
 def by_urgency(check: LimitCheck) -> list[KeptLimit]:
-    """Violated limits first, then those that are not decided."""
+    """Violated limits first, then undecided limits."""
     return sorted(check.limits, key=lambda limit: [*STATES].index(limit.kept))
 
 
 def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
-    """Sentences about all limits, about each limit or range, and about certainty, each with a result or ""."""
+    """Sentences about all limits, about each limit or range, and about certainty. Each has a result, or ""."""
     if check is None:
         head = "No limits were given. These are the ranges within the tolerances."
         ends = zip(bounds.names, bounds.lower.min(axis=0), bounds.upper.max(axis=0), _units(bounds), strict=True)
@@ -66,7 +66,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
 
 
 def _headline(results: Sequence[bool | None], cases: str) -> str:
-    """How many limits have which results, those that are violated in "some" or "all" cases."""
+    """How many limits are violated, undecided and kept. Limits are violated in "some" or "all" cases."""
     n, counts = len(results), {state: results.count(state) for state in STATES if state in results}
     words = [f"{count} {_SAID[state][count > 1].format(cases)}" for state, count in counts.items()]
     if len(words) > 1:
@@ -76,7 +76,7 @@ def _headline(results: Sequence[bool | None], cases: str) -> str:
 
 
 def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[str]:
-    """What decides limits, which tolerances to tighten and by how much, and which parameters matter most."""
+    """How to decide limits, which tolerances to tighten and by how much, and the most important parameters."""
     limits = [] if check is None else by_urgency(check)
     reasons = [(own.output, own.why) for own in limits if own.kept is None][:_MANY]
     texts = [f"{name}: {_WARNED if why.startswith(WARNED) else why}" for name, why in reasons]
@@ -97,7 +97,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
         who, change = ("The nominal values", "them") if is_nominal else ("All cases", "the intervals")
         texts.append(f"{who} violate the limit of {_listed([*words, *more])}: change {change}, or the limit.")
     texts += _tighten(bounds, [limit for limit in beyond if limit not in (*lost, *met)])
-    idle = "No tolerance has to be tightened." if limits else "Give limits of outputs, and this page checks them."
+    idle = "No tolerance needs to be tightened." if limits else "Give limits of outputs, so that this page checks them."
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
 
 
@@ -118,7 +118,7 @@ def _column(bounds: Bounds, limit: KeptLimit) -> int:
 
 
 def _inside(limit: KeptLimit) -> str:
-    """The limits as they stand behind "is"."""
+    """The limits as words that follow "is"."""
     low, high = _text(limit.low, limit.unit, 6), _text(limit.high, limit.unit, 6)
     if np.isfinite(limit.low) and np.isfinite(limit.high):
         return f"between {_text(limit.low, '', 6)} and {high}"
@@ -126,7 +126,7 @@ def _inside(limit: KeptLimit) -> str:
 
 
 def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
-    """How far the nominal run is beyond the limit, below 0 inside, or where it is not known or no case of the box."""
+    """How far the nominal run is beyond the limit, negative inside; -inf if it is not known, or not in the box."""
     if bounds.nominal is None or bounds._left_out:
         return -np.inf
     values = bounds.nominal[:, _column(bounds, limit)]
@@ -134,8 +134,8 @@ def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
 
 
 def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
-    """How far all cases are beyond the limit at a time, on its closest side, and the number of the time where that is
-    most; minus infinity if it is not known."""
+    """The largest excess over time that all cases have in common, on the closest side of the limit, and the number of
+    its time; -inf if it is not known."""
     if bounds.failed or (bounds.estimate is None and bounds.kind != "enclosure"):
         return -np.inf, 0
     lower, upper = (end[:, _column(bounds, limit)] for end in bounds.outer)
@@ -172,14 +172,14 @@ def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
 
 
 def _when(bounds: Bounds, limit: KeptLimit) -> str:
-    """Which parameters are high or low in the run that comes closest to the limit."""
+    """Which parameters are high or low in the run that is closest to the limit."""
     try:
         case, box = bounds._closest_to([limit]), bounds.box
         if case is None or box is None or case.is_short or case.width <= ROUNDING * abs(case.value):
             return ""
         point = box.to_unit(np.array([case.parameters[name] for name in box.names]))
         names = _acting(bounds, _column(bounds, limit), limit.row, point)
-    except SymmbError:  # the run does not come again
+    except SymmbError:  # the run cannot be repeated
         return ""
     place, units = dict(zip(box.names, point, strict=True)), dict(zip(box.names, _units(box), strict=True))
     names = [n for n in names if abs(place[n]) >= _FAR]
@@ -191,11 +191,11 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
 
 
 def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
-    """Parameters by their effects on output number k at time number i: how much it changes where one of them moves
-    from a place (d,) of the unit box to the middle of its interval.
+    """Parameters, sorted by their effects on output number k at time number i. An effect is the change of the output if
+    one parameter moves from a place (d,) of the unit box to the middle of its interval.
 
-    Good polynomials tell that, or as many runs as there are parameters. They are not made if they are expensive and
-    the study took fewer.
+    Effects are computed from accurate polynomials, or from one run for each parameter. These runs are not made if they
+    are expensive and the study made fewer runs.
     """
     box, study = bounds.box, bounds.study
     assert box is not None
@@ -213,7 +213,7 @@ def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
 
 
 def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | None) -> list[str]:
-    """What contributes most to widths, at numbers of times by those of outputs, or where they are widest."""
+    """The largest contributions to widths, at the given times of outputs, or at the times of their widest bounds."""
     texts = list[str]()
     for k in list(rows or range(len(bounds.names)))[: _FEW if shares else 0]:
         assert shares is not None
@@ -227,7 +227,7 @@ def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | Non
 
 
 def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
-    """Which tolerances keep limits that the nominal values keep, by the polynomials of the study."""
+    """Tolerances that satisfy limits, if the nominal values satisfy them, by the polynomials of the study."""
     columns, box = [_column(bounds, limit) for limit in limits], bounds.box
     if limits and bounds._left_out:
         return ["Intervals that hold the nominal values are needed to find tolerances that keep the limits."]
@@ -246,7 +246,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         return ((low - part.error < limit.low) | (high + part.error > limit.high))[:, 0]
 
     def largest(names: Sequence[str]) -> float:
-        """The largest factor of the tolerances of some parameters that keeps the limits, 0 if none does."""
+        """The largest factor for the tolerances of some parameters that satisfies the limits; 0 if no factor does."""
         low, high, factor = 0.0, 1.0, 0.0
         for _ in range(_STEPS):
             if any(beyond(*part, factor, names).any() for part in parts):
@@ -265,9 +265,9 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         part, one = surrogate.part(slice(None), [k]), np.ones(len(box))
         extremes = part.part([limit.row], [0]).range(-one, one)[2][:, 0, 0]
         names |= dict.fromkeys(_acting(bounds, k, limit.row, extremes[SIDES.index(bounds._side(limit))]))
-        rows = np.flatnonzero(beyond(limit, part, 1.0, ()))  # over parts of the box the others are inside as well
+        rows = np.flatnonzero(beyond(limit, part, 1.0, ()))  # other rows are inside for parts of the box as well
         parts += [(limit, part.part(rows, [0]))] if len(rows) else []
-    if not parts:  # runs are beyond limits that polynomials keep
+    if not parts:  # runs violate limits that the polynomials satisfy
         return [_SEARCH]
     some = [*names][:_MANY]
     goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MANY]])}"
@@ -282,7 +282,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
 
 
 def _tolerance(nominal: float, low: float, high: float) -> str:
-    """An interval as drawings state it."""
+    """An interval as in drawings."""
     above, below = high - nominal + 0.0, nominal - low + 0.0
     is_even = abs(above - below) <= 1e-6 * (high - low)
     return f"{nominal:.6g} ± {above:.3g}" if is_even else f"{nominal:.6g} +{above:.3g} −{below:.3g}"
