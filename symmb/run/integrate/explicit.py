@@ -1,5 +1,6 @@
 """Explicit solvers on the ODE with multipliers eliminated."""
 
+from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar, cast
 
@@ -30,6 +31,9 @@ class Explicit(CompiledSolver):
     @property
     def takes_any_coordinates(self) -> bool:
         return not isinstance(self.stabilization, AugmentedLagrangian)
+
+    @abstractmethod
+    def has_dense_output(self, dae: DAE) -> bool: ...
 
     def lanes(self, task: Task) -> Lanes:
         dae, times, y, order, work, start, alone = task
@@ -156,6 +160,9 @@ class RungeKutta(Explicit):
 
     steps: int = 2500
     stabilization: Stabilization = None
+
+    def has_dense_output(self, dae: DAE) -> bool:
+        return False
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True).jets(order)
