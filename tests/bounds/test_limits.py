@@ -275,15 +275,6 @@ def test_limits_that_curves_pass_between_output_times_are_told(seed):
         assert not bounds.check({"x": (low, None)}).remarks
 
 
-@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
-def test_a_parameter_without_effect_leaves_limits_decided():
-    scene = particle(
-        lambda p, mass: -p.k * mass.x, np.linspace(0, 1, 41), {"mass.x": 1.0}, k=(1.9, 2.1), ghost=(1.0, 2.0)
-    )
-    check = mb.propagate(scene).check({"x": (None, 1.1)})
-    assert check.kept and any("ghost" in doubt for doubt in mb.propagate(scene).doubts)
-
-
 @pytest.mark.parametrize(
     ("interval", "is_far"), [((340, 360), True), ((0.34, 0.36), False), ((0.351, 0.36), False), ((0.37, 0.38), True)]
 )

@@ -98,10 +98,11 @@ def test_no_array_of_the_models_size_stands_on_the_stack():
 
 def test_the_key_of_a_kept_source_covers_every_file_of_the_package(tmp_path, monkeypatch):
     package = tmp_path / "symmb"
-    shutil.copytree(C_FOLDER.parents[1], package, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr("symmb.run.codegen.model_source.__file__", str(package / "codegen" / "model_source.py"))
+    shutil.copytree(C_FOLDER.parents[2], package, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr("symmb.run.codegen.model_source.__file__", str(package / "run" / "codegen" / "model_source.py"))
     keys = set()
-    for name in (None, "schemes/dop853.py", "symbolic/instructions.py", "codegen/c/lanes.h", "codegen/tableau.py"):
+    inner = "run/schemes/dop853.py declare/symbolic/instructions.py run/codegen/c/lanes.h run/codegen/tableau.py"
+    for name in (None, *inner.split()):
         if name is not None:
             (package / name).write_text((package / name).read_text(encoding="utf-8") + "\n", encoding="utf-8")
         _generator.cache_clear()

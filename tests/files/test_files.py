@@ -55,7 +55,7 @@ def result_of(kind):
 
 def attributes(result):
     """Attributes of a result by name, without equations and what makes more runs."""
-    names = ("scene", "program", "_text", "run_examination", "attaining", "study", "origin")
+    names = ("scene", "simulator", "program", "_text", "run_examination", "attaining", "study", "origin")
     return {name: value for name, value in vars(result).items() if name not in names}
 
 

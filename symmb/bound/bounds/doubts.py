@@ -55,10 +55,8 @@ def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
         return ()
     varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
     return tuple(
-        Doubt(
-            f"{name} is in the box, but nothing in the scene depends on it. "
-            f'p["{name}"] is a number; p.{name} is the symbol.'
-        )
+        f"{name} is in the box, but nothing in the scene depends on it. "
+        f'p["{name}"] is a number; p.{name} is the symbol.'
         for name in unused_parameters(simulator.scene, varied)
     )
 
