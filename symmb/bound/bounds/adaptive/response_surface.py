@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from symmb._types import Array, Mask
-from symmb.bound.bounds.adaptive.check_runs import CANDIDATES, PATIENCE, SAFETY, quasi_random_points, screening_corners
+from symmb.bound.bounds.adaptive.check_runs import PATIENCE, SAFETY, quasi_random_points, screening_corners
 from symmb.bound.bounds.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bound.bounds.adaptive.requests import Checks, Noise, Steps
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
@@ -27,8 +27,9 @@ from symmb.bound.polynomials.ranges import Piecewise
 
 SHORTEST_RIDGE = 0.7
 """Length of a ridge which, or 2, 4 or 8 times it, is the start of a search: fewer may find none, more take time."""
-REFIT_GROWTH = 1.4
-"""Growth of the runs after which the kernel is chosen anew: less takes more time, and fewer runs."""
+REFIT_GROWTH, UNLIKELY = 1.4, 20.0
+"""Growth of the runs after which the kernel is chosen anew, and logarithm of the ratio of likelihoods beyond which one
+is given up: less of the first and more of the second take more time, and fewer runs."""
 DEVIATIONS, LATEST_RUNS = 2.0, 10
 """Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
 show more: more is safer, and takes more runs."""
@@ -38,9 +39,8 @@ of them: what acts for high values of some parameters together is seen nowhere e
 SLOPE_STEP = 0.15
 """Distance from the middle at which slopes are taken, and in each parameter from an extreme of the surface at which a
 run shows whether the response is flat there: less shows less, more shows the slope elsewhere."""
-SEARCH_STARTS = 3
-"""Best ones of CANDIDATES points of the box, and of as many corners, from which searches start: more take time, fewer
-miss extremes."""
+SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
+"""Points of the box, and as many corners, of which so many start searches: more take time, fewer miss extremes."""
 _NAME = "a response surface"
 
 
@@ -61,7 +61,7 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
     """
     d = len(runs.box)
     most = runs.most if is_patient else PATIENCE * d
-    latest, kernel, n_spread, n_fit = np.zeros(1), None, 0, 0
+    latest, kernels, n_spread, n_fit = np.zeros(1), list[Kernel](), 0, 0
     corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD_RUNS)
     slopes = SLOPE_STEP * np.eye(d)
     yield Checks(slopes)
@@ -70,11 +70,11 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
         data = _Responses.of(*runs.attained(points), runs)
         if not data.varies.any():
             return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, _NAME, is_enough=True)
-        if kernel is None or len(data.points) >= REFIT_GROWTH * n_fit:
-            kernel, n_fit = _likely_kernel(kernel, data), len(data.points)
-        surface = GaussianProcess(kernel, data.points, data.Y)
+        if len(data.points) >= REFIT_GROWTH * n_fit:
+            kernels, n_fit = _kernels(kernels, data), len(data.points)
+        surface = GaussianProcess(kernels[0], data.points, data.Y)
         # At an extreme the errors of all kinks of a sum have one sign.
-        factor = DEVIATIONS * (d**0.5 if kernel.is_sum else 1.0)
+        factor = DEVIATIONS * (d**0.5 if kernels[0].is_sum else 1.0)
         places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST_RUNS:]))))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
@@ -90,7 +90,7 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
             return found._replace(is_enough=is_enough)
         if not runs.noise_is_known and len(data.points) > CHEAP_RUNS:
             yield Noise()
-            kernel = None  # noise of one response spoils that of all
+            kernels, n_fit = [], 0  # noise of one response spoils the kernel of all
             continue
         spread = corners.pop() if corners else quasi_random_points(n_spread + SPREAD_RUNS, d)[-SPREAD_RUNS:]
         n_spread += SPREAD_RUNS
@@ -194,14 +194,14 @@ def _left_out(surface: GaussianProcess, noise: Array) -> Array:
     return SAFETY * rms(errors)
 
 
-def _likely_kernel(before: Kernel | None, data: _Responses) -> Kernel:
-    """The most likely kernel: of a smooth response, of one with a ridge, with two, or of a sum; later one near it.
+def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
+    """Likely kernels of a smooth response, of one with a ridge, with two, and of a sum, the most likely one first.
 
     The first ridge is along the slope in the middle, the second along the direction in which the rest varies most.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
-    starts = [before] if before else [plain, plain.with_term(Sum(1.0, plain.terms[0].rates))]
-    if slope.any() and (before is None or before.n_ridges):
+    starts = [*(kernels or (plain, plain.with_term(Sum(1.0, plain.terms[0].rates))))]
+    if slope.any() and (not kernels or any(kernel.n_ridges for kernel in kernels)):
         starts.append(_with_ridge(plain, slope, data))
     fits = [GaussianProcess(kernel, data.points, data.Y).most_likely() for kernel in starts]
     ridges = [each for each in fits if each.kernel.n_ridges == 1]
@@ -209,7 +209,13 @@ def _likely_kernel(before: Kernel | None, data: _Responses) -> Kernel:
         first = min(ridges, key=_unlikeliness)
         second = _with_ridge(first.kernel, first.rest_direction(), data)
         fits.append(GaussianProcess(second, data.points, data.Y).most_likely())
-    return min(fits, key=_unlikeliness).kernel
+    fits.sort(key=_unlikeliness)
+    likely: dict[tuple[int, bool], Kernel] = {}  # the best one of each number of ridges, and of sums
+    for fit in fits:
+        kernel = fit.kernel
+        if _unlikeliness(fit) < _unlikeliness(fits[0]) + UNLIKELY:
+            likely.setdefault((kernel.n_ridges, kernel.is_sum), kernel)
+    return list(likely.values())
 
 
 def _unlikeliness(process: GaussianProcess) -> float:
@@ -240,7 +246,7 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
     value of each parameter: a sum of functions of one parameter has many local extremes.
     """
     d, m = surface.points.shape[1], surface.Y.shape[1]
-    spread = quasi_random_points(CANDIDATES, d)
+    spread = quasi_random_points(SEARCH_CANDIDATES, d)
     candidates = np.concatenate([spread, np.sign(spread), surface.points])
     mean, deviation = surface.mean(candidates), surface.deviation(candidates)
     places, ends = np.empty((2, 2, m, d)), np.empty((2, 2, m))
