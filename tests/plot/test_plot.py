@@ -182,7 +182,7 @@ def test_rounding_looks_flat(name):
 
 def test_pyplot_is_not_touched(tmp_path):
     code = (
-        "import sys, numpy as np; from symmb import plot\n"
+        "import sys, numpy as np; from symmb.results import plot\n"
         f"plot.save(plot.plot_trajectory(np.arange(3.0), np.zeros((3, 1)), ['x']), {str(tmp_path / 't.png')!r})\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
