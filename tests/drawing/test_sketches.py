@@ -218,7 +218,8 @@ def test_faults_of_shapes(shape, told):
     "at",
     [(1.0, 2.0, 3.0), [1.0, 2.0, 3.0], *(np.array([1, 2, 3], kind) for kind in (float, ">f8", "f4", np.longdouble))],
 )
-def test_a_place_and_a_size_are_the_same_in_each_form(at):
+def test_a_place_a_size_and_an_axis_are_the_same_in_each_form(at):
+    assert repr(mb.Cylinder(0.1, 1.0, axis=at)) == repr(mb.Cylinder(0.1, 1.0, axis=(1.0, 2.0, 3.0)))
     assert repr(mb.Box3(at)) == repr(mb.Box3((1.0, 2.0, 3.0))) and repr(mb.Sphere(at[0])) == repr(mb.Sphere(1.0))
     for shape in (mb.Sphere(0.1, at), mb.Cylinder(0.1, 1.0, at=at), mb.Box3((1, 2, 3), at)):
         assert shape.at == (1.0, 2.0, 3.0) and "at=(1.0, 2.0, 3.0)" in repr(shape)

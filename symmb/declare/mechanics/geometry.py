@@ -124,6 +124,7 @@ class Cylinder(Geometry):
         axis = vector(self.axis, "Cylinder: axis")
         if is_zero(axis) or has_irregular_constant(axis):
             raise DeclarationError(f"Cylinder: axis {shown(self.axis)} has no direction.")
+        object.__setattr__(self, "axis", tuple(map(_double, components(self.axis) or ())))
 
     @property
     def axes(self) -> ca.SX:
