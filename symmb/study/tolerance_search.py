@@ -173,6 +173,8 @@ class Search:
                     met, is_failed = self._met(along, places, low, high, most)
                     why = why if is_failed or met == high else ""
                     after = min(met * (1 - less), _FAR * s, most)
+            if best is not None and undecided is not None:  # the margin that a decision needs is between two studies
+                after = (low + high) / 2
             if best is not None and (low >= most or after <= low * (1 + _SETTLED)):
                 break
             s = after

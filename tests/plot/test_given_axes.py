@@ -121,7 +121,8 @@ def test_unknown_outputs_are_refused(result):
 
 @RESULTS
 def test_what_are_no_axes_is_refused(result):
-    refused("ax must be matplotlib Axes", result.plot, ax=3)
+    for ax in (3, np.ones(3), np.broadcast_to(np.array(None), 10**9)):
+        refused("ax must be matplotlib Axes", result.plot, ax=ax)
 
 
 def test_limits_and_fits_in_given_axes():

@@ -10,9 +10,9 @@ from symmb import _html as html
 from symmb._errors import DeclarationError, Faults, NoParameterError
 from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean, name_fault, normal, normal_keys
-from symmb._options import is_finite_number, shown
+from symmb._options import shown
 from symmb._types import Array
-from symmb._units import label, quantity, scaled, unit_of, units_of_parameters
+from symmb._units import label, number_in, quantity, scaled, unit_of, units_of_parameters
 from symmb.declare.symbolic import Kind, Symbol, declare
 
 _DECLARED: "WeakValueDictionary[int, Parameters]" = WeakValueDictionary()
@@ -82,12 +82,13 @@ class Parameters(Mapping[str, float]):
         return self._with(self._nominal | dict.fromkeys((symbol.name for symbol in inputs), 0.0), inputs)
 
     def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
-        """Parameters with the symbols of these, and with other nominal values."""
+        """Parameters with the same symbols, and with other nominal values: numbers in their units, or "240 mm"."""
         nominal = normal_keys("with_nominal", nominal)
-        if not isinstance(nominal, Mapping) or not all(is_finite_number(nominal.get(name)) for name in self._nominal):
+        if not isinstance(nominal, Mapping) or not self._nominal.keys() <= nominal.keys():
             names = ", ".join(self._nominal)
-            raise DeclarationError(f"with_nominal: expected finite numbers by the names {names}, got {shown(nominal)}.")
-        return self._with({name: float(nominal[name]) for name in self._nominal})
+            raise DeclarationError(f"with_nominal: expected numbers by the names {names}, got {shown(nominal)}.")
+        owner, own = "with_nominal", self._units
+        return self._with({n: number_in(f"{owner}: {n}", n, nominal[n], own.get(n, "")) for n in self._nominal})
 
     def _with(self, nominal: dict[str, float], more: Sequence[Symbol] = ()) -> "Parameters":
         """Parameters with the symbols of these, other nominal values, and more symbols behind them."""

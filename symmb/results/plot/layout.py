@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -281,11 +281,11 @@ def finish_diagrams(figure: Figure, panels: Sequence[Axes], style: Style, title:
 
 def axes_in(owner: str, ax: GivenAxes) -> list[Axes]:
     """Axes that a caller gave, one or several, as a list."""
-    several = isinstance(ax, list | tuple | np.ndarray)
-    panels = [ax] if hasattr(ax, "fill_between") else list(np.ravel(np.asarray(ax, dtype=object))) if several else []
-    if not panels or not all(hasattr(axes, "fill_between") for axes in panels):
+    several = isinstance(ax, list | tuple) or (isinstance(ax, np.ndarray) and ax.dtype == object)
+    panels = np.asarray([ax] if hasattr(ax, "fill_between") else ax if several else [], dtype=object)
+    if not panels.size or not all(hasattr(axes, "fill_between") for axes in panels.flat):
         raise DeclarationError(f"{owner}: ax must be matplotlib Axes, or a list of them, got {shown(ax)}.")
-    return cast("list[Axes]", panels)
+    return list(panels.flat)
 
 
 def root(axes: Axes) -> Figure:
