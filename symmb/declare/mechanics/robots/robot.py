@@ -384,10 +384,9 @@ class Building:
 
 
 def _mesh_path(name: str, urdf: Path) -> Path:
-    """The file that a URDF names, relative to the folder of the URDF.
+    """The path of a mesh that a URDF file names, relative to the folder of the URDF file.
 
-    "package://arm/meshes/a.stl" is searched in the folders above the URDF: as `arm/meshes/a.stl` below one of them, or
-    as `meshes/a.stl` in one that is called `arm`.
+    The mesh "package://arm/meshes/a.stl" is `arm/meshes/a.stl` in one of the folders above the URDF file.
     """
     folder = urdf.resolve().parent
     try:
