@@ -176,7 +176,8 @@ class Measured:
             groups[0] = groups.pop() + groups[0]
         if sum(map(len, groups)) > _MOST_PARTS:
             raise DeclarationError(
-                f"the curve has {sum(map(len, groups))} parts of alternating curvature, more than {_MOST_PARTS}"
+                f"the curve bends in {sum(map(len, groups))} parts, but at most {_MOST_PARTS} are possible. Use a "
+                "smoother curve"
             )
         return groups
 
