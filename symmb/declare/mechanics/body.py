@@ -293,7 +293,7 @@ def as_matrix(value: Expr, what: str, bind: Callable[..., ca.SX]) -> ca.SX:
     if _is_sequence(value):
         rows = [row if _is_sequence(row) else [row] for row in value]
         if len({len(row) for row in rows}) > 1:
-                lengths = " and ".join(str(len(row)) for row in rows)
+            lengths = " and ".join(str(len(row)) for row in rows)
             raise DeclarationError(f"{what}: the rows have {lengths} entries. Pass rows of one length.")
         return ca.vertcat(*[ca.horzcat(*[bind(entry, what) for entry in row]) for row in rows])
     return bind(value, what, any_size=True)
