@@ -114,7 +114,7 @@ class Curve:
 _STEPS = 4
 """Newton's steps from a sample: each step about squares the relative error."""
 _SAMPLES = 400
-"""Samples of a smooth piece for its curvature. Feet are exact for any division into parts, so a fixed count suffices."""
+"""Samples of a smooth piece for its curvature. Feet are exact for any parts, so a fixed count suffices."""
 _TURN = np.pi / 2
 """Largest turn of a part [rad]. A point then has one foot on the part and the tangents at its ends, unless the point is
 beyond a centre of curvature."""
@@ -160,7 +160,7 @@ class Measured:
         return list(pairwise(breaks))
 
     def groups(self, side: float) -> list[list[Part]]:
-        """Parts of the curve in groups. A point touches each group at one place at most; concave corners separate groups.
+        """Parts of the curve in groups, separated by concave corners. A point touches a group once at most.
 
         Points are to the left of the curve for side=1, to the right for side=-1.
         """

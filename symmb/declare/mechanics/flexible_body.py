@@ -256,7 +256,7 @@ class FlexibleBody(Body):
 
 
 class _Carrier(AbstractBody):
-    """The frame of a node: at `place` (3,) in the axes of the floating frame, turned by `rotations` (3, n) times eta."""
+    """The frame of a node: at `place` (3,) in axes of the floating frame, turned by `rotations` (3, n) times eta."""
 
     def __init__(self, body: FlexibleBody, what: str, place: ca.SX, rotations: Array) -> None:
         self.name, self.pose, self.com, self._body = f"{body.name}.{what}", body.pose, (0.0, 0.0, 0.0), body

@@ -20,7 +20,7 @@ from symmb.declare.mechanics.pose import Planar, Spatial
 from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, records_in, unit, vector
 
 _LARGE_TURN = 0.5
-"""Angle [rad] at which the moment of a Bushing is 4 % smaller than that of a linear spring, because it uses the sine."""
+"""Angle [rad] at which the moment of a Bushing, which uses the sine, is 4 % smaller than that of a linear spring."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def is_constant(*laws: ca.SX) -> bool:
 
 
 def is_moved(distance: ca.SX) -> bool:
-    """Whether a distance depends explicitly on time, such as from a moving support. The support's forces then do work."""
+    """Whether a distance depends explicitly on time, as on a moving support. The support's forces then do work."""
     return any(is_time(symbol) for symbol in ca.symvar(distance))
 
 
@@ -254,7 +254,7 @@ class PairTorque(ForceElement):
         return self._angle[0]
 
     def _loads(self, torque: ca.SX) -> tuple[Load, Load]:
-        """Loads of a torque on body b, and of its opposite on body a. Their power is the torque times the angle's rate."""
+        """Loads of a torque on body b and its opposite on body a. Their power is the torque times the angle's rate."""
         turning = torque * turning_direction(self.body_a, unit(vector(self.axis)), self.body_b, ca.SX.eye(3))
         return (moment_on(self.body_a, -turning), moment_on(self.body_b, turning))
 

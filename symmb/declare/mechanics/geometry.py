@@ -124,7 +124,9 @@ class Cylinder(Geometry):
         self._check(radius=self.radius, length=self.length)
         axis = vector(self.axis, "Cylinder: axis")
         if is_zero(axis) or has_irregular_constant(axis):
-            raise DeclarationError(f"Cylinder: axis {shown(self.axis)} has no direction. Pass a vector that is not zero.")
+            raise DeclarationError(
+                f"Cylinder: axis {shown(self.axis)} has no direction. Pass a vector that is not zero."
+            )
         object.__setattr__(self, "axis", tuple(map(_double, components(self.axis) or ())))
 
     @property
@@ -222,5 +224,7 @@ class Mesh(Geometry):
 def shapes_of(owner: str, shapes: Any) -> tuple[Geometry, ...]:
     """The shapes of a body as a tuple. DeclarationError if they are not a list of shapes."""
     if not isinstance(shapes, list | tuple) or not all(isinstance(shape, Geometry) for shape in shapes):
-        raise DeclarationError(f"{owner}: shapes must be a list of Box3, Cylinder, Sphere or Mesh, got {shown(shapes)}.")
+        raise DeclarationError(
+            f"{owner}: shapes must be a list of Box3, Cylinder, Sphere or Mesh, got {shown(shapes)}."
+        )
     return tuple(shapes)

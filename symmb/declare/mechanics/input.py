@@ -1,4 +1,4 @@
-"""Values that other programs give while a scene runs."""
+"""Values that other programs set during a run."""
 
 from dataclasses import dataclass, field
 
@@ -12,9 +12,10 @@ from symmb.declare.symbolic import Kind, Symbol, declare
 
 @dataclass(frozen=True, eq=False)
 class Input(Element):
-    """A value that another program gives during a run. It is an element of the System, and laws take its `value`.
+    """A value that another program sets during a run. It is an element of the System. Laws use its `value`.
 
-    It is 0 in runs of symmb. An FMU of `save_fmu` has it as an input, and `linearize` takes its name in `inputs`.
+    The value is 0 in runs of symmb. It is an input of FMUs that `save_fmu` writes, and `linearize(inputs=...)` accepts
+    its name.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class Input(Element):
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
-            raise DeclarationError(f"Input: the name is a text, got {shown(self.name)}.")
+            raise DeclarationError(f"Input: the name must be a text, got {shown(self.name)}.")
         (symbol,) = declare([self.name], Kind.PARAMETER, ca.SX.sym(self.name), owner=self.title)
         object.__setattr__(self, "symbol", symbol)
 

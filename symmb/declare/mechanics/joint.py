@@ -212,7 +212,9 @@ class PlanarJoint(AxisJoint):
     poses = (_SPATIAL, _SPATIAL)
     aligns = True
     also = "A PlanarJoint also keeps its normals parallel. Motion(name, expression, 0) only keeps a point on a plane."
-    without = "This joint slides in two directions and turns about the normal. Use coordinates and points of its bodies."
+    without = (
+        "This joint slides in two directions and turns about the normal. Use coordinates and points of its bodies."
+    )
     motion = JointCoordinates(
         ("x", "y", "angle"),
         ("vx", "vy", "angle_rate"),
@@ -412,7 +414,7 @@ class CamFollower(Constraint):
         yield from super().faults()
         for joint in self.parts():
             if isinstance(joint, Joint) and joint.coordinate is None:
-                yield f"{self.title}: {joint.title} cannot be used, because it does not have one coordinate. {joint.without}"
+                yield f"{self.title}: {joint.title} does not have exactly one coordinate. {joint.without}"
 
     def position_rows(self, bind: Bind) -> ca.SX:
         angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (self.cam, self.follower))

@@ -107,7 +107,7 @@ class Parameters(Mapping[str, float]):
 
     @property
     def symbols(self) -> ca.SX:
-        """All symbols as one vector (n_p,), in the order of declaration. A symbol is a number in the parameter's unit."""
+        """All symbols as one vector (n_p,), in the order of declaration. They are numbers in the parameters' units."""
         return self._symbols
 
     @property

@@ -1,4 +1,4 @@
-"""Values that are held between instants, as those of digital controllers."""
+"""Sampled values that are held between instants, such as the outputs of digital controllers."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from symmb._options import is_real
+from symmb._options import is_real, shown
 from symmb._types import Expr
 from symmb.declare.mechanics.element import law_value
 from symmb.declare.mechanics.state import OwnState
@@ -15,11 +15,11 @@ from symmb.declare.symbolic import Kind, declare
 
 @dataclass(frozen=True, eq=False)
 class Sampled(OwnState):
-    """A value that is computed at instants and held between them: zero-order hold.
+    """A value that is computed at sampling instants and held between them (zero-order hold).
 
-    Instants are the start of the scene's times and every `period` after it. Steps of solvers end there. Values of the
-    same instant are computed in the order of declaration, so that later laws see earlier values of the instant. At an
-    instant, outputs have the new value.
+    Sampling instants are the start of the scene's times and every `period` after it. Steps of solvers end at these
+    instants. Values are computed in the order of declaration, so a law sees the new values of elements that are
+    declared before it. At an instant, outputs have the new value.
 
     Parameters
     ----------
@@ -28,8 +28,9 @@ class Sampled(OwnState):
     period : float
         a number [s]
     law : Expr
-        of coordinates, velocities, states, parameters and `t`; or a function of the value held so far, SX, that returns
-        one: it is called once. This value is 0 before the start, or the one in `Scene(start=...)`
+        expression of coordinates, velocities, states, parameters and `t`; or a function of the held value, SX, that
+        returns such an expression and is called once. The held value is 0 before the start, or the value in
+        `Scene(start=...)`
 
     Examples
     --------
@@ -56,6 +57,6 @@ class Sampled(OwnState):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if not is_real(self.period):
-            yield f"{self.title}: period {self.period!r} is no number. Instants cannot move with parameters."
+            yield f"{self.title}: period {shown(self.period)} is not a number. Pass a number, without parameters."
         elif not 0 < self.period < math.inf:
-            yield f"{self.title}: period {self.period!r} must be above 0."
+            yield f"{self.title}: period {self.period!r} must be positive and finite."

@@ -52,7 +52,7 @@ class RoundContact(ShapeContact):
         yield from super().faults()
         if self.inside is True and is_real(self.radius_a) and is_real(self.radius_b):
             if not self.radius_b < self.radius_a:
-                yield f"{self.title}: with inside=True, radius_b must be below radius_a. Exchange the shapes or the radii."
+                yield f"{self.title}: with inside=True, radius_b must be below radius_a. Use a smaller radius_b."
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""First-order states of the user's own: filters, integrals, hydraulics, heat."""
+"""First-order states that users declare: filters, integrals, hydraulics, heat."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,14 +14,14 @@ from symmb.declare.symbolic import Kind, Symbol, declare, scalar
 
 @dataclass(frozen=True, eq=False)
 class OwnState(Element):
-    """An element that has first-order states of its own; the first one is its value."""
+    """An element with first-order states. The first state is its value."""
 
     name: str
     symbols: tuple[Symbol, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
-            raise DeclarationError(f"{type(self).__name__}: the name is a text, got {shown(self.name)}.")
+            raise DeclarationError(f"{type(self).__name__}: the name must be a text, got {shown(self.name)}.")
 
     @property
     def value(self) -> ca.SX:
@@ -31,17 +31,17 @@ class OwnState(Element):
 
 @dataclass(frozen=True, eq=False)
 class State(OwnState):
-    """A first-order state z with z' = rate. It is an element of the System, and laws and outputs take its `value`.
+    """A first-order state z with z' = rate. It is an element of the System. Laws and outputs use its `value`.
 
-    It starts at 0, or where `Scene(start={"z": 0.5})` says.
+    The state starts at 0, or at the value in `Scene(start={"z": 0.5})`.
 
     Parameters
     ----------
     name : str
         without dots
     rate : callable
-        of the value z, SX, that returns z' as an expression of z, coordinates, velocities, other states, parameters and
-        `t`; it is called once. An expression without z needs no function
+        function of the value z, SX, that returns z' as an expression of z, coordinates, velocities, other states,
+        parameters and `t`. The function is called once. `rate` may also be an expression without z
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Moments of inertia that no body has: the nearest possible ones, and what they change."""
+"""Impossible moments of inertia: their replacement by the nearest possible moments, and its effect on the motion."""
 
 from dataclasses import replace
 from itertools import product
@@ -15,16 +15,15 @@ from symmb.declare.mechanics.robots.inertia import united
 from symmb.declare.mechanics.robots.robot import ORIGIN, Building
 
 _MOST, _RIDGE = 0.5, ROUNDING
-"""Change of the energy of a motion, over this energy, up to which an inertia is repaired: the nearest possible one is
-closer to the true one than that of the file, but beyond this it makes the motion. What stands for the energy of a link
-without mass, over its squared rate."""
+"""Largest relative change of the kinetic energy of any motion by a repair: a larger change would dominate the motion.
+The second number is added to the scaled mass matrix, which is singular for links without mass."""
 
 
 def repaired(building: Building) -> tuple[Building, list[str]]:
-    """A machine whose bodies all have possible inertias, and a sentence on what is repaired.
+    """The building with possible inertias of all bodies, and a sentence about the repaired links.
 
-    A link on the base, or on a body that is possible as a whole, keeps its inertia. DeclarationError if a repair would
-    change the motion much.
+    A link on the fixed base, or on a body with a possible total inertia, keeps its inertia. DeclarationError if a
+    repair would change the motion much.
     """
     description, values = building.description, building.values
     numbers = {name: description.numbers[name] if isinstance(x, ca.SX) else x for name, x in values.items()}
@@ -45,16 +44,17 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
     names = ", ".join(repr(name.removesuffix(".inertia.xx")) for name in better if name.endswith(".inertia.xx"))
     if not share <= _MOST:
         raise DeclarationError(
-            f"{description.path}: no body has the inertia of {names}. The nearest possible one would change the energy "
-            f"of a motion by {min(share, 10):.0%}. Correct the file."
+            f"{description.path}: the inertia of {names} is impossible. The nearest possible inertia would change the "
+            f"kinetic energy of a motion by {min(share, 10):.0%}. Correct the file."
         )
-    said = f"symmb takes the nearest possible inertia for {names}; it changes the energy of no motion by more than "
+    said = f"The inertia of {names} is impossible. The nearest possible inertia is used; it changes the kinetic energy "
     description = replace(description, numbers=description.numbers | better)
-    return replace(building, description=description, values={**values, **better}), [f"{said}{share:.1g} of itself."]
+    changed = replace(building, description=description, values={**values, **better})
+    return changed, [f"{said}of a motion by at most {100 * share:.1g} %."]
 
 
 def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
-    """Entries xx, xy, xz, yy, yz, zz of the nearest inertia matrix that a body may have, in the Frobenius norm.
+    """Entries xx, xy, xz, yy, yz, zz of the nearest possible inertia matrix in the Frobenius norm.
 
     Each principal moment is the sum of two of three second moments of mass, and none of these is negative.
     """
@@ -69,7 +69,7 @@ def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _mass_matrix(building: Building) -> Array:
-    """Mass matrix (n, n) of a tree where the file draws it, by rates of its joints; planar ones count as free."""
+    """Mass matrix (n, n) of a tree at the pose of the file, in joint rates. Planar joints are treated as free joints."""
     root, values = building.description.root, building.values
     places, screws = {root: ORIGIN}, {root: np.eye(6)[:, : 0 if building.fixed_base else 6]}
     count = screws[root].shape[1]
