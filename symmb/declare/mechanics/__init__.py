@@ -1,6 +1,6 @@
-"""What a user declares: parameters, bodies, points, joints, forces, contacts.
+"""Parameters, bodies, points, joints, forces and contacts, as users declare them.
 
-All are frozen values; equations are derived in `model`.
+All are frozen values. The wing `equations` derives the equations of motion.
 """
 
 from symmb.declare.mechanics.actuator import Actuator, Stop

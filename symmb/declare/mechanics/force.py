@@ -346,8 +346,8 @@ class Bushing(PairForce):
             cosine = (ca.trace(relative) - 1) / 2
             yield (
                 cosine - ca.cos(_LARGE_TURN),
-                f"the mount turns by more than {_LARGE_TURN:g} rad{{}}. Its moment uses the sine of the angle, so it is "
-                "too small. Use a TorsionSpring.",
+                f"the mount turns by more than {_LARGE_TURN:g} rad{{}}. Its moment uses the sine of the angle and "
+                "is too small. Use a TorsionSpring.",
             )
 
 

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of links that are held together."""
+"""Mass, centre of mass and inertia of several links that form one body."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from symmb.declare.mechanics.robots.algebra import Matrix, Scalar, Vector, add, 
 
 @dataclass(frozen=True, eq=False)
 class Mass:
-    """Mass [kg], centre of mass [m], and inertia about it [kg m^2], in axes of the body."""
+    """Mass [kg], centre of mass (3,) [m], and inertia (3, 3) about the centre of mass [kg m^2], in axes of the body."""
 
     mass: Scalar
     com: Vector
@@ -17,7 +17,7 @@ class Mass:
 
 
 def united(parts: Sequence[Mass]) -> Mass:
-    """The mass, the centre and the inertia of parts that are held together."""
+    """The mass, the centre of mass and the inertia of all parts together."""
     heavy = [part for part in parts if not is_nought(part.mass)]
     inertias = [part.inertia for part in parts]
     if not heavy:
@@ -32,14 +32,16 @@ def united(parts: Sequence[Mass]) -> Mass:
 
 
 def _offset(mass: Scalar, arm: Vector) -> Matrix:
-    """Inertia of a mass about a point at a distance from it (Steiner)."""
+    """Inertia (3, 3) of a point mass about a point. `arm` leads from one to the other (parallel axis theorem)."""
     squared = dot(arm, arm)
     return tuple(tuple(mass * ((squared if i == k else 0.0) - arm[i] * arm[k]) for k in range(3)) for i in range(3))
 
 
 def _total(vectors: Sequence[Vector]) -> Vector:
+    """The sum of vectors."""
     return reduce(add, vectors)
 
 
 def _sum(matrices: Sequence[Matrix]) -> Matrix:
+    """The sum of matrices."""
     return tuple(_total(rows) for rows in zip(*matrices, strict=True))
