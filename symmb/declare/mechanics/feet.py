@@ -100,7 +100,7 @@ class Side(NamedTuple):
         return (*self.part, _SAMPLES) if np.isfinite(self.part[0]) else (*self.measured.curve.ends, ALL_SAMPLES)
 
     def spot(self, s: ca.SX, bounds: Bounds | None) -> "Spot":
-        """The point of the part at s. Beyond an end the point stays at the end, and its tangent turns, as at a corner."""
+        """The point of the part at s. Beyond an end the point stays there, and its tangent turns as at a corner."""
         fan = -self.side * 2 * np.pi / self.measured.period
         on = s if bounds is None else bounds.inside(s)
         place, along, bend = self.measured.curve.at(on)

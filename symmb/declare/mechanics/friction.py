@@ -41,7 +41,7 @@ class Coulomb(FrictionLaw):
     """Coulomb friction, smooth in the slip: mu(v) = mu_k tanh(4 u) + (mu_s - mu_k) u / (u^2 / 4 + 3 / 4)^2.
 
     u is the slip speed over `speed`. At u = 1, mu is about mu_s. At lower speeds the force is about proportional to the
-    slip. A body under a force f below the limit creeps with about `speed` f / (4 mu_k N). Use `Bristle` if bodies stick.
+    slip. A body under a force f below the limit creeps at about `speed` f / (4 mu_k N). Use `Bristle` if bodies stick.
 
     Parameters
     ----------

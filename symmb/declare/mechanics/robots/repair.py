@@ -47,7 +47,7 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
             f"{description.path}: the inertia of {names} is impossible. The nearest possible inertia would change the "
             f"kinetic energy of a motion by {min(share, 10):.0%}. Correct the file."
         )
-    said = f"The inertia of {names} is impossible. The nearest possible one is used; it changes the kinetic energy "
+    said = f"The inertia of {names} is impossible. The nearest possible one is used; it changes the energy "
     description = replace(description, numbers=description.numbers | better)
     changed = replace(building, description=description, values={**values, **better})
     return changed, [f"{said}of a motion by at most {100 * share:.1g} %."]
@@ -69,7 +69,7 @@ def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _mass_matrix(building: Building) -> Array:
-    """Mass matrix (n, n) of a tree at the pose of the file, in joint rates. Planar joints are treated as free joints."""
+    """Mass matrix (n, n) of a tree at the pose of the file, in joint rates. Planar joints count as free joints."""
     root, values = building.description.root, building.values
     places, screws = {root: ORIGIN}, {root: np.eye(6)[:, : 0 if building.fixed_base else 6]}
     count = screws[root].shape[1]
