@@ -262,7 +262,7 @@ def test_faults_outside_of_a_system(declare, text):
 
 
 def test_an_unknown_parameter_is_an_attribute_error_that_lists_the_known():
-    with pytest.raises(AttributeError, match="no parameter 'l2'. Declared parameters: l1, m1, none"):
+    with pytest.raises(AttributeError, match=r"no parameter 'l2'\. Declared parameters: l1, m1, none"):
         _ = P.l2
 
 

@@ -191,7 +191,9 @@ def read_document(path: Path, passed: dict[str, list[Tag]] | None) -> Tag:
         raise
     except (ValueError, LookupError) as error:  # an encoding that Python does not know
         line = reading.parser.CurrentLineNumber
-        raise DeclarationError(f"{path.name}, line {line}, the document: the file cannot be decoded ({error}).") from None
+        raise DeclarationError(
+            f"{path.name}, line {line}, the document: the file cannot be decoded ({error})."
+        ) from None
     assert reading.root is not None  # a document without an element is not well-formed
     return reading.root
 
