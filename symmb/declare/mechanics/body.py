@@ -21,41 +21,23 @@ TRIANGLE = 5e-4
 plates, rounded to three digits, reach this excess."""
 
 
+def _component(vector: str, k: int, doc: str) -> Any:
+    """The property of component k of a vector (3,) that is an attribute."""
+    return property(lambda self: getattr(self, vector)[k], doc=doc)
+
+
 class Located:
     """Components of a position in the world, and of its velocity. The position of a body is its centre of mass."""
 
     _place: ca.SX
     _velocity: ca.SX
 
-    @property
-    def x(self) -> ca.SX:
-        """World x [m]."""
-        return self._place[0]
-
-    @property
-    def y(self) -> ca.SX:
-        """World y [m]."""
-        return self._place[1]
-
-    @property
-    def z(self) -> ca.SX:
-        """World z [m]."""
-        return self._place[2]
-
-    @property
-    def vx(self) -> ca.SX:
-        """World x velocity [m/s]."""
-        return self._velocity[0]
-
-    @property
-    def vy(self) -> ca.SX:
-        """World y velocity [m/s]."""
-        return self._velocity[1]
-
-    @property
-    def vz(self) -> ca.SX:
-        """World z velocity [m/s]."""
-        return self._velocity[2]
+    x = _component("_place", 0, "World x [m].")
+    y = _component("_place", 1, "World y [m].")
+    z = _component("_place", 2, "World z [m].")
+    vx = _component("_velocity", 0, "World x velocity [m/s].")
+    vy = _component("_velocity", 1, "World y velocity [m/s].")
+    vz = _component("_velocity", 2, "World z velocity [m/s].")
 
 
 class AbstractBody(Located):

@@ -7,7 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from symmb._magnitudes import SMALL
+from symmb._magnitudes import SLIGHT, SMALL
 from symmb._options import is_real
 from symmb._types import Expr
 from symmb.declare.mechanics.angle import turning_direction
@@ -17,10 +17,6 @@ from symmb.declare.mechanics.element import NOT_NEGATIVE, Bind, within
 from symmb.declare.mechanics.force import Action, PairTorque
 from symmb.declare.mechanics.joint_event import JointEvent, event_state
 from symmb.declare.symbolic import Symbol, unit, vector
-
-_STATES, _SLIGHT, _JUMP = 4, 1e-7, SMALL
-"""Number of random states at which capacities for slips of both signs are compared, the size of the slips [rad/s], and
-the relative difference that is a jump. Continuous capacities differ less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,18 +75,19 @@ class Clutch(PairTorque, Constraint):
                 "endlessly. Use a continuous capacity. For a one-way clutch, use a Weld with a Latch and a Release."
             )
 
-    def _jumps_with_slip(self) -> bool:
+    def _jumps_with_slip(self, states: int = 4) -> bool:
         """Whether the capacities just above and just below zero slip differ at all of some random states."""
         if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
             return False
         symbols = ca.vertcat(*ca.symvar(ca.vertcat(self.capacity, self.slip)))
         slope = ca.jacobian(self.slip, symbols)
         f = ca.Function("f", [symbols], [self.slip, ca.densify(slope), self.capacity])
-        for state in np.random.default_rng(0).uniform(0.5, 1.5, (_STATES, symbols.numel())):
+        for state in np.random.default_rng(0).uniform(0.5, 1.5, (states, symbols.numel())):
             slip, along, _ = (np.array(part).ravel() for part in f(state))
             step = along / max(along @ along, np.finfo(float).tiny)
-            below, above = (float(f(state - (slip - side) * step)[2]) for side in (-_SLIGHT, _SLIGHT))
-            if not abs(above - below) > _JUMP * max(abs(above), abs(below)):
+            below, above = (float(f(state - (slip - side) * step)[2]) for side in (-SLIGHT, SLIGHT))
+            # A capacity that is steep, but continuous, differs by less over so small a change of the slip.
+            if not abs(above - below) > SMALL * max(abs(above), abs(below)):
                 return False
         return True
 

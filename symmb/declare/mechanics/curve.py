@@ -99,7 +99,7 @@ class Curve:
             distance = ca.sumsqr(P - ca.substitute(self.place, self.s, s))
             is_next = distance - squared < -SOFT
             best, squared = ca.if_else(is_next, s, best), ca.if_else(is_next, distance, squared)
-        for _ in range(_STEPS):
+        for _ in range(4):  # each step about squares the relative error of a sample
             best = follow(best)
         return best
 
@@ -111,18 +111,10 @@ class Curve:
         return Measured(self, lambda s: batch(f, s[:, None], np.array(values)))
 
 
-_STEPS = 4
-"""Newton's steps from a sample: each step about squares the relative error."""
 _SAMPLES = 400
 """Samples of a smooth piece for its curvature. Feet are exact for any parts, so a fixed count suffices."""
-_TURN = np.pi / 2
-"""Largest turn of a part [rad]. A point then has one foot on the part and the tangents at its ends, unless the point is
-beyond a centre of curvature."""
 _OVERLAP = 0.1
 """Overlap of successive parts over the length of a part: where one part ends, the foot on the next part is nearer."""
-_INSET = ROUNDING
-"""Distance of evaluations of derivatives from corners, over the length of a piece: derivatives jump at corners."""
-_MOST_PARTS = 64
 
 
 Part = tuple[float, float]
@@ -159,7 +151,7 @@ class Measured:
             breaks = sorted({start, *corners, start + self.period})
         return list(pairwise(breaks))
 
-    def groups(self, side: float) -> list[list[Part]]:
+    def groups(self, side: float, most_parts: int = 64) -> list[list[Part]]:
         """Parts of the curve in groups, separated by concave corners. A point touches a group once at most.
 
         Points are to the left of the curve for side=1, to the right for side=-1.
@@ -174,22 +166,22 @@ class Measured:
                 groups.append(parts)
         if self.curve.closed and len(groups) > 1 and not self._is_concave(pieces[-1][1], pieces[0][0], side):
             groups[0] = groups.pop() + groups[0]
-        if sum(map(len, groups)) > _MOST_PARTS:
+        if sum(map(len, groups)) > most_parts:  # each part adds a state to the equations
             raise DeclarationError(
-                f"the curve bends in {sum(map(len, groups))} parts, but at most {_MOST_PARTS} are possible. Use a "
+                f"the curve bends in {sum(map(len, groups))} parts, but at most {most_parts} are possible. Use a "
                 "smoother curve"
             )
         return groups
 
     def _is_concave(self, before: float, behind: float, side: float) -> bool:
         """Whether the curve turns toward the side at a corner, from the s before the corner to the s behind it."""
-        inset = _INSET * self.period
+        inset = ROUNDING * self.period  # derivatives jump at the corner itself
         (u, v) = self._numbers(np.array([before - inset, behind + inset]))[1]
         return side * (u[0] * v[1] - u[1] * v[0]) > SLIGHT * np.hypot(*u) * np.hypot(*v)
 
     def _parts(self, a: float, b: float, side: float) -> list[Part]:
         """The parts of a smooth piece from a to b: the curvature keeps its sign, and the turn is a quarter at most."""
-        inset = _INSET * (b - a)
+        inset = ROUNDING * (b - a)  # derivatives jump at the ends
         s = np.linspace(a + inset, b - inset, _SAMPLES + 1)
         _, d, dd = self._numbers(s)
         bend = side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / (d**2).sum(axis=1)  # radians for each s
@@ -200,7 +192,8 @@ class Measured:
         for k in range(_SAMPLES):
             now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > SLIGHT else sign
             turn += abs(bend[k]) * (s[k + 1] - s[k])
-            if (sign and now != sign) or turn > _TURN:
+            # After a quarter of a turn, a point could have a second foot on the part, or on the tangents at its ends.
+            if (sign and now != sign) or turn > np.pi / 2:
                 cuts.append(float(s[k]))
                 turn = 0.0
             sign = now
@@ -216,7 +209,7 @@ class Measured:
         """Angles [rad] of the corners at both ends of a part, away from the side; 0 if the curve is smooth there."""
         found, (start, end) = [], self.curve.ends
         for s, sign in zip(part, (-1, 1), strict=True):
-            beyond = s + sign * 3 * _INSET * self.period
+            beyond = s + sign * 3 * ROUNDING * self.period
             if not self.curve.closed and not start <= beyond <= end:
                 found.append(np.pi / 2)
                 continue

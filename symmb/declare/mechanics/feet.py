@@ -7,26 +7,18 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._magnitudes import SLIGHT, SMALL
+from symmb._magnitudes import MEETING, SLIGHT, SMALL
 from symmb.declare.mechanics.curve import Curve, Measured, Part
 from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
 """Lowest slope of the foot's condition over that of a straight line. The slope is 0 at a centre of curvature."""
-_SINGULAR = SMALL
-"""Lowest determinant of the conditions of two feet, over that of two circles with the lengths of the curves."""
 _CATCH_UP = 100.0
 """The error of a foot decreases by the factor e while the point moves by 1 / 100 of the curve's length."""
 _SAMPLES, ALL_SAMPLES = 12, 64
 """Samples of a part, and of a whole curve, from which Newton's method for a foot starts."""
-_NO_TANGENT = 1e-60
-"""Added to the square of a mean tangent, which is 0 if both tangents are equal. It prevents a division by 0."""
 _AT_REST = SLIGHT
 """Added to the speed [m/s] of the point, so that the error of a foot also decreases if the point is at rest."""
-_STRAIGHT = SLIGHT
-"""A part is straight if its curvature times the length of the curve is below this."""
-_ROUNDS, _STEPS = 2, 6
-"""Alternating searches of two feet among samples, and Newton's steps from the best samples."""
 
 
 class Bounds(NamedTuple):
@@ -92,7 +84,7 @@ class Side(NamedTuple):
     @property
     def is_hollow(self) -> bool:
         """Whether the part bends toward the side, so that it is concave there."""
-        return self.bend * self.measured.length < -_STRAIGHT
+        return self.bend * self.measured.length < -SLIGHT
 
     @property
     def samples(self) -> tuple[float, float, int]:
@@ -147,7 +139,9 @@ class Feet(NamedTuple):
         by_a = ca.vertcat(-p.speed * ca.dot(u, middle) + p.turn * ca.dot(offset, left(u)) / 2, p.turn)
         by_b = ca.vertcat(q.speed * ca.dot(v, middle) - q.turn * ca.dot(offset, left(v)) / 2, -q.turn)
         sign, lengths = -a.side * b.side, (a.measured.length, b.measured.length)
-        least = _SINGULAR * 2 * np.pi * sum(lengths) / (a.measured.period * b.measured.period)
+        # Near a singular pair of conditions Newton's steps would jump: the determinant is at least a small part of
+        # that of two circles with the lengths of the curves.
+        least = SMALL * 2 * np.pi * sum(lengths) / (a.measured.period * b.measured.period)
         touching = _CLOSE * sign * (p.speed * q.turn + q.speed * p.turn)
         touching = ca.if_else(touching - least < -SOFT, least, touching)
         det = sign * cross(by_a, by_b)
@@ -156,7 +150,7 @@ class Feet(NamedTuple):
         # The foot on the part that bends more keeps the tangents opposite. Then the other foot may move back and forth.
         is_first = a.bend > b.bend
         turn = [-side.side * spot.turn for side, spot in ((a, p), (b, q))][not is_first]
-        least_turn = _SINGULAR * 2 * np.pi / (a if is_first else b).measured.period
+        least_turn = SMALL * 2 * np.pi / (a if is_first else b).measured.period
         turn = ca.if_else(turn - least_turn < -SOFT, least_turn, turn)
 
         def solved(r: ca.SX) -> ca.SX:
@@ -173,7 +167,7 @@ class Feet(NamedTuple):
         speed = ca.sqrt(ca.sumsqr(motion.rates[0]) + (motion.omega * lengths[1] / 6) ** 2 + _AT_REST**2)
         catch_up = _CATCH_UP / lengths[0] * speed
         cost = ca.sumsqr(offset) + (lengths[0] * (p.excess + q.excess)) ** 2
-        normal = left(middle) / ca.sqrt(ca.sumsqr(middle) + _NO_TANGENT)
+        normal = left(middle) / ca.sqrt(ca.sumsqr(middle) + MEETING**2)  # equal tangents have no mean direction
         return cls(offset, normal, q.place, step, solved(by_motion) + catch_up * step, cost)
 
 
@@ -243,7 +237,7 @@ def follow_curve(a: Side, b: Side, motion: Motion, name: str) -> tuple[Feet, tup
         step = feet(s, bounds).step
         return s + ca.vertcat(*[_short(step[k], side.measured) for k, side in enumerate((a, b))])
 
-    for _ in range(_STEPS):
+    for _ in range(6):  # the samples are coarse, and steps are limited
         start = moved(start, bounds_at(start))
     states = declare(names, Kind.STATE, s, first.rate, start)
     return feet(moved(moved(s, bounds), bounds), bounds), states
@@ -259,7 +253,7 @@ def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
     P = motion.P + motion.R @ b.measured.middle
     on_a, on_b = a.measured.curve, b.measured.curve
     stay: Callable[[ca.SX], ca.SX] = lambda s: s  # noqa: E731
-    for _ in range(_ROUNDS):
+    for _ in range(2):  # the second search starts from a point that is already on b
         s = on_a.nearest(P, *a.samples[:2], 2 * _SAMPLES, stay)
         u = on_b.nearest(motion.R.T @ (on_a.at(s)[0] - motion.P), *b.samples[:2], 2 * _SAMPLES, stay)
         P = motion.P + motion.R @ on_b.at(u)[0]
@@ -275,8 +269,8 @@ def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None,
     if others is not None:
         bends = [one.bend for some in others for one in some if not one.is_hollow]
         least = min(bends, default=0.0)
-        is_flat = least * others[0][0].measured.length < _STRAIGHT
-        if is_flat and any(one.bend * measured.length < _STRAIGHT for one in group):
+        is_flat = least * others[0][0].measured.length < SLIGHT
+        if is_flat and any(one.bend * measured.length < SLIGHT for one in group):
             raise DeclarationError(
                 "a straight part of one curve may touch the other curve at several points, or along a line. Bend the "
                 "straight part slightly outward, or declare the parts that touch as separate curves"

@@ -28,15 +28,6 @@ from symmb.declare.mechanics.pose import Frame, Planar, Pose, Spatial
 from symmb.declare.structures import Invariants, Modes
 from symmb.declare.symbolic import rotation_matrix, rotation_z, vector
 
-_IN_PLANE = SAME
-"""Out-of-plane displacement of a mode over its largest displacement: smaller ratios are rounding."""
-
-
-_SHORT_ARM = 0.051
-"""Rigid arm between nodes over the size of the body up to which it is taken to bend little: half a tenth of a beam."""
-_ON_LINE = SLIGHT
-"""Distance of a node from a line over its distance from another node, up to which it is on the line."""
-
 
 @dataclass(frozen=True, eq=False, init=False)
 class FlexibleBody(Body):
@@ -102,7 +93,7 @@ class FlexibleBody(Body):
         out = max(np.abs(m.shapes[:, 2]).max(initial=0.0), np.abs(m.S[2]).max(initial=0.0))
         largest = max(np.abs(m.shapes).max(initial=0.0), np.abs(m.S).max(initial=0.0))
         turned = np.abs(m.rotations[:, :2]).max(initial=0.0), np.abs(m.rotations).max(initial=0.0)
-        if out <= _IN_PLANE * largest and turned[0] <= _IN_PLANE * turned[1]:
+        if out <= SAME * largest and turned[0] <= SAME * turned[1]:
             return ()
         return (
             f"FlexibleBody {self.name!r}: the modes have displacements out of the xy plane. Compute modes with "
@@ -177,15 +168,16 @@ class FlexibleBody(Body):
             )
         return Point(self._carrier(number), vector(arm.tolist()))
 
-    def _beyond(self, number: int, arm: Array) -> int | None:
+    def _beyond(self, number: int, arm: Array, short: float = 0.051) -> int | None:
         """The other node of the beam element that contains the end of a long arm from a node; None if there is none."""
         structure, size = self.modes.flexibility, np.linalg.norm(np.ptp(self.modes.positions, axis=0))
-        if structure is None or np.linalg.norm(arm) <= _SHORT_ARM * size:
+        # An arm of up to half an element of a beam of ten bends little: it may be rigid.
+        if structure is None or np.linalg.norm(arm) <= short * size:
             return None
         lines = self.modes.positions - self.modes.positions[number]
         along, length = lines @ arm, float(np.linalg.norm(arm))
         off = np.linalg.norm(lines - along[:, None] * arm / length**2, axis=1)
-        ahead = np.flatnonzero((along > length**2) & (off <= _ON_LINE * np.linalg.norm(lines, axis=1))).tolist()
+        ahead = np.flatnonzero((along > length**2) & (off <= SLIGHT * np.linalg.norm(lines, axis=1))).tolist()
         return next((other for other in ahead if structure.joins(number, other)), None)
 
     def number_of(self, carrier: AbstractBody) -> int | None:

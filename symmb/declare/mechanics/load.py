@@ -87,10 +87,12 @@ class GasSpring(Law):
         """The pull [N]."""
         law = bound(self, scalar, "GasSpring")
         share = 1 + law.area * (scalar(length, "GasSpring: length") - law.length) / law.volume
-        return -law.pressure * law.area * ca.if_else(share > _LEAST, share, _LEAST) ** (-law.exponent)
+        return (
+            -law.pressure * law.area * ca.if_else(share > _SMALLEST_VOLUME, share, _SMALLEST_VOLUME) ** (-law.exponent)
+        )
 
 
-_LEAST = 0.01
+_SMALLEST_VOLUME = 0.01
 """Smallest volume over the given volume. The pressure then stays finite if a motion compresses the gas to nothing."""
 
 

@@ -12,14 +12,12 @@ from symmb._errors import DeclarationError
 from symmb._magnitudes import LARGEST, SAME
 from symmb._types import Array
 
-_HEAD, _EACH = 84, 50
-"""Bytes before the triangles of a binary STL file (80 of the header, 4 of the count of triangles), and per triangle."""
+_HEAD = 84
+"""Bytes before the triangles of a binary STL file: 80 of the header, and 4 of the count of triangles."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _LARGEST_FILE = 2**28
 """Largest accepted file [bytes]: 5 million triangles, which take a few seconds."""
-_COARSER = 0.8
-"""Ratio of the cells along a side in successive attempts. The number of triangles decreases to about two thirds."""
 
 
 def read_mesh(path: Path) -> Array:
@@ -58,8 +56,8 @@ def _stl(data: bytes) -> Array:
         raise ValueError("is empty")
     count = int.from_bytes(data[_HEAD - 4 : _HEAD], "little") if len(data) >= _HEAD else -1
     is_text = data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1024]
-    if count >= 0 and (len(data) == _HEAD + _EACH * count or not is_text):
-        whole = (len(data) - _HEAD) // _EACH
+    if count >= 0 and (len(data) == _HEAD + _TRIANGLE.itemsize * count or not is_text):
+        whole = (len(data) - _HEAD) // _TRIANGLE.itemsize
         if whole < count:
             raise ValueError(
                 f"is incomplete or not an STL file: the header announces {count:,} triangles, but the file contains "
@@ -113,5 +111,5 @@ def coarser(triangles: Array, most: int) -> Array:
         _, first = np.unique(ordered @ [1, len(places), len(places) ** 2], return_index=True)
         kept = np.sort(first[(np.diff(ordered[first], axis=1) > 0).all(axis=1)])
         fewer = places[corners[kept]]
-        cells *= _COARSER
+        cells *= 0.8  # leaves about two thirds of the triangles, so the result is not much coarser than necessary
     return fewer

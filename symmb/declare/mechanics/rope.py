@@ -20,8 +20,6 @@ from symmb.declare.symbolic import SOFT, Kind, Symbol, Z, ddt, declare
 
 Wrap = Point | tuple[Point, Expr]
 """A point, or the centre of a pulley with its signed radius."""
-_TOUCHING = SLIGHT
-"""Rounding of the squared distance between a rope and the pulley that it touches, over the squared radius."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +287,7 @@ class Course:
                 start, _ = part.ends
                 along = ca.fmin(ca.fmax(ca.dot(self.places[m] - start, part.direction), 0), part.length)
                 beside = ca.sumsqr(start + along * part.direction - self.places[m])
-                yield self.shares[i, j] * (beside - (1 - _TOUCHING) * self.radii[m] ** 2)
+                yield self.shares[i, j] * (beside - (1 - SLIGHT) * self.radii[m] ** 2)
 
 
 def _above(wrap: ca.SX) -> ca.SX:

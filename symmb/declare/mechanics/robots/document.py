@@ -12,9 +12,6 @@ from symmb._errors import DeclarationError
 from symmb._magnitudes import LARGEST
 from symmb._names import counted, name_fault
 
-_CLOSE = 0.75
-"""An unknown name with at least this similarity to a known name is misspelt. Other unknown names are extensions."""
-
 _NOT_IN_NAMES = ".[] "
 
 
@@ -157,9 +154,10 @@ class Tag:
                 self.pass_over(f"the attribute {name!r} of <{self.name}>", error)
 
 
-def _meant(name: str, known: Collection[str]) -> str:
+def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
     """The known name that is closest to a misspelt name. It is empty if the name is known, or if no name is close."""
-    close = () if name in known else get_close_matches(name.lower(), known, n=1, cutoff=_CLOSE)
+    # Names of extensions are less similar to known names than misspelt names are.
+    close = () if name in known else get_close_matches(name.lower(), known, n=1, cutoff=similarity)
     return close[0] if close else ""
 
 

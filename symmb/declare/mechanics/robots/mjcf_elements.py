@@ -25,8 +25,6 @@ from symmb.declare.symbolic import ddt
 _GAIN, _BIAS = "gain", "bias"
 _AFFINE = ("", ".length", ".velocity")
 """Suffixes of the names of the three numbers of an affine law."""
-_TORQUE_SCALE = 10
-"""Index of torquescale in the data of a weld. If torquescale is 0, the bodies can turn freely."""
 _COEFFICIENTS = tuple(f"polycoef.{k}" for k in range(5))
 
 
@@ -264,7 +262,8 @@ class MjcfElements:
             return self._led(kind, name, *ends)
         frames = [self.building.frames[self.source.bodies[body]] for body in _bodies(self.source, equality)]
         a, b = (f.point(*self.building.vector(f"{name}.body{k}")) for k, f in enumerate(frames, 1))
-        if kind == "CONNECT" or not m.eq_data[equality, _TORQUE_SCALE]:
+        # A weld with torquescale (index 10 of its data) 0 leaves the bodies free to turn.
+        if kind == "CONNECT" or not m.eq_data[equality, 10]:
             return Spherical(name, a, b)
         if _at_sites(self.source, equality):
             turn = one_after(values_of(m.site_quat[ends[0]]), conjugate(values_of(m.site_quat[ends[1]])))

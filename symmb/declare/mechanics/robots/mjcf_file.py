@@ -35,8 +35,6 @@ from symmb.declare.mechanics.robots.robot import Building, Robot, checked_path, 
 
 _JOINTS = {"FREE": "floating", "BALL": "ball", "SLIDE": "prismatic", "HINGE": "revolute"}
 """The kind of a joint in a `Description`, by the last word of its mjtJoint."""
-_DRAWN = 3
-"""MuJoCo's viewer shows shapes of lower groups. By convention, the other groups are for contacts only."""
 _UNNAMED = "MuJoCo Model"
 """The name that MuJoCo gives a model without a name."""
 
@@ -249,7 +247,7 @@ def _shapes(source: MjcfModel, body: int) -> Iterator[ShapeData]:
     for geom in range(first, first + int(m.body_geomnum[body])):
         kind = source.kind("mjtGeom", m.geom_type[geom])
         at, e, (a, b, c) = (values_of(of[geom]) for of in (m.geom_pos, m.geom_quat, m.geom_size))
-        if m.geom_group[geom] >= _DRAWN:
+        if m.geom_group[geom] > 2:  # by convention for contacts only: MuJoCo's viewer hides these groups
             continue
         if kind == "BOX":
             yield ShapeData("box", at, angles(e), (2 * a, 2 * b, 2 * c))

@@ -8,9 +8,6 @@ import numpy as np
 from symmb.declare.mechanics.robots.mjcf_elements import actuator_fault, equality_fault, tendon_fault
 from symmb.declare.mechanics.robots.mjcf_model import MjcfModel
 
-_MOST = 6
-"""Largest number of names of one kind in the warning. Robots have dozens of joints."""
-
 
 def left_out(source: MjcfModel, has_stops: bool) -> list[str]:
     """One sentence that lists the parts that symmb leaves out; empty if there are none."""
@@ -18,12 +15,12 @@ def left_out(source: MjcfModel, has_stops: bool) -> list[str]:
     return [f"Left out are: {'; '.join(found)}."] if found else []
 
 
-def _listed(what: str, names: list[str], where: Iterable[Any]) -> Iterator[str]:
+def _listed(what: str, names: list[str], where: Iterable[Any], most: int = 6) -> Iterator[str]:
     """The text `what` with the names for which `where` is not zero; nothing if there are none."""
     hit = [name for name, value in zip(names, where, strict=True) if np.any(value)]
     if hit:
-        more = f" and {len(hit) - _MOST} more" if len(hit) > _MOST else ""
-        yield f"{what} ({', '.join(hit[:_MOST])}{more})"
+        more = f" and {len(hit) - most} more" if len(hit) > most else ""
+        yield f"{what} ({', '.join(hit[:most])}{more})"
 
 
 def _of_joints(source: MjcfModel, has_stops: bool) -> Iterator[str]:

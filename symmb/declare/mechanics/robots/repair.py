@@ -9,14 +9,12 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._magnitudes import ROUNDING
 from symmb._types import Array
-from symmb.declare.mechanics.robots.algebra import matrix
+from symmb.declare.mechanics.robots.algebra import matrix, united
 from symmb.declare.mechanics.robots.description import ENTRIES, SLIDING, TURNING, XYZ, full_matrix, inertia_fault, named
-from symmb.declare.mechanics.robots.inertia import united
 from symmb.declare.mechanics.robots.robot import ORIGIN, Building
 
-_MOST, _RIDGE = 0.5, ROUNDING
-"""Largest relative change of the kinetic energy of any motion by a repair: a larger change would dominate the motion.
-The second number is added to the scaled mass matrix, which is singular for links without mass."""
+_LARGEST_CHANGE = 0.5
+"""Largest relative change of the kinetic energy of a motion by a repair: more would dominate the motion."""
 
 
 def repaired(building: Building) -> tuple[Building, list[str]]:
@@ -39,10 +37,11 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
         return building, []
     M, after = _mass_matrix(before), _mass_matrix(replace(before, values=numbers | better))
     size = np.sqrt(np.maximum(np.diag(after), np.finfo(float).tiny))
-    root = np.linalg.inv(np.linalg.cholesky(after / size / size[:, None] + _RIDGE * np.eye(len(M)))) / size
+    # The scaled mass matrix is singular for links without mass: a small multiple of the identity makes it definite.
+    root = np.linalg.inv(np.linalg.cholesky(after / size / size[:, None] + ROUNDING * np.eye(len(M)))) / size
     share = float(np.abs(np.linalg.eigvalsh(root @ (after - M) @ root.T)).max(initial=0.0))
     names = ", ".join(repr(name.removesuffix(".inertia.xx")) for name in better if name.endswith(".inertia.xx"))
-    if not share <= _MOST:
+    if not share <= _LARGEST_CHANGE:
         raise DeclarationError(
             f"{description.path}: the inertia of {names} is impossible. The nearest possible inertia would change the "
             f"kinetic energy of a motion by {min(share, 10):.0%}. Correct the file."

@@ -25,7 +25,7 @@ from symmb.declare.mechanics.geometry import Box3, Cylinder, Geometry, Mesh, Sph
 from symmb.declare.mechanics.joint import PlanarJoint, Prismatic, Revolute, Spherical
 from symmb.declare.mechanics.pose import Spatial
 from symmb.declare.mechanics.robots.algebra import (
-    NO_TURN,
+    Mass,
     Scalar,
     Vector,
     about,
@@ -40,6 +40,7 @@ from symmb.declare.mechanics.robots.algebra import (
     transposed,
     turned,
     unit,
+    united,
 )
 from symmb.declare.mechanics.robots.description import (
     ENTRIES,
@@ -51,7 +52,6 @@ from symmb.declare.mechanics.robots.description import (
     JointData,
     inertia_fault,
 )
-from symmb.declare.mechanics.robots.inertia import Mass, united
 from symmb.declare.symbolic import is_sympy, scalar, vector
 
 _TRANSITION = 0.01
@@ -59,7 +59,7 @@ _TRANSITION = 0.01
 to Coulomb's law, and stiffer."""
 Place: TypeAlias = "tuple[Vector, Vector]"
 """Origin (3,) [m] and quaternion (4,) of a frame."""
-ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
+ORIGIN: Place = (0.0, 0.0, 0.0), by_angles((0.0, 0.0, 0.0))
 _JOINTS: dict[str, type[AxisJoint]] = dict.fromkeys(TURNING, Revolute)
 _JOINTS |= dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
 
