@@ -211,12 +211,9 @@ class ToothContact(PairForce):
         direction = unit(vector(self.direction))
         backlash = self.number(bind, "backlash")
         d = ca.dot(direction, a.frame.R.T @ (self.point_b.r - self.point_a.r))
-
-        def loads(force: ca.SX) -> tuple[Load, ...]:
-            return push(self.point_b, a, -ca.sign(d) * force * (a.frame.R @ direction))
-
+        outward, law = -ca.sign(d) * (a.frame.R @ direction), bound(self.law, bind, self.title)
         fixed = (self.point_a.s, self.point_b.s, direction, backlash)
-        yield press(bound(self.law, bind, self.title), ca.fabs(d) - backlash / 2, loads, *fixed)
+        yield press(law, ca.fabs(d) - backlash / 2, lambda force: push(self.point_b, a, force * outward), *fixed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,6 +98,10 @@ class PairForce(ForceElement):
     point_a: Point
     point_b: Point
 
+    def pair_loads(self, force: ca.SX) -> tuple[Load, ...]:
+        """Loads of a force (3,) in world axes on point a, and of its opposite on point b."""
+        return force_at(self.point_a, force), force_at(self.point_b, -force)
+
 
 @dataclass(frozen=True, eq=False)
 class Gravity(ForceElement):
@@ -167,9 +171,6 @@ class SpringDamper(PairForce):
             return super().kind
         return "Spring" if without_damping else "Damper"
 
-    def _pull(self, force: ca.SX) -> tuple[Load, ...]:
-        return (force_at(self.point_a, force), force_at(self.point_b, -force))
-
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         k, c, length = (self.number(bind, what) for what in ("stiffness", "damping", "length"))
         d = self.point_b.r - self.point_a.r
@@ -177,13 +178,13 @@ class SpringDamper(PairForce):
             stretch = ca.sumsqr(d) if is_zero(length) else (ca.norm_2(d) - length) ** 2
             force = k * d if is_zero(length) else k * (1 - length / ca.norm_2(d)) * d
             potential = 0.5 * k * stretch if is_constant(k, length) and not is_moved(d) else None
-            yield Action(self._pull(force), potential, force=k * (ca.norm_2(d) - length))
+            yield Action(self.pair_loads(force), potential, force=k * (ca.norm_2(d) - length))
         if not is_zero(c):
             rate = ddt(d)
             # Points closer than MEETING do not determine a line. There the pull decreases to 0, and stays finite.
             squared = ca.fmax(ca.sumsqr(d), MEETING**2)
             share = c * ca.dot(d, rate) / squared
-            yield Action(self._pull(share * d), force=share * ca.sqrt(squared))
+            yield Action(self.pair_loads(share * d), force=share * ca.sqrt(squared))
 
 
 def Spring(name: str, point_a: Point, point_b: Point, stiffness: Expr, length: Expr = 0.0) -> SpringDamper:

@@ -11,7 +11,7 @@ from symmb.declare.mechanics.body import Body, Point
 from symmb.declare.mechanics.contact import press
 from symmb.declare.mechanics.contact_law import ContactLaw
 from symmb.declare.mechanics.element import DIRECTION, NOT_NEGATIVE, POSITIVE, Bind, Law, bound, function, law_value
-from symmb.declare.mechanics.force import Action, ForceElement, PairForce, force_at, mount, mount_matrices, push
+from symmb.declare.mechanics.force import Action, ForceElement, PairForce, mount, mount_matrices, push
 from symmb.declare.symbolic import ddt, scalar, unit, vector
 
 
@@ -46,8 +46,7 @@ class NonlinearSpring(PairForce):
         title = f"{self.title}: pull"
         law = bound(self.pull, bind, title) if isinstance(self.pull, GasSpring | Orifice) else self.pull
         pull = bind(law_value(law, title, length, ca.dot(d, ddt(d)) / length), title)
-        force = pull * d / length
-        yield Action((force_at(self.point_a, force), force_at(self.point_b, -force)), force=pull)
+        yield Action(self.pair_loads(pull * d / length), force=pull)
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,15 +68,8 @@ class Table:
             raise DeclarationError(
                 "Table: slopes between the points exceed the range of floating-point numbers. Use other units."
             )
-        zero = np.zeros(1)
         begins = np.concatenate([x[:1], x])
-        columns = [
-            begins,
-            [y[0], *y],
-            [0.0, *m[:-1], 0.0],
-            np.concatenate([zero, c, zero]),
-            np.concatenate([zero, d, zero]),
-        ]
+        columns = [begins, [y[0], *y], *(np.pad(part, 1) for part in (m[:-1], c, d))]
         object.__setattr__(self, "_pieces", Pieces(np.zeros(len(begins)), begins, np.column_stack(columns)))
 
     def _points(self) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -34,21 +34,23 @@ class ShapeData:
 
 @dataclass(frozen=True, eq=False)
 class LinkData:
-    """A link and its shapes in drawings."""
+    """A link and its shapes in drawings, with its XML element for messages."""
 
     name: str
     shapes: tuple[ShapeData, ...]
+    tag: Any = None
 
 
 @dataclass(frozen=True, eq=False)
 class JointData:
-    """A joint. `mimic` is the name of the joint that it follows, or None."""
+    """A joint, with its XML element for messages. `mimic` is the name of the joint that it follows, or None."""
 
     name: str
     kind: str
     parent: str
     child: str
     mimic: str | None
+    tag: Any = None
 
     @property
     def moves(self) -> bool:

@@ -1,7 +1,7 @@
 """Machines from URDF files: `load_urdf`, and the reader of these files."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from symmb._errors import Faults, warn_of
@@ -34,20 +34,6 @@ _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius
 _IN_ROBOT = ("link", "joint", "material", "transmission", "gazebo", "sensor")
 _IN_LINK = ("inertial", "visual", "collision", "contact", "sensor", "gazebo")
 _IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller")
-
-
-@dataclass(frozen=True, eq=False)
-class _Link(LinkData):
-    """A link and its XML element."""
-
-    tag: Tag
-
-
-@dataclass(frozen=True, eq=False)
-class _Joint(JointData):
-    """A joint and its XML element."""
-
-    tag: Tag
 
 
 def load_urdf(
@@ -129,8 +115,8 @@ def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Descri
     top.check(_IN_ROBOT, ("name", "version"))
     faults = Faults()
     numbers: dict[str, float] = {}
-    links: dict[str, _Link] = {}
-    joints: dict[str, _Joint] = {}
+    links: dict[str, LinkData] = {}
+    joints: dict[str, JointData] = {}
     for tag in top.inside:
         with faults.noted():
             if tag.name == "link":
@@ -151,7 +137,7 @@ def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Descri
     return Description(top.text("name") if "name" in top.attributes else path.stem, path, links, order, root, numbers)
 
 
-def _add(known: dict, new: _Link | _Joint) -> None:
+def _add(known: dict, new: LinkData | JointData) -> None:
     if new.name in known:
         raise new.tag.fault(f"line {known[new.name].tag.line} uses this name, too. Rename one of the two.")
     known[new.name] = new
@@ -166,7 +152,7 @@ def _origin(tag: Tag) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return origin.numbers("xyz", (0.0,) * 3), origin.numbers("rpy", (0.0,) * 3)
 
 
-def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
+def _link(tag: Tag, numbers: dict[str, float]) -> LinkData:
     name = tag.own_name()
     tag.check(_IN_LINK, ("name", "type"))
     inertial = tag.one("inertial")
@@ -186,7 +172,7 @@ def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
     numbers |= {f"{name}.mass": mass} | named(f"{name}.com", (*XYZ, *RPY), (*xyz, *rpy))
     numbers |= named(f"{name}.inertia", tuple(entry[1:] for entry in _INERTIA), moments)
     visual, collision = ([shape for t in tag.all(kind) if (shape := _shape(t))] for kind in ("visual", "collision"))
-    return _Link(name, tuple(visual or collision), tag)
+    return LinkData(name, tuple(visual or collision), tag)
 
 
 def _shape(tag: Tag) -> ShapeData | None:
@@ -213,7 +199,7 @@ def _shape(tag: Tag) -> ShapeData | None:
     return ShapeData(shape.name, xyz, rpy, size)  # pyright: ignore[reportArgumentType]
 
 
-def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
+def _joint(tag: Tag, numbers: dict[str, float]) -> JointData:
     name = tag.own_name()
     tag.check(_IN_JOINT, ("name", "type"))
     kind = tag.text("type")
@@ -239,7 +225,7 @@ def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
             f"<dynamics> cannot be used, because a {kind} joint has several rates. Declare forces of this joint in "
             "Python."
         )
-    return _Joint(name, kind, *ends, mimic=None if mimic is None else mimic.reference("joint"), tag=tag)
+    return JointData(name, kind, *ends, mimic=None if mimic is None else mimic.reference("joint"), tag=tag)
 
 
 def _axis(tag: Tag) -> tuple[float, ...]:
@@ -277,9 +263,9 @@ def _dynamics(tag: Tag, name: str) -> dict[str, float]:
     return {f"{name}.{what}": dynamics.not_negative(what, 0.0) for what in kinds}
 
 
-def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> Iterator[str]:
+def _reference_faults(links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> Iterator[str]:
     """Faults of the names by which joints refer to links and to each other."""
-    carried: dict[str, _Joint] = {}
+    carried: dict[str, JointData] = {}
     for joint in joints.values():
         for end, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
@@ -303,7 +289,7 @@ def _none(what: str, name: str | None, known: Mapping[str, object]) -> str:
     return f"there is no {what} {name!r}" + (f"; {close[0].lower()}{close[1:]}" if close else "")
 
 
-def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
+def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
     """Record a <mimic> that cannot act as a harmless fault: a joint has no value, or follows itself. A joint with a
     value then moves freely."""
     row, leader = [joint.name], joint.mimic
@@ -328,7 +314,7 @@ def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
     joints[joint.name] = replace(joint, mimic=None)
 
 
-def _tree(top: Tag, links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> tuple[str, dict[str, _Joint]]:
+def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> tuple[str, dict[str, JointData]]:
     """The base link, and the joints in an order from the base outward: a joint comes after the joint of its parent."""
     carrier = {joint.child: joint for joint in joints.values()}
     roots = [name for name in links if name not in carrier]
@@ -338,7 +324,7 @@ def _tree(top: Tag, links: Mapping[str, _Link], joints: Mapping[str, _Joint]) ->
         raise links[roots[1]].tag.fault(
             f"no joint carries this link, and no joint carries {roots[0]!r}. Connect the two by a joint."
         )
-    by_parent: dict[str, list[_Joint]] = {}
+    by_parent: dict[str, list[JointData]] = {}
     for joint in joints.values():
         by_parent.setdefault(joint.parent, []).append(joint)
     order, reached = {}, [roots[0]]
