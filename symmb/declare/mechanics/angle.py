@@ -28,6 +28,7 @@ def relative_angle(
     A = a.frame.R @ frame_a
     B = b.frame.R @ alignment @ frame_a
     sine, cosine = ca.dot(A[:, 1], B[:, 0]), ca.dot(A[:, 0], B[:, 0])
+    # The twist follows from sums over two columns. These are not normalized, because atan2 needs only their ratio.
     if not parallel:
         sine, cosine = sine - ca.dot(A[:, 0], B[:, 1]), cosine + ca.dot(A[:, 1], B[:, 1])
     wrapped = ca.atan2(sine, cosine)
@@ -35,6 +36,7 @@ def relative_angle(
     rate = ca.dot(A[:, 2] if parallel else turning_direction(a, axis_a, b, alignment), omega)
     state = ca.SX.sym(f"{name}.angle")
     records = declare([f"{name}.angle"], Kind.STATE, state, rate, wrapped)
+    # The angle is turned back by the state before atan2: the difference is far from the jump of atan2 at pi.
     s, c = ca.sin(state), ca.cos(state)
     return state + ca.atan2(sine * c - cosine * s, cosine * c + sine * s), records
 

@@ -160,6 +160,7 @@ class Body(AbstractBody):
     def inertial(self, mass: ca.SX, J: ca.SX) -> "Inertial":
         """Contribution of the body to the equations, from its mass and its inertia about the centre of mass (3, 3)."""
         S, omega = self.frame.S, self.frame.omega
+        # The frame's origin is the centre of mass, so that the force has no gyroscopic part.
         gyroscopic = S.T @ ca.vertcat(ca.SX(3, 1), -ca.cross(omega, J @ omega))
         return Inertial(ca.sparsify(S.T @ ca.diagcat(mass, mass, mass, J) @ S), gyroscopic)
 

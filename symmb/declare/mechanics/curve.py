@@ -133,10 +133,12 @@ class Measured:
         if not np.isfinite([x, d]).all() or not np.hypot(*d.T).min() > 0:
             raise DeclarationError("the curve has a point that is not finite, or at which its derivative is zero")
         self.length, self.middle = float(np.hypot(*np.diff(x, axis=0).T).sum()), x[:-1].mean(axis=0)
+        # The sign of the area (Green's theorem) tells which side of a closed curve is inside.
         moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]
         self.area = float((moment[1:] + moment[:-1]) @ np.diff(s)) / 4
         if curve.closed and np.hypot(*(x[-1] - x[0])) > SAME * self.length:
             raise DeclarationError("the curve is closed, but its end differs from its start")
+        # A function of s may be periodic, so that feet can pass the start; others must be cut there.
         beyond = np.array([0.0, 0.01]) * self.period
         gap = np.hypot(*(numbers(start + beyond)[0] - numbers(end + beyond)[0]).T)
         self.is_periodic = curve.closed and bool(gap.max() <= SAME * self.length)

@@ -142,6 +142,7 @@ def pose_faults(
     title: str, bodies: tuple[AbstractBody, ...], allowed: tuple[tuple[type[Pose], ...], ...]
 ) -> Iterator[str]:
     """Faults of an element with bodies of a pose that is not allowed, or with bodies that have no relative motion."""
+    # Not strict: elements with more bodies than `poses` accept every pose of the others.
     for body, poses in zip(bodies, allowed, strict=False):
         if not isinstance(body.pose, (*poses, Fixed)):
             names = " or ".join(f"pose={p.__name__}()" for p in poses)

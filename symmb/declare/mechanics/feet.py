@@ -59,6 +59,7 @@ class Foot(NamedTuple):
         offset = P - place
         straight, curved = ca.sumsqr(along), ca.dot(offset, bend)
         slope = straight - (curved if bounds is None else ca.if_else(beyond, 0, curved))
+        # At a centre of curvature all points of the curve are equally near, and Newton's step would be infinite.
         is_close = slope - _CLOSE * straight < -SOFT
         slope = ca.if_else(is_close, _CLOSE * straight, slope)
         return cls(offset, along, ca.dot(along, offset - along * (s - on)), slope, beyond)
@@ -93,6 +94,8 @@ class Side(NamedTuple):
 
     def spot(self, s: ca.SX, bounds: Bounds | None) -> "Spot":
         """The point of the part at s. Beyond an end the point stays there, and its tangent turns as at a corner."""
+        # Beyond an end, s turns the tangent: a whole range of s is a whole turn. So the foot on the other curve passes
+        # the corner without a jump.
         fan = -self.side * 2 * np.pi / self.measured.period
         on = s if bounds is None else bounds.inside(s)
         place, along, bend = self.measured.curve.at(on)
@@ -136,6 +139,8 @@ class Feet(NamedTuple):
         u, v, R = p.tangent, motion.R @ q.tangent, motion.R
         offset, middle = motion.P + R @ q.place - p.place, (u - v) / 2
         miss = ca.vertcat(ca.dot(offset, middle), ca.atan2(cross(u, v), -ca.dot(u, v)))
+        # Derivatives of both conditions by the parameter of a, and by that of b. The angle of the tangents changes by
+        # `turn`, and the mean tangent by half of it.
         by_a = ca.vertcat(-p.speed * ca.dot(u, middle) + p.turn * ca.dot(offset, left(u)) / 2, p.turn)
         by_b = ca.vertcat(q.speed * ca.dot(v, middle) - q.turn * ca.dot(offset, left(v)) / 2, -q.turn)
         sign, lengths = -a.side * b.side, (a.measured.length, b.measured.length)
@@ -164,6 +169,8 @@ class Feet(NamedTuple):
             ca.dot(motion.velocity(q.place), middle) - motion.omega * ca.dot(offset, left(v)) / 2, -motion.omega
         )
         step = solved(miss)
+        # The rate keeps the conditions, and the catch-up reduces the error that a state has from integration. It is
+        # proportional to the speed of the motion, so that it is not stiffer than the motion itself.
         speed = ca.sqrt(ca.sumsqr(motion.rates[0]) + (motion.omega * lengths[1] / 6) ** 2 + _AT_REST**2)
         catch_up = _CATCH_UP / lengths[0] * speed
         cost = ca.sumsqr(offset) + (lengths[0] * (p.excess + q.excess)) ** 2
@@ -210,6 +217,7 @@ def follow_point(side: Side, P: ca.SX, name: str) -> tuple[Foot, Symbol]:
     s = ca.SX.sym(name)
     bounds = Bounds.of(s, side.part)
     foot = Foot.at(measured.curve, s, P, bounds)
+    # The catch-up reduces the integration error of the state. It is proportional to the speed, so that it is not stiff.
     catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
     following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
     start = measured.curve.nearest(P, *side.samples, lambda s: moved(s, Bounds.of(s, side.part)))

@@ -72,6 +72,7 @@ class Coulomb(FrictionLaw):
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
+        # The root keeps the direction of the slip, and its derivatives, finite at rest.
         size = ca.sqrt(ca.sumsqr(w) + _REST**2)
         mu_over_u = self.kinetic * ca.tanh(4 * size) / size
         if self.static is not None:
@@ -136,12 +137,14 @@ class Bristle(FrictionLaw):
         bent = ca.sumsqr(zeta)
         along = ca.dot(slip, zeta)
         s = (bent - _ELASTIC) / (1 - _ELASTIC)
+        # A polynomial of degree 5, whose first two derivatives are 0 at both ends, lets solvers keep large steps.
         blend = s**3 * (10 + s * (6 * s - 15))
         yielding = ca.if_else(bent < 1, blend, 1) * along
         # Bristles do not yield while their deflection decreases.
         rate = slip - ca.if_else(ca.logic_and(bent > _ELASTIC, along > 0), yielding, 0) * zeta
         records = declare(names, Kind.STATE, z, rate, ca.SX.zeros(n))
         damping = self.damping * rate
+        # Saturates at mu without a kink.
         damping = damping / ca.sqrt(1 + ca.sumsqr(damping / mu))
         return -normal_force * (self.stiffness * z + damping), records
 

@@ -208,7 +208,7 @@ class Mesh(Geometry):
         if isinstance(self.scale, list | tuple | np.ndarray) and len(self.scale) != 3:
             raise DeclarationError(f"Mesh: scale {shown(self.scale)} must be one number, or (x, y, z).")
         self._check(scale=self.scale)
-        _ = self.triangles
+        _ = self.triangles  # a damaged file is an error where it is declared, not where it is drawn
 
     @property
     def axes(self) -> ca.SX:

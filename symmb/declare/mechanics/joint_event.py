@@ -175,6 +175,7 @@ class Latch(JointEvent):
             return joint, ((event_state(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)
         R_a, R_b = (body.frame.R for body in joint.bodies())
         shift, place = self._kept("shift", R_a.T @ joint.d, ca.SX(3, 1))
+        # A copy, because the handles of the joint itself keep their zero.
         grip = copy(joint)
         for name in joint.__dict__.keys() - joint.__dataclass_fields__.keys():
             del vars(grip)[name]  # cached values of the old point and frame

@@ -144,6 +144,7 @@ class Rope(ForceElement):
             (state,) = declare([name], Kind.STATE, ca.SX.sym(name), rate, start - lean)
             self._turns[pulley] = state, state.sx + lean
         _, near = self._turns[pulley]
+        # The directions are turned back by `near` before atan2: the difference is far from the jump of atan2 at pi.
         s, c = ca.sin(near), ca.cos(near)
         return near + ca.atan2(sine * c - cosine * s, cosine * c + sine * s)
 
@@ -260,11 +261,14 @@ class Course:
                     found.append((faults[h, i] + _above(-wrap), ways[h, i] + ca.fabs(radii[i]) * wrap))
             return found or [(ca.SX(0), ca.SX(0))]
 
+        # Dynamic programming: the best path to each straight part extends a best path to a part before it. The switches
+        # choose it during a run, so the expression holds for all sets of touched pulleys.
         for i, j in straights:
             left_out = [_above(wraps[i, m, j]) for m in range(i + 1, j) if (i, m, j) in wraps]
             fault, way = least(arrivals(i, j))
             faults[i, j], ways[i, j] = sum(left_out, fault), way + lengths[i, j]
         _, way = least(arrivals(len(places) - 1))
+        # The length is linear in the lengths of its straight parts, so that its gradient tells which of them it uses.
         symbols = ca.vertcat(*lengths.values())
         shares = dict(zip(straights, ca.vertsplit(ca.densify(ca.gradient(way, symbols))), strict=True))
         way = ca.substitute(way, symbols, ca.vertcat(*[part.length for part in straights.values()]))

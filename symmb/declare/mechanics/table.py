@@ -63,6 +63,7 @@ class Table:
             slope = np.diff(y) / h
             m = _slopes(h, slope)
             c, d = (3 * slope - 2 * m[:-1] - m[1:]) / h, (m[:-1] + m[1:] - 2 * slope) / h**2
+            # Bounds the terms of all pieces, so that no evaluation inside a piece can overflow.
             largest = np.abs(slope) + np.abs(m[:-1]) + h * (np.abs(c) + h * np.abs(d))
         if not np.isfinite(8 * h * largest).all() or not np.isfinite([slope, c, d]).all():
             raise DeclarationError(

@@ -39,6 +39,7 @@ def dot(a: Vector, b: Vector) -> Scalar:
     """The dot product a . b."""
     total: Scalar = 0.0
     for x, y in zip(a, b, strict=True):
+        # Products with 0 are left out, so that sums of numbers and expressions keep few terms.
         if not (is_nought(x) or is_nought(y)):
             total = total + x * y
     return total

@@ -139,7 +139,7 @@ def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
             spec, moments = mujoco.MjSpec.from_file(str(path)), {}
             try:
                 model = spec.compile()
-            except ValueError:
+            except ValueError:  # perhaps of an impossible inertia, which MuJoCo refuses at the first body
                 moments = {} if strict else dict(_impossible(spec))
                 if not moments:
                     raise

@@ -29,6 +29,7 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
     for link, top in description.tops.items():
         moments = tuple(x for x in building.vector(f"{link}.inertia", ENTRIES) if not isinstance(x, ca.SX))
         is_base = building.fixed_base and top == description.root
+        # A part of a body may be impossible if the whole body is possible: only the whole moves.
         if not is_base and len(moments) == len(ENTRIES) and inertia_fault(moments):
             parts = [before.mass(part, before.places[part]) for part, own in description.tops.items() if own == top]
             if inertia_fault(tuple(np.array(united(parts).inertia)[np.triu_indices(3)])):
@@ -57,6 +58,8 @@ def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
 
     Each principal moment is the sum of two of three second moments of mass, and none of these is negative.
     """
+    # A projection onto a cone with three edges: for each subset of edges the least squares solution is a candidate if
+    # its coefficients are not negative, and the nearest candidate is the projection.
     principal, axes = np.linalg.eigh(full_matrix(moments))
     found = [np.zeros(3)]
     for used in product((False, True), repeat=3):

@@ -292,6 +292,8 @@ def _none(what: str, name: str | None, known: Mapping[str, object]) -> str:
 def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
     """Record a <mimic> that cannot act as a harmless fault: a joint has no value, or follows itself. A joint with a
     value then moves freely."""
+    # Follow the leaders until one is missing or repeats. Only the first joint of a circle is freed: the others then
+    # follow it.
     row, leader = [joint.name], joint.mimic
     while leader in joints and leader not in row:
         row.append(leader)
