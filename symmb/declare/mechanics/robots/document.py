@@ -214,14 +214,8 @@ class _Reading:
         parent = self.open[-1] if self.open else None
         if parent is None:
             self.prefix = name[: name.rfind(":") + 1]
-        tag = Tag(
-            name.removeprefix(self.prefix),
-            attributes,
-            self.file,
-            self.parser.CurrentLineNumber,
-            parent=parent,
-            passed=self.passed,
-        )
+        name, line = name.removeprefix(self.prefix), self.parser.CurrentLineNumber
+        tag = Tag(name, attributes, self.file, line, parent=parent, passed=self.passed)
         if parent is None:
             self.root = tag
         else:

@@ -97,27 +97,21 @@ def load_mjcf(
     path = checked_path("load_mjcf", path, stop, strict=strict)
     try:
         with Block():
-            robot, doubts = _machine(path, replace, stop, strict)
+            source, name, said = _compiled(path, strict)
+            description = _description(source, name)
+            values = replaced(description, replace, stop, "Add a joint to this body in the file.")
+            building, repairs = repaired(Building(description, values, True, stop))
+            robot = building.robot()
+            more = MjcfElements(source, building, robot.joints)
+            elements = (*robot.elements, *more.all())
+            # Joints that follow others must not be started on their own: their constraints determine them.
+            start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
+            remarks = [*left_out(source, stop is not None), *said, *repairs]
     except UnicodeDecodeError:
         raise DeclarationError(f"{path}: names in this file are not UTF-8. Save the file in UTF-8.") from None
-    declared(*robot.elements)
-    warn_of(doubts, f"load_mjcf {path}")
-    return robot
-
-
-def _machine(
-    path: Path, replace: Mapping[str, Expr] | None, stop: ContactLaw | float | None, strict: bool
-) -> tuple[Robot, list[str]]:
-    """The robot of a file, and its warnings."""
-    source, name, said = _compiled(path, strict)
-    description = _description(source, name)
-    values = replaced(description, replace, stop, "Add a joint to this body in the file.")
-    building, repairs = repaired(Building(description, values, True, stop))
-    robot = building.robot()
-    more = MjcfElements(source, building, robot.joints)
-    elements = (*robot.elements, *more.all())
-    start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
-    return with_changes(robot, elements=elements, start=start), [*left_out(source, stop is not None), *said, *repairs]
+    declared(*elements)
+    warn_of(remarks, f"load_mjcf {path}")
+    return with_changes(robot, elements=elements, start=start)
 
 
 def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
