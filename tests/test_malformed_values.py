@@ -196,7 +196,7 @@ def test_tolerances_at_which_newtons_method_would_do_nothing(solver, tolerance):
 
 @pytest.mark.parametrize("nominal", [[1], {"m": None}, {"z": 1.0}, None, {"m": float("nan")}])
 def test_nominal_values_of_other_parameters(nominal):
-    with pytest.raises(mb.DeclarationError, match="with_nominal: expected finite numbers by the names m"):
+    with pytest.raises(mb.DeclarationError, match="with_nominal: expected finite numbers for m"):
         mb.Parameters(m=1.0).with_nominal(nominal)
 
 
