@@ -47,7 +47,9 @@ def test_directions_that_are_not_finite_are_refused_by_name(element, direction):
 def test_points_that_are_not_finite_are_refused_by_name(body):
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     contact = mb.Contact("e", ball.point(0, 0, 0), body.point(0, NAN, 0), (0, 0, 1), STIFF)
-    with pytest.raises(mb.DeclarationError, match=f"Contact 'e'.*a point of body '{body.name}' contains NaN or infinity"):
+    with pytest.raises(
+        mb.DeclarationError, match=f"Contact 'e'.*a point of body '{body.name}' contains NaN or infinity"
+    ):
         mb.System(ball, *([body] if body is not GROUND else []), contact)
 
 

@@ -169,7 +169,9 @@ def test_limits_stop_a_joint_on_request(tmp_path, stop):
     hinge = joint("hinge", "revolute", "base", "arm", '<axis xyz="0 1 0"/><limit lower="-1" upper="0.5"/>')
     text = f'<link name="base"/><link name="arm">{ROD}</link>{hinge}'
     idle, stopped = load(tmp_path, text), load(tmp_path, text, stop=stop, replace={"hinge.limit.upper": 0.7})
-    assert "the limits of one joint have no effect" in repr(idle) and not any(isinstance(e, mb.Stop) for e in idle.elements)
+    assert "the limits of one joint have no effect" in repr(idle) and not any(
+        isinstance(e, mb.Stop) for e in idle.elements
+    )
     outputs = {"angle": stopped.joints["hinge"].angle}
     system = mb.System(*stopped.elements, mb.Gravity(0, 0, -9.81))
     run = mb.simulate(mb.Scene(system, stopped.start, np.linspace(0, 2, 21), outputs))
