@@ -9,7 +9,7 @@ from .equations.model.box import Box as Box
 from .equations.model.system import System as System
 from .equations.model.scene import Scene as Scene
 from .declare.mechanics.state import State as State
-from .declare.mechanics.input import Input as Input
+from .declare.mechanics.state import Input as Input
 from .declare.symbolic.symbols import t as t, ddt as ddt, initial as initial
 from .declare.mechanics.robots.urdf_file import load_urdf as load_urdf
 from .declare.mechanics.robots.mjcf_file import load_mjcf as load_mjcf
@@ -59,7 +59,7 @@ from .declare.mechanics.rope import Rope as Rope
 from .declare.mechanics.force import Force as Force, Torque as Torque
 from .declare.mechanics.load import Orifice as Orifice, Soil as Soil
 from .declare.mechanics.table import Table as Table
-from .declare.mechanics.sampled import Sampled as Sampled
+from .declare.mechanics.state import Sampled as Sampled
 
 # Contact, friction, impacts
 from .declare.mechanics.contact import BushContact as BushContact, Contact as Contact

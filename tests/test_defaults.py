@@ -203,8 +203,8 @@ def test_a_system_is_not_used_inside_its_block():
             "equations": system.equations, "with_states": lambda: system.with_states([]),
         }  # fmt: skip
         for use in uses.values():
-            refused(r"^System: its block is open. Use the System after it, where it has its elements.$", use)
-        with pytest.raises(mb.DeclarationError, match="the block of this System is open already"), system:
+            refused(r"^System: a System cannot be used inside its own block. Use it after the block.$", use)
+        with pytest.raises(mb.DeclarationError, match="the block of this System is already open"), system:
             mb.Body("inside", 1.0, 1.0)
         last = mb.Gravity(0, -9.81)
     assert len(system.elements) == 3 and system.elements[-1] is last and system.M.shape == (3, 3)

@@ -102,7 +102,7 @@ def test_another_mesh_by_trimesh(with_mesh, monkeypatch, is_own):
 
 
 @pytest.mark.parametrize(
-    ("how", "why"), [("no trimesh", "install the package trimesh"), ("no file", "there is no file")]
+    ("how", "why"), [("no trimesh", "Install the package trimesh"), ("no file", "there is no file")]
 )
 def test_a_mesh_that_cannot_be_read_is_told(with_mesh, monkeypatch, how, why):
     if how == "no trimesh":

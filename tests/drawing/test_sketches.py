@@ -192,21 +192,21 @@ def test_shapes_are_drawn_at_their_place_in_parameters_and_change_nothing_else()
 @pytest.mark.parametrize(
     ("shape", "told"),
     [
-        (lambda: mb.Box3((1, 2)), "has not three sides"),
-        (lambda: mb.Box3((1, 2, -3)), "must be above 0"),
+        (lambda: mb.Box3((1, 2)), "must have three sides"),
+        (lambda: mb.Box3((1, 2, -3)), "must be positive"),
         (lambda: mb.Box3((1, 2, 3), at=(np.nan, 0, 0)), "NaN or infinity"),
         (lambda: mb.Box3((1, 2, 3), rotation=0.3), "mb.rotation"),
-        (lambda: mb.Cylinder(0.0, 1.0), "radius is 0.0; it must be above 0"),
+        (lambda: mb.Cylinder(0.0, 1.0), "radius is 0.0; it must be positive"),
         (lambda: mb.Cylinder(1.0, np.inf), "finite"),
         (lambda: mb.Cylinder(1.0, 1.0, axis=(0, 0, 0)), "no direction"),
         (lambda: mb.Cylinder(1.0, "long"), "expected one number"),
         (lambda: mb.Sphere(None), "expected one number"),
         (lambda: mb.Sphere([1.0, 2.0]), "expected one number"),
         (lambda: mb.Sphere(np.ma.masked_all(())), "expected one number"),
-        (lambda: mb.Box3(np.ma.masked_all(())), "has not three sides"),
+        (lambda: mb.Box3(np.ma.masked_all(())), "must have three sides"),
         (lambda: mb.Mesh(3), "expected the path"),
-        (lambda: mb.Body("rod", 1.0, 0.1, shapes=mb.Sphere(1.0)), "are no list of Box3"),
-        (lambda: mb.Ground([3]), "are no list of Box3"),
+        (lambda: mb.Body("rod", 1.0, 0.1, shapes=mb.Sphere(1.0)), "must be a list of Box3"),
+        (lambda: mb.Ground([3]), "must be a list of Box3"),
     ],
 )
 def test_faults_of_shapes(shape, told):

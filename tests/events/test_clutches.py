@@ -188,10 +188,10 @@ def test_faults_are_told():
     for arguments, text in (
         ((ground, wheel, -1.0), "capacity is -1; it must be at least 0"),
         ((ground, wheel, 1.0, 0.9), "static_ratio is 0.9; it must be at least 1"),
-        ((ground, ground, 1.0), "nothing is left to act on"),
+        ((ground, ground, 1.0), "so the element has no effect"),
         ((shaft, wheel, 1.0), "expected a body, got Revolute"),
-        ((ground, wheel, ca.if_else(wheel.omega >= 0, 1e4, 0.0)), "capacity jumps where the slip passes 0"),
-        ((ground, wheel, 2 + mb.t + ca.sign(wheel.omega)), "capacity jumps where the slip passes 0"),
+        ((ground, wheel, ca.if_else(wheel.omega >= 0, 1e4, 0.0)), "capacity jumps when the slip changes its sign"),
+        ((ground, wheel, 2 + mb.t + ca.sign(wheel.omega)), "capacity jumps when the slip changes its sign"),
     ):
         with pytest.raises(mb.DeclarationError, match=f"Clutch 'brake': .*{text}"):
             mb.System(wheel, shaft, mb.Clutch("brake", *arguments))

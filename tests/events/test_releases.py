@@ -290,4 +290,4 @@ def test_faults_of_declarations():
     twice = "Release 'pin': there are two. Join their conditions"
     refused(twice, mb.System, rod, pin, mb.Release(pin, mb.t > 1), mb.Release(pin, mb.t > 2))
     gear = mb.Gear("gear", mb.Ground().point(0, 0), rod.point(0, 0), ratio=2.0)
-    refused("no Gear can close", mb.System, rod, pin, gear, mb.Latch(gear, mb.t > 1))
+    refused("a Gear cannot close", mb.System, rod, pin, gear, mb.Latch(gear, mb.t > 1))

@@ -226,7 +226,7 @@ def test_an_input_is_one_of_a_linearisation():
         (lambda u: mb.System(u, parameters=mb.Parameters(u=1.0)), "Input 'u': a parameter or the time has this name"),
         (lambda u: mb.System(u, mb.Input("u")), "Input 'u': the name is used twice"),
         (lambda u: mb.System(mb.Input("a.b")), "Input 'a.b': a name must not contain"),
-        (lambda u: mb.Input(3), "Input: the name is a text, got 3"),
+        (lambda u: mb.Input(3), "Input: the name must be a text, got 3"),
         (lambda u: mb.System(mb.State("z", rate=u.value)), "Input 'u' is not part of the System. Add it"),
     ],
 )

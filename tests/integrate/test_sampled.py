@@ -229,9 +229,9 @@ def test_exported_c_has_the_laws(tmp_path):
 BODY = mb.Body("body", 1.0, pose=mb.Particle())
 U = mb.Sampled("u", 0.1, BODY.x)
 FAULTS = [
-    (lambda: mb.Sampled("u", 0.0, BODY.x), r"Sampled 'u': period 0.0 must be above 0"),
-    (lambda: mb.Sampled("u", "fast", BODY.x), r"Sampled 'u': period 'fast' is no number. Instants cannot move"),
-    (lambda: mb.Sampled("u", ca.SX.sym("T"), BODY.x), r"Instants cannot move with parameters"),
+    (lambda: mb.Sampled("u", 0.0, BODY.x), r"Sampled 'u': period 0.0 must be positive"),
+    (lambda: mb.Sampled("u", "fast", BODY.x), r"Sampled 'u': period 'fast' is not a number. Pass a number"),
+    (lambda: mb.Sampled("u", ca.SX.sym("T"), BODY.x), r"Pass a number, without parameters"),
     (lambda: mb.Sampled("u", 0.1, "x"), r"Sampled 'u': law: 'x' is no number"),
     (lambda: mb.Sampled("u", 0.1, ca.SX.sym("k")), r"Sampled 'u': law: symbol 'k' belongs to no parameter"),
     (lambda: mb.Sampled("u", 0.1, lambda u: 1 / 0), r"Sampled 'u': law: the law raises ZeroDivisionError"),

@@ -174,17 +174,23 @@ TUBE = mb.Cylindrical("tube", GROUND.point(0, 0), ROD.point(0, 0))
 BALL = mb.Spherical("ball", GROUND.point(0, 0), ROD.point(0, 0))
 LAW = mb.KelvinVoigt(1e3)
 FAULTS = [
-    (lambda: mb.Actuator("m", "pin", 1.0), r"Actuator 'm': expected a joint, got .pin.. Give what Revolute"),
+    (
+        lambda: mb.Actuator("m", "pin", 1.0),
+        r"Actuator 'm': expected a joint, got .pin.. Pass a joint, such as Revolute",
+    ),
     (lambda: mb.Actuator("m", BALL, 1.0), r"Spherical 'ball' has no angle and no displacement. .*three Revolute"),
-    (lambda: mb.Actuator("m", TUBE, 1.0), r"'tube' turns and slides. Give coordinate='angle' or 'displacement'"),
-    (lambda: mb.Actuator("m", PIN, 1.0, coordinate="displacement"), r"no coordinate 'displacement'. Give 'angle'"),
+    (lambda: mb.Actuator("m", TUBE, 1.0), r"'tube' turns and slides. Pass coordinate='angle' or 'displacement'"),
+    (
+        lambda: mb.Actuator("m", PIN, 1.0, coordinate="displacement"),
+        r"no coordinate 'displacement'. Use coordinate='angle'",
+    ),
     (lambda: mb.Actuator("m", PIN, "fast"), r"Actuator 'm': law: 'fast' is no number"),
     (lambda: mb.Actuator("m", PIN, (1, 2)), r"Actuator 'm': law"),
-    (lambda: mb.Stop("s", PIN, None, None, LAW), r"Stop 's': it has no limit. Give lower, upper or both"),
-    (lambda: mb.Stop("s", PIN, 1.0, -1.0, LAW), r"lower 1.0 is not below upper -1.0"),
-    (lambda: mb.Stop("s", PIN, -1.0, 1.0), r"give either a law of contact or restitution="),
-    (lambda: mb.Stop("s", PIN, -1.0, 1.0, LAW, restitution=0.5), r"give either a law of contact or restitution="),
-    (lambda: mb.Stop("s", PIN, -1.0, 1.0, 0.5), r"expected a law of contact, got 0.5. Use HuntCrossley"),
+    (lambda: mb.Stop("s", PIN, None, None, LAW), r"Stop 's': lower and upper are both None. Pass lower, upper or both"),
+    (lambda: mb.Stop("s", PIN, 1.0, -1.0, LAW), r"lower 1.0 must be below upper -1.0"),
+    (lambda: mb.Stop("s", PIN, -1.0, 1.0), r"pass either a contact law, or restitution="),
+    (lambda: mb.Stop("s", PIN, -1.0, 1.0, LAW, restitution=0.5), r"pass either a contact law, or restitution="),
+    (lambda: mb.Stop("s", PIN, -1.0, 1.0, 0.5), r"expected a contact law, got 0.5. Use HuntCrossley"),
     (lambda: mb.Stop("s", PIN, -1.0, 1.0, restitution=1.5), r"restitution 1.5 is not between 0 and 1"),
     (lambda: mb.Stop("s", PIN, -1.0, PIN.angle_rate, restitution=0.5), r"the gap must not contain velocities"),
     (lambda: mb.Stop("s", PIN, "low", 1.0, LAW), r"Stop 's': lower: 'low' is no number"),

@@ -87,8 +87,8 @@ def test_an_oval_in_a_corner_touches_two_sides():
     ("curve", "curve_b", "inside", "fault"),
     [
         (oval(0.5, 0.5), oval(0.4, 0.2), True, "bends more tightly than the circle"),
-        (RAIL, RAIL, False, "a straight part of one curve may touch the other at several places"),
-        (SQUARE, SQUARE, False, "corners of one curve touch no corners of the other"),
+        (RAIL, RAIL, False, "a straight part of one curve may touch the other curve at several points"),
+        (SQUARE, SQUARE, False, "only one of two curves may have corners"),
         (oval(0.5, 0.4), "oval", False, "expected a curve, got 'oval'"),
     ],
 )
@@ -99,4 +99,4 @@ def test_faults_of_two_curves(curve, curve_b, inside, fault):
 def test_two_curves_stay_in_a_plane():
     body = mb.Body("body", 1.0, np.eye(3), mb.Spatial())
     on = mb.CurveContact("on", GROUND.point(0, 0), SQUARE, body.point(0, 0), 0, mb.KelvinVoigt(1.0), curve_b=oval(1, 2))
-    refused(r"two curves touch in one plane.*Use pose=Planar\(\)", mb.System, body, on)
+    refused(r"two curves cannot be used with spatial bodies.*Use pose=Planar\(\)", mb.System, body, on)

@@ -125,8 +125,8 @@ def test_a_lift_is_a_function_or_a_table(law):
     ("curve", "radius", "fault"),
     [
         (mb.Curve(lambda s: (s, 5 * s**2), -1, 1), 0.2, r"bends more tightly than the circle\. Use a smaller"),
-        (mb.Curve(lambda s: (s, 1 / s), -1, 1), 0.1, "places that are no numbers"),
-        (mb.Curve(lambda s: (s, s), 0, 1, closed=True), 0.1, "does not end where it starts"),
+        (mb.Curve(lambda s: (s, 1 / s), -1, 1), 0.1, "a point that is not finite"),
+        (mb.Curve(lambda s: (s, s), 0, 1, closed=True), 0.1, "its end differs from its start"),
         ("circle", 0.1, r"expected a curve, got 'circle'"),
         (CIRCLE, -0.1, "radius is -0.1; it must be at least 0"),
     ],
@@ -138,10 +138,10 @@ def test_faults_of_contacts(curve, radius, fault):
 @pytest.mark.parametrize(
     ("make", "fault"),
     [
-        (lambda: mb.Curve([(0, 0), (0, 0), (1, 1)]), "two points that follow each other are the same"),
+        (lambda: mb.Curve([(0, 0), (0, 0), (1, 1)]), "two successive points are equal"),
         (lambda: mb.Curve([(0, 0, 1)]), "must be a function of s, or points"),
-        (lambda: mb.Curve(lambda s: (s, s), 1, 0), "must be numbers that increase"),
-        (lambda: mb.Curve(lambda s: (s, s), 0, 1, corners=[2]), "are not on it"),
+        (lambda: mb.Curve(lambda s: (s, s), 1, 0), "must be finite numbers, and start below end"),
+        (lambda: mb.Curve(lambda s: (s, s), 0, 1, corners=[2]), "must be from 0 to 1"),
         (lambda: mb.Curve(lambda s: 1 / "s", 0, 1), "the law raises"),
     ],
 )

@@ -139,11 +139,11 @@ def test_flexible_bodies_have_handles_at_their_nodes():
         (mb.Universal, "displacement", "turns about two axes and does not slide"),
         (mb.Spherical, "angle", "turns about three axes and does not slide. Use body.rotation, or three Revolute"),
         (mb.Spherical, "displacement_rate", "turns about three axes"),
-        (mb.Revolute, "displacement", "points coincide, so that nothing slides. Use angle and angle_rate"),
-        (mb.Prismatic, "angle_rate", "locked parallel, so that nothing turns. Use displacement and displacement_rate"),
-        (mb.Weld, "angle", "holds its bodies together"),
+        (mb.Revolute, "displacement", "does not slide. Use angle and angle_rate"),
+        (mb.Prismatic, "angle_rate", "does not turn. Use displacement and displacement_rate"),
+        (mb.Weld, "angle", "does not turn and does not slide"),
         (mb.PlanarJoint, "angle", "slides in two directions"),
-        (mb.PointOnLine, "displacement", "Use coordinates and points of its bodies"),
+        (mb.PointOnLine, "displacement", "Use coordinates and points of the joint's bodies"),
     ],
 )
 def test_joints_without_a_handle_say_why_not_and_what_to_use(joint, handle, text):

@@ -58,18 +58,18 @@ NAN = np.array([[[0.0, 0.0, np.nan]] * 3])
 BAD = {
     "empty": (b"", "is empty"),
     "blank": (b" \n", "is empty"),
-    "no STL": (b"\x89PNG\r\n", "is not STL"),
-    "a picture": (b"\x89PNG\r\n" + bytes(range(256)), "is cut off, or no STL: it says that it has"),
-    "a page": (b"<html>" + b"x" * 200, "is cut off, or no STL"),
-    "cut off": (binary(TRIANGLES)[:-60], "says that it has 12 triangles and holds 10"),
-    "huge count": (binary(TRIANGLES, count=2**32 - 1), "4,294,967,295 triangles and holds 12"),
-    "head alone": (binary(TRIANGLES)[:84], "12 triangles and holds 0"),
+    "no STL": (b"\x89PNG\r\n", "is not an STL file"),
+    "a picture": (b"\x89PNG\r\n" + bytes(range(256)), "is incomplete or not an STL file: the header announces"),
+    "a page": (b"<html>" + b"x" * 200, "is incomplete or not an STL file"),
+    "cut off": (binary(TRIANGLES)[:-60], "announces 12 triangles, but the file contains 10"),
+    "huge count": (binary(TRIANGLES, count=2**32 - 1), "4,294,967,295 triangles, but the file contains 12"),
+    "head alone": (binary(TRIANGLES)[:84], "12 triangles, but the file contains 0"),
     "no triangle": (binary([]), "has no triangle"),
     "text without": (b"solid x\nendsolid x\n", "has no triangle"),
-    "text cut off": (text(TRIANGLES)[:-140], "is cut off, or no STL"),
-    "text without its end": (text(TRIANGLES).split(b"endsolid")[0], "is cut off, or no STL"),
-    "text of words": (text(TRIANGLES).replace(b"1.0", b"one", 1), "a vertex that is not three numbers"),
-    "text of two": (text(TRIANGLES).replace(b"0.0 0.0 0.0", b"0.0 0.0", 1), "is cut off, or no STL"),
+    "text cut off": (text(TRIANGLES)[:-140], "is incomplete or not an STL file"),
+    "text without its end": (text(TRIANGLES).split(b"endsolid")[0], "is incomplete or not an STL file"),
+    "text of words": (text(TRIANGLES).replace(b"1.0", b"one", 1), "a vertex that does not consist of three numbers"),
+    "text of two": (text(TRIANGLES).replace(b"0.0 0.0 0.0", b"0.0 0.0", 1), "is incomplete or not an STL file"),
     "NaN": (binary(NAN), "not finite"),
     "text NaN": (text(NAN), "not finite"),
     "infinity": (binary(np.array([[[0.0, 0.0, np.inf]] * 3])), "not finite"),
@@ -103,10 +103,10 @@ def test_random_damage_is_read_or_told(tmp_path):
 def test_other_paths(tmp_path, monkeypatch):
     refused("there is no file", mb.Mesh, tmp_path / "none.stl")
     refused("there is no file", mb.Mesh, "a\0b")
-    refused("is no file", mb.Mesh, tmp_path)
+    refused("is not a file", mb.Mesh, tmp_path)
     monkeypatch.setitem(sys.modules, "trimesh", None)
     (tmp_path / "part.obj").write_text("v 0 0 0")
-    refused(r"is no \.stl; install the package trimesh", mb.Mesh, tmp_path / "part.obj")
+    refused(r"is not an \.stl file. Install the package trimesh", mb.Mesh, tmp_path / "part.obj")
 
 
 def test_a_file_that_changes_is_read_again(tmp_path):

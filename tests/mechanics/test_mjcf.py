@@ -193,7 +193,7 @@ def test_limits_act_on_request(tmp_path):
     arm = f'<body name="arm"><joint name="j" axis="0 1 0" range="-90 40"/>{ROD}</body>'
     path = write(tmp_path, arm)
     idle, text = told(path)
-    assert "limits of joints, as stop=... is not given (j)" in text
+    assert "limits of joints, because stop=... is missing (j)" in text
     stopped, text = told(path, stop=0.0)
     assert not text and not any(isinstance(element, mb.Stop) for element in idle.elements)
     angle = stopped.joints["j"].angle
@@ -207,7 +207,7 @@ LEFT_OUT = {
     "fluid": (f"<body><joint/>{ROD}</body>", '<option density="1"/>', "forces of the fluid"),
     "a muscle": (
         f'<body><joint name="j"/>{ROD}</body>',
-        '<actuator><muscle name="biceps" joint="j" lengthrange="0 1"/></actuator>', "its dyntype is muscle (biceps)",
+        '<actuator><muscle name="biceps" joint="j" lengthrange="0 1"/></actuator>', "dyntype is muscle (biceps)",
     ),
     "a range": (
         f'<body><joint name="j"/>{ROD}</body>',

@@ -182,7 +182,7 @@ FAULTS = [
     (lambda: mb.State("z", rate=lambda z: "fast"), r"State 'z': rate: expected one number or CasADi SX, got 'fast'"),
     (lambda: mb.State("z", rate=lambda z: 1 / 0), r"State 'z': rate: the law raises ZeroDivisionError"),
     (lambda: mb.State("z", rate=lambda z: ca.SX.sym("a", 2)), r"State 'z': rate: expected one number"),
-    (lambda: mb.State(3, rate=lambda z: -z), r"State: the name is a text, got 3"),
+    (lambda: mb.State(3, rate=lambda z: -z), r"State: the name must be a text, got 3"),
     (lambda: mb.System(BODY, mb.State("z", rate=lambda z: ca.SX.sym("k"))), r"State 'z': rate: symbol 'k' belongs to"),
     (lambda: mb.System(BODY, mb.Force("f", BODY.point(0, 0), (Z.value, 0))), r"State 'z' is not part of the System"),
     (lambda: mb.System(BODY, mb.State("a", rate=lambda z: Z.value)), r"State 'z' is not part of the System. Add it"),

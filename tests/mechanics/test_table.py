@@ -147,12 +147,12 @@ def test_taylor_proofs_and_copies_read_tables():
     ("x", "y", "text"),
     [
         ([0.0, 1.0, 1.0], [1, 2, 3], r"Table: x must increase, but x\[2\] = 1 follows 1"),
-        ([0.0, 1.0], [1, 2, 3], r"Table: x \(2,\) and y \(3,\) must be lists of one length"),
+        ([0.0, 1.0], [1, 2, 3], r"x has the shape \(2,\) and y has \(3,\)\. Pass two lists of one length"),
         ([0.0], [1.0], "at least 2"),
         ([0.0, np.nan], [1.0, 2.0], "Table: x and y must be finite"),
         ([0.0, "one"], [1.0, 2.0], "Table: x and y must be lists of numbers"),
-        (np.arange(2e6), np.zeros(2_000_000), "Table: 2000000 points, at most 1000000"),
-        ([0.0, 1.0], [1.0, X], "must be finite numbers; multiply the table itself"),
+        (np.arange(2e6), np.zeros(2_000_000), "Table: 2000000 points are too many. Pass at most 1000000"),
+        ([0.0, 1.0], [1.0, X], "must be numbers. Multiply the table by"),
     ],
 )
 def test_points_that_make_no_curve_are_refused(x, y, text):
@@ -161,6 +161,6 @@ def test_points_that_make_no_curve_are_refused(x, y, text):
 
 def test_a_table_of_what_is_no_expression_is_refused():
     table = mb.Table([0, 1], [0, 1])
-    refused("Table: 'x' is no number and no CasADi SX expression", table, "x")
+    refused("Table: expected a number or a CasADi SX expression, got 'x'", table, "x")
     for place in (np.nan, -np.inf, [0.3, np.nan]):
         refused(r"Table: .* is not finite", table, place)

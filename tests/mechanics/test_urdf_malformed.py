@@ -57,55 +57,55 @@ MALFORMED = [
     (robot('<link name="arm">', "</joint>"), 3, "<link name='arm'>", "not well-formed"),
     (robot('<link name="a" name="b"/>'), 2, "<robot name='r'>", "not well-formed"),
     (robot('<link name="&arm;"/>'), 2, "<robot name='r'>", "not well-formed"),
-    ('<!DOCTYPE robot [\n<!ENTITY a "x">\n]>\n<robot name="&a;"/>', 2, "<!ENTITY a>", "entities are not read"),
+    ('<!DOCTYPE robot [\n<!ENTITY a "x">\n]>\n<robot name="&a;"/>', 2, "<!ENTITY a>", "entities are not supported"),
     (
         '<!DOCTYPE robot [\n<!ENTITY a "xxxxxxxx">\n<!ENTITY b "&a;&a;&a;&a;">\n]>\n<robot name="&b;"/>',
         2,
         "<!ENTITY a>",
-        "entities are not read",
+        "entities are not supported",
     ),
     (
         '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/hostname">]>\n<robot name="r">&a;</robot>',
         1,
         "<!ENTITY a>",
-        "entities are not read",
+        "entities are not supported",
     ),
     ('<?xml version="1.0" encoding="no-such"?>\n<robot/>', 1, "the document", "not well-formed|decoded"),
     ('<sdf version="1.6">\n</sdf>', 1, "<sdf>", "must be <robot>"),
     ('<robot name="r">\n</robot>', 1, "<robot name='r'>", "no <link>"),
     ('<robot name="">\n<link name="a"/></robot>', 1, "<robot>", "'name' is empty"),
-    (robot('<xacro:include filename="a"/>'), 2, "<xacro:include>", "run it through the program xacro"),
-    (robot('<lnk name="arm"/>'), 2, "<lnk name='arm'>", "did you mean <link>"),
-    (robot(BASE, '<jiont name="e"/>'), 3, "<jiont name='e'>", "did you mean <joint>"),
-    (robot(BASE, INERTIAL), 3, "<inertial>", "stands right in <robot>"),
+    (robot('<xacro:include filename="a"/>'), 2, "<xacro:include>", "Run it through the program xacro"),
+    (robot('<lnk name="arm"/>'), 2, "<lnk name='arm'>", "Did you mean <link>"),
+    (robot(BASE, '<jiont name="e"/>'), 3, "<jiont name='e'>", "Did you mean <joint>"),
+    (robot(BASE, INERTIAL), 3, "<inertial>", "is a direct child of <robot>"),
     (robot("<link/>"), 2, "<link>", "no attribute 'name'"),
     (robot('<link name=" "/>'), 2, "<link>", "'name' is empty"),
     (robot(f'<link name="{"a" * 101}"/>'), 2, "<link name=", "1 to 100"),
-    (robot(BASE, BASE), 3, "<link name='base'>", "used twice, first in line 2"),
+    (robot(BASE, BASE), 3, "<link name='base'>", "line 2 uses this name, too"),
     (
         robot(BASE, ARM, HAND, HINGE, joint("elbow", "base", "hand")),
         6,
         "<joint name='elbow'>",
-        "used twice, first in line 5",
+        "line 5 uses this name, too",
     ),
     (link(INERTIAL + INERTIAL), 3, "<inertial> of <link name='arm'>", "second <inertial>"),
-    (link("<inertail/>"), 3, "<inertail> of <link name='arm'>", "did you mean <inertial>"),
+    (link("<inertail/>"), 3, "<inertail> of <link name='arm'>", "Did you mean <inertial>"),
     (inertial(moments()), 3, "<inertial> of <link name='arm'>", "no <mass>"),
     (inertial("<mass/>" + moments()), 3, "<mass> of <link name='arm'>", "no attribute 'value'"),
-    (inertial('<mass vale="1"/>' + moments()), 3, "<mass> of", "did you mean 'value'"),
-    (inertial('<mass value="heavy"/>' + moments()), 3, "<mass> of", "'heavy', which is no number"),
-    (inertial('<mass value="${m}"/>' + moments()), 3, "<mass> of", "run the file through xacro first"),
+    (inertial('<mass vale="1"/>' + moments()), 3, "<mass> of", "Did you mean 'value'"),
+    (inertial('<mass value="heavy"/>' + moments()), 3, "<mass> of", "'heavy', which is not a number"),
+    (inertial('<mass value="${m}"/>' + moments()), 3, "<mass> of", "Run the file through xacro first"),
     (inertial('<mass value="-1"/>' + moments()), 3, "<mass> of", "-1 is negative"),
     (inertial('<mass value="inf"/>' + moments()), 3, "<mass> of", "not finite"),
-    (inertial('<mass value="1 2"/>' + moments()), 3, "<mass> of", "holds 2 numbers, where one number"),
+    (inertial('<mass value="1 2"/>' + moments()), 3, "<mass> of", "contains 2 numbers. Write 1"),
     (inertial('<mass value="1"/>'), 3, "<inertial> of <link name='arm'>", "no <inertia>"),
     (inertial('<mass value="1"/>' + moments(izz=None)), 3, "<inertia> of", "no attribute 'izz'"),
-    (inertial('<origin xyz="1 2"/>'), 3, "<origin> of <link name='arm'>", "2 numbers, where 3"),
-    (inertial('<orign xyz="1 2 3"/>'), 3, "<orign> of <link name='arm'>", "did you mean <origin>"),
-    (inertial('<origin quat="1 0 0 0"/>'), 3, "<origin> of", "'quat' is not known; known are xyz"),
+    (inertial('<origin xyz="1 2"/>'), 3, "<origin> of <link name='arm'>", "2 numbers. Write 3"),
+    (inertial('<orign xyz="1 2 3"/>'), 3, "<orign> of <link name='arm'>", "Did you mean <origin>"),
+    (inertial('<origin quat="1 0 0 0"/>'), 3, "<origin> of", "'quat' is not known. Known attributes: xyz"),
     (link("<visual/>"), 3, "<visual> of <link name='arm'>", "no <geometry>"),
-    (shape(""), 3, "<geometry> of <link name='arm'>", "it is empty"),
-    (shape('<cylindre radius="1"/>'), 3, "<cylindre> of", "did you mean <cylinder>"),
+    (shape(""), 3, "<geometry> of <link name='arm'>", "this element is empty"),
+    (shape('<cylindre radius="1"/>'), 3, "<cylindre> of", "Did you mean <cylinder>"),
     (shape("<box/>"), 3, "<box> of <link name='arm'>", "no attribute 'size'"),
     (shape('<box size="1 0 1"/>'), 3, "<box> of <link name='arm'>", "size 0 is not positive"),
     (shape('<sphere radius="1 2"/>'), 3, "<sphere> of <link name='arm'>", "2 numbers"),
@@ -122,50 +122,50 @@ MALFORMED = [
     (elbow("continuous", '<axis xyz="0 0 0"/>'), 5, "<axis> of <joint name='elbow'>", "no direction"),
     (elbow("continuous", "<axis/>"), 5, "<axis> of <joint name='elbow'>", "no attribute 'xyz'"),
     (elbow("revolute", ""), 4, "<joint name='elbow'>", "must have limits"),
-    (elbow("revolute", '<limit lower="2" upper="1"/>'), 5, "<limit> of", "exchange them"),
+    (elbow("revolute", '<limit lower="2" upper="1"/>'), 5, "<limit> of", "Exchange the two"),
     (elbow("revolute", '<limit effort="-1"/>'), 5, "<limit> of", "effort -1 is negative"),
     (elbow("continuous", '<dynamics damping="-1"/>'), 5, "<dynamics> of", "damping -1 is negative"),
-    (elbow("planar", '<dynamics damping="1"/>'), 5, "<dynamics> of", "no single rate"),
-    (elbow("continuous", '<mimik joint="a"/>'), 5, "<mimik> of", "did you mean <mimic>"),
+    (elbow("planar", '<dynamics damping="1"/>'), 5, "<dynamics> of", "has several rates"),
+    (elbow("continuous", '<mimik joint="a"/>'), 5, "<mimik> of", "Did you mean <mimic>"),
     (
         robot(BASE, ARM, HINGE, joint("other", "base", "arm")),
         5,
         "<child> of <joint name='other'>",
-        "joint 'elbow' in line 4 carries the link 'arm' already",
+        "joint 'elbow' in line 4 already carries the link 'arm'",
     ),
-    (robot(BASE, ARM), 3, "<link name='arm'>", "no joint connects this link with 'base'"),
-    (robot(BASE, ARM, HINGE, joint("back", "arm", "base")), 1, "<robot name='r'>", "carry each other in a circle"),
+    (robot(BASE, ARM), 3, "<link name='arm'>", "no joint carries this link, and no joint carries 'base'"),
+    (robot(BASE, ARM, HINGE, joint("back", "arm", "base")), 1, "<robot name='r'>", "joints form a closed loop"),
     (
         robot(BASE, ARM, HAND, joint("elbow", "hand", "arm"), joint("wrist", "arm", "hand")),
         5,
         "<joint name='elbow'>",
-        "form a circle",
+        "carry this joint form a closed loop",
     ),
 ]
 PASSED_OVER = [
     (robot('<link name="a.b"/>'), 2, "<link name='a.b'>", "cannot be used"),
-    (inertial('<mass value="1"/>' + moments(izz="9")), 3, "<inertia> of", "exceeds the sum"),
-    (inertial('<mass value="1"/>' + moments(ixx="-1")), 3, "<inertia> of", "below 0"),
-    (inertial('<mass value="1"/>' + moments(ixy="3")), 3, "<inertia> of", "below 0"),
+    (inertial('<mass value="1"/>' + moments(izz="9")), 3, "<inertia> of", "must not exceed the sum"),
+    (inertial('<mass value="1"/>' + moments(ixx="-1")), 3, "<inertia> of", "is negative"),
+    (inertial('<mass value="1"/>' + moments(ixy="3")), 3, "<inertia> of", "is negative"),
     (elbow("continuous", '<dynamics stiffness="1"/>'), 5, "<dynamics> of", "'stiffness' is not"),
     (elbow("continuous", '<mimic joint="a"/>'), 5, "<mimic> of <joint name='elbow'>", "no joint 'a'"),
-    (elbow("fixed", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no value that could follow"),
-    (elbow("continuous", '<mimic joint="elbow" offset="0.3"/>'), 5, "<mimic> of", "'elbow' follows itself; name"),
+    (elbow("fixed", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no single value and cannot follow"),
+    (elbow("continuous", '<mimic joint="elbow" offset="0.3"/>'), 5, "<mimic> of", "'elbow' follows itself. Use"),
     (
         robot(HAND, HINGE, *elbow("fixed", "", ENDS.replace("base", "hand").replace("arm", "base")).splitlines()[1:-1])
         .replace("elbow", "wrist", 1)
         .replace("</joint>", '<mimic joint="elbow"/></joint>', 1),
         3,
         "<mimic> of <joint name='wrist'>",
-        "the fixed joint 'elbow' has no value; name another joint",
+        "the fixed joint 'elbow' has no single value. Use another joint",
     ),
     (
         elbow("continuous", '<limit velocity="1" gear_velocity="9"/>'),
         5,
         "<limit> of <joint name='elbow'>",
-        "'gear_velocity' is not known; did you mean 'velocity'",
+        "'gear_velocity' is not known. Did you mean 'velocity'",
     ),
-    (elbow("floating", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no value that could follow"),
+    (elbow("floating", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no single value and cannot follow"),
 ]
 
 
@@ -178,7 +178,7 @@ def test_a_fault_is_one_sentence_with_line_and_element(text, line, element, faul
     message = str(error.value)
     assert message.startswith(f"bad.urdf, line {line}, {element}"), message
     assert re.search(fault, message), message
-    assert "\n" not in message and re.search(r"[.?]$", message) and not re.search(r"[.?] [A-Z]", message), message
+    assert "\n" not in message and re.search(r"[.?]$", message), message
 
 
 def test_joints_without_any_link(tmp_path):
@@ -205,7 +205,7 @@ def test_faults_that_do_not_matter_are_told_once(text, line, element, fault, tmp
     path.write_text(text)
     with pytest.warns(mb.SymmbWarning) as told:
         mb.load_urdf(path)
-    assert len(told) == 1 and "odd.urdf: Passed over are: " in str(told[0].message)
+    assert len(told) == 1 and "odd.urdf: Ignored: " in str(told[0].message)
     assert f" (line {line})" in str(told[0].message) and "strict=True" in str(told[0].message)
 
 
@@ -232,7 +232,7 @@ def test_numbers_beyond_those_of_any_machine(mass, place, tmp_path):
     """Their products are no numbers: the body was called one with NaN."""
     path = tmp_path / "large.urdf"
     path.write_text(link(f'<inertial><origin xyz="{place}"/><mass value="{mass}"/>{moments()}</inertial>'))
-    refused(r"beyond 1e\+30; give it in SI units\.$", mb.load_urdf, path)
+    refused(r"exceeds 1e\+30. Use SI units\.$", mb.load_urdf, path)
 
 
 @pytest.mark.parametrize(
@@ -269,7 +269,7 @@ def test_of_joints_that_follow_each_other_in_a_circle_one_is_free(tmp_path):
     joints = [own.replace("</joint>", f"{inside}</joint>") for own, inside in zip(joints, follow, strict=True)]
     path = tmp_path / "circle.urdf"
     path.write_text(robot(BASE, ARM, ARM.replace("arm", "hand"), *joints))
-    with pytest.warns(mb.SymmbWarning, match="follow themselves, so that the followers move freely"):
+    with pytest.warns(mb.SymmbWarning, match="follow themselves, so the followers move freely"):
         machine = mb.load_urdf(path)
     assert set(machine.start) == {"elbow.angle"}
     system = mb.System(*machine.elements)

@@ -237,7 +237,7 @@ FAULTS = [
         r"velocities contradict the constraints: .*Leave one of a.angle_rate, d.angle_rate free",
     ),
     ({"a.angel": 0.8}, {}, mb.DeclarationError, r"no coordinate or velocity 'a.angel'. Did you mean 'a.angle'"),
-    ({"a.displacement": 1.0}, {}, mb.DeclarationError, r"Revolute 'a' has no displacement. Its points coincide"),
+    ({"a.displacement": 1.0}, {}, mb.DeclarationError, r"Revolute 'a' has no displacement. This joint does not slide"),
     ({"a.angle": "up"}, {}, mb.DeclarationError, r"start 'a.angle': 'up' is no number"),
     ({"a.angle": mb.t}, {}, mb.DeclarationError, r"start 'a.angle': may depend on parameters only"),
     ({}, {"a.angle_rate": 1.0}, mb.DeclarationError, r"guess: velocities need no guess"),

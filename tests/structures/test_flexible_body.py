@@ -166,11 +166,11 @@ def test_a_tumbling_bar_moves_as_in_exudyn() -> None:
     ("build", "told"),
     [
         (lambda m: mb.FlexibleBody("b", 3.0), "expected Modes, got float"),
-        (lambda m: mb.FlexibleBody("b", m, mb.Particle()), "cannot turn"),
-        (lambda m: mb.System(mb.FlexibleBody("b", m, mb.Planar())), "modes leave the xy plane"),
-        (lambda m: mb.FlexibleBody("b", m).node(12), "they are 0 to 11"),
-        (lambda m: mb.FlexibleBody("b", m).point(5, 0), "nodes without rotations hold no arm"),
-        (lambda m: mb.FlexibleBody("b", m).point(mb.Parameters(a=1.0).a, 0), "fixed in numbers"),
+        (lambda m: mb.FlexibleBody("b", m, mb.Particle()), "has no rotation"),
+        (lambda m: mb.System(mb.FlexibleBody("b", m, mb.Planar())), "modes have displacements out of the xy plane"),
+        (lambda m: mb.FlexibleBody("b", m).node(12), "nodes are 0 to 11"),
+        (lambda m: mb.FlexibleBody("b", m).point(5, 0), "points need nodes with rotations"),
+        (lambda m: mb.FlexibleBody("b", m).point(mb.Parameters(a=1.0).a, 0), "must be numbers"),
         (lambda m: mb.System(mb.Force("f", mb.FlexibleBody("b", m).node(0), (1, 0))), "'b' is not part of the System"),
     ],
 )

@@ -99,7 +99,7 @@ def test_a_study_tells_what_only_its_corners_ask() -> None:
 def test_points_between_nodes_are_refused(elements: int) -> None:
     mesh, _ = beam(elements=elements)
     rod = mb.FlexibleBody("rod", mesh.modes(clamped=0, count=2, planar=True), mb.Planar())
-    with pytest.raises(mb.DeclarationError, match=r"\(0\.48, 0, 0\) lies between its nodes"):
+    with pytest.raises(mb.DeclarationError, match=r"\(0\.48, 0, 0\) is between the nodes"):
         rod.point(0.48, 0)
     assert rod.point(1, 0.1).body is rod.node(elements).body
     assert rod.point(1.2, 0).body is rod.node(elements).body

@@ -1,6 +1,6 @@
-"""What a user declares: parameters, bodies, points, joints, forces, contacts.
+"""Parameters, bodies, points, joints, forces and contacts, as users declare them.
 
-All are frozen values; equations are derived in `model`.
+All are frozen values. The wing `equations` derives the equations of motion.
 """
 
 from symmb.declare.mechanics.actuator import Actuator, Stop
@@ -40,7 +40,6 @@ from symmb.declare.mechanics.force import (
 from symmb.declare.mechanics.friction import Friction
 from symmb.declare.mechanics.geometry import Mesh
 from symmb.declare.mechanics.impact import RESTITUTION, Impact
-from symmb.declare.mechanics.input import Input
 from symmb.declare.mechanics.joint import (
     CamFollower,
     Cylindrical,
@@ -64,6 +63,5 @@ from symmb.declare.mechanics.parameter import Parameters, declared_with, with_si
 from symmb.declare.mechanics.pose import Frame, Particle, Planar, Spatial
 from symmb.declare.mechanics.rope import Rope
 from symmb.declare.mechanics.rotation import Rotation, rotation
-from symmb.declare.mechanics.sampled import Sampled
 from symmb.declare.mechanics.shape_contact import BoxContact, CircleContact, SlotContact, SphereContact
-from symmb.declare.mechanics.state import OwnState, State
+from symmb.declare.mechanics.state import Input, OwnState, Sampled, State

@@ -1,4 +1,4 @@
-"""Forces along the coordinate by which a joint moves: actuators and stops."""
+"""Forces along the coordinate of a joint: actuators and stops."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from symmb.declare.symbolic import ddt
 
 @dataclass(frozen=True, eq=False)
 class JointForce(ForceElement):
-    """A force along the coordinate of a joint: on body b at the joint's point, and the opposite one on body a."""
+    """A force along the coordinate of a joint. It acts on body b at the joint's point, and its opposite on body a."""
 
     name: str
     joint: Joint
@@ -39,16 +39,16 @@ class JointForce(ForceElement):
         if not joint.handles:
             yield f"{self.title}: {joint.title} has no angle and no displacement. {joint.without}"
         elif coordinate is None and joint.coordinate is None:
-            yield f"{self.title}: {joint.title} turns and slides. Give coordinate='angle' or 'displacement'."
+            yield f"{self.title}: {joint.title} turns and slides. Pass coordinate='angle' or 'displacement'."
         elif coordinate is not None and not (isinstance(coordinate, str) and coordinate in joint.handles):
             known = " or ".join(map(repr, joint.handles))
-            yield f"{self.title}: {joint.title} has no coordinate {coordinate!r}. Give {known}."
+            yield f"{self.title}: {joint.title} has no coordinate {coordinate!r}. Use coordinate={known}."
         else:
             yield from joint.faults()
 
     @property
     def handle(self) -> str:
-        """ "angle" or "displacement"."""
+        """The name of the coordinate: "angle" or "displacement"."""
         return cast(str, self.coordinate or self.joint.coordinate)
 
     @property
@@ -61,7 +61,7 @@ class JointForce(ForceElement):
         return cast(AxisJoint, self.joint).frames[0][:, 2]
 
     def loads(self, force: ca.SX) -> tuple[Load, ...]:
-        """Loads of a force [N] along the axis, or of a torque [N m] about it."""
+        """Loads of a force [N] along the joint's axis, or of a torque [N m] about the axis."""
         a, b = self.joint.bodies()
         if self.handle == "displacement":
             return push(self.joint.point_b, a, force * self.axis)
@@ -70,10 +70,10 @@ class JointForce(ForceElement):
 
 @dataclass(frozen=True, eq=False)
 class Actuator(JointForce):
-    """A motor or a cylinder in a joint: a torque about its axis [N m] or a force along it [N].
+    """A motor or a cylinder in a joint: a torque [N m] about the joint's axis, or a force [N] along the axis.
 
-    It acts on body b in the direction in which the joint's `angle` or `displacement` grows, and with the opposite sign
-    on body a. The torque of a `Screw` acts about its axis.
+    The load acts on body b in the direction of increasing `angle` or `displacement` of the joint, and with the opposite
+    sign on body a. In a `Screw` the load is a torque about the axis.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ class Actuator(JointForce):
     joint : Joint
         Revolute, Prismatic, Cylindrical or Screw
     law : Expr
-        torque [N m] or force [N]: any expression of coordinates, velocities, states, parameters, `t`
+        torque [N m] or force [N]: any expression of coordinates, velocities, states, parameters and `t`
     coordinate : str
-        "angle" or "displacement", of joints that have both
+        "angle" or "displacement", for joints that have both
 
     Examples
     --------
@@ -104,7 +104,7 @@ class Actuator(JointForce):
 
 @dataclass(frozen=True, eq=False)
 class Stop(JointForce):
-    """Limits of a joint's motion: a law of contact, or impacts with a restitution, at one end or at both.
+    """Limits of a joint's motion: a contact law, or impacts with a coefficient of restitution, at one or both ends.
 
     Parameters
     ----------
@@ -112,13 +112,13 @@ class Stop(JointForce):
     joint : Joint
         Revolute, Prismatic, Cylindrical or Screw
     lower, upper : Expr
-        of the joint's `angle` [rad] or `displacement` [m]; None: no limit at this end
+        limits of the joint's `angle` [rad] or `displacement` [m]; None: no limit at this end
     law : ContactLaw
-        torque [N m] from radians, or force [N] from metres: `KelvinVoigt(...)`, ...
+        torque [N m] over penetration [rad], or force [N] over penetration [m]: `KelvinVoigt(...)`, ...
     restitution : Expr
-        instead of a law: impacts called `name.lower` and `name.upper`, as those of `Impact`
+        coefficient of restitution in place of a law: the limits are impacts `name.lower` and `name.upper`, see `Impact`
     coordinate : str
-        "angle" or "displacement", of joints that have both
+        "angle" or "displacement", for joints that have both
 
     Examples
     --------
@@ -139,20 +139,20 @@ class Stop(JointForce):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if not self._ends:
-            yield f"{self.title}: it has no limit. Give lower, upper or both."
+            yield f"{self.title}: lower and upper are both None. Pass lower, upper or both."
         numbers = [end for end in (self.lower, self.upper) if is_real(end)]
         if len(numbers) == 2 and not numbers[0] < numbers[1]:
-            yield f"{self.title}: lower {numbers[0]!r} is not below upper {numbers[1]!r}."
+            yield f"{self.title}: lower {numbers[0]!r} must be below upper {numbers[1]!r}."
         if (self.law is None) == (self.restitution is None):
-            yield f"{self.title}: give either a law of contact or restitution=..., a number from 0 to 1."
+            yield f"{self.title}: pass either a contact law, or restitution=... from 0 to 1."
 
     @property
     def _ends(self) -> dict[str, int]:
-        """The limits by name, each with the direction in which the joint moves away from it."""
+        """The limits by name, each with the sign of the joint's rate that leads away from the limit."""
         return {name: sign for name, sign in (("lower", 1), ("upper", -1)) if getattr(self, name) is not None}
 
     def impacts(self, bind: Bind) -> tuple[Impact, ...]:
-        """The impacts at the limits, if it has a restitution."""
+        """The impacts at the limits; empty without a coefficient of restitution."""
         if self.restitution is None:
             return ()
         value = getattr(self.joint, self.handle)

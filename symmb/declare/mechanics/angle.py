@@ -12,15 +12,15 @@ from symmb.declare.symbolic import Kind, Symbol, declare, triad
 def relative_angle(
     name: str, a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX, parallel: bool = False
 ) -> tuple[ca.SX, tuple[Symbol, ...]]:
-    """Angle of body b relative to body a about an axis fixed in both [rad], and the records of its state.
+    """Angle [rad] of body b relative to body a about an axis that is fixed in both, and the records of its state.
 
-    The angle is 0 where `alignment` (3, 3) turns vectors from axes of body a to those of body b. Where the axes do not
-    stay parallel, it is the twist: the least rotation that brings the axes together does not count. Where a joint keeps
-    them parallel, that costs nothing.
+    The angle is 0 if `alignment` (3, 3) converts components in axes of body a to axes of body b. If the axes of the
+    bodies do not stay parallel, the angle is the twist: the rotation that remains after the smallest rotation that
+    makes the axes coincide. If a joint keeps the axes parallel, `parallel` gives shorter expressions.
 
-    For bodies that turn about z alone it is a difference of coordinates. Quaternions determine an angle only up to
-    whole turns. Therefore a first-order state named `name.angle` follows the angle. It only chooses the number of
-    turns, so that its error is not an error of the angle. The angle has neither kinks nor jumps.
+    If both bodies turn about z only, the angle is a difference of coordinates. Otherwise quaternions determine the
+    angle up to whole turns. A first-order state named `name.angle` follows the angle, and only chooses the number of
+    turns. So the angle has neither kinks nor jumps, and an error of the state is not an error of the angle.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):
         return (b.frame.angle - a.frame.angle) * axis_a[2], ()
@@ -28,6 +28,7 @@ def relative_angle(
     A = a.frame.R @ frame_a
     B = b.frame.R @ alignment @ frame_a
     sine, cosine = ca.dot(A[:, 1], B[:, 0]), ca.dot(A[:, 0], B[:, 0])
+    # The twist follows from sums over two columns. These are not normalized, because atan2 needs only their ratio.
     if not parallel:
         sine, cosine = sine - ca.dot(A[:, 0], B[:, 1]), cosine + ca.dot(A[:, 1], B[:, 1])
     wrapped = ca.atan2(sine, cosine)
@@ -35,15 +36,17 @@ def relative_angle(
     rate = ca.dot(A[:, 2] if parallel else turning_direction(a, axis_a, b, alignment), omega)
     state = ca.SX.sym(f"{name}.angle")
     records = declare([f"{name}.angle"], Kind.STATE, state, rate, wrapped)
+    # The angle is turned back by the state before atan2: the difference is far from the jump of atan2 at pi.
     s, c = ca.sin(state), ca.cos(state)
     return state + ca.atan2(sine * c - cosine * s, cosine * c + sine * s), records
 
 
 def turning_direction(a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX) -> ca.SX:
-    """The vector (3,) in world axes whose product with the relative angular velocity is the rate of `relative_angle`.
+    """The vector (3,) in world axes with this property: its dot product with the relative angular velocity is the rate
+    of `relative_angle`.
 
-    It is the axis where the axes are parallel. A torque along it does work on this angle alone, so that no energy is
-    created, whatever else the bodies do.
+    If the axes of the bodies are parallel, the vector is the axis. A torque along the vector does work on this angle
+    only. So a torsion spring conserves energy for all motions of the bodies.
     """
     axis = a.frame.R @ axis_a
     if turns_about_z(a.pose) and turns_about_z(b.pose):

@@ -1,4 +1,4 @@
-"""What joints have in common: points, axes, and handles, which are the coordinates by which they move."""
+"""The base classes of joints: points, axes, and handles, which are the coordinates of a joint's motion."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -28,20 +28,21 @@ ORIENTED: tuple[type[Pose], ...] = (Planar, Spatial)
 class Joint(Constraint):
     """A constraint between a point of body a and a point of body b.
 
-    Joints that turn have an `angle` [rad] and an `angle_rate` [rad/s], joints that slide a `displacement` [m] and a
-    `displacement_rate` [m/s]. They are those of body b relative to body a, positive about and along `axis`, and 0 where
-    the frames coincide, with `axis_b` on `axis`. `handles` names those that a joint has, and `coordinate` the one by
-    which it moves, None of a joint that has none or several. `motion` are those of bodies that it carries, None of a
-    joint that closes loops only. `also` reminds of what users overlook.
+    Joints that turn have an `angle` [rad] and an `angle_rate` [rad/s]. Joints that slide have a `displacement` [m] and
+    a `displacement_rate` [m/s]. These handles describe the motion of body b relative to body a, positive about and
+    along `axis`. They are 0 if the frames coincide, with `axis_b` on `axis`. `handles` lists the handles of a joint.
+    `coordinate` is the only coordinate of its motion, or None if it has no coordinate or several. `motion` has the
+    joint coordinates of a body that the joint carries, or None if the joint can only close loops. `also` is a hint for
+    users of the joint.
     """
 
-    expected: ClassVar[str] = "a joint, got {}. Give what Revolute(...) returns."
+    expected: ClassVar[str] = "a joint, got {}. Pass a joint, such as Revolute(...)."
     poses: ClassVar = (ORIENTED, ORIENTED)
     handles: ClassVar[tuple[str, ...]] = ()
     coordinate: ClassVar[str | None] = None
     motion: ClassVar[JointCoordinates | None] = None
     also: ClassVar[str] = ""
-    without: ClassVar[str] = "Use coordinates and points of its bodies."
+    without: ClassVar[str] = "Use coordinates and points of the joint's bodies."
 
     name: str
     point_a: Point
@@ -83,11 +84,11 @@ class Joint(Constraint):
 class AxisJoint(Joint):
     """A joint with an axis in each body.
 
-    `turns` and `slides` say whether it allows rotation and translation, and `aligns` whether its bodies have an
-    orientation to each other at which it is at zero. This is where the frames coincide with `axis_b` on `axis`. In
-    place of `axis_b`, `zero` gives this orientation as the rotation of body b relative to body a. A body on such a
-    joint starts at zero, unless start or guess say otherwise. `parallel` lists the columns of the joint's frames that
-    its rows make parallel.
+    `turns` and `slides` say whether the joint allows rotation and translation. `aligns` says whether the joint has a
+    zero: an orientation of body b relative to body a at which its handles are 0. At the zero the frames coincide, with
+    `axis_b` on `axis`. In place of `axis_b`, `zero` gives this orientation as the rotation of body b relative to body
+    a. A body on such a joint starts at the zero, unless start or guess set its pose. `parallel` lists the columns of
+    the joint's frames that its rows make parallel.
     """
 
     turns: ClassVar[bool] = False
@@ -115,33 +116,33 @@ class AxisJoint(Joint):
         a = vector(axis)
         moving = [s for s in ca.symvar(a) if is_time(s) or ((r := lookup(s)) and r.kind is not Kind.PARAMETER)]
         if moving:
-            yield f"{self.title}: axis {axis} depends on {moving[0]}. Give one of numbers and parameters."
+            yield f"{self.title}: axis {axis} depends on {moving[0]}. Use numbers and parameters only."
         elif astray:
             yield from astray
         elif isinstance(body.pose, Planar) and self.turns and not (is_zero(a[0]) and is_zero(a[1])):
             yield (
-                f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
-                "Planar joints turn about z; use pose=Spatial() or axis=(0, 0, 1)."
+                f"{self.title}: planar body {body.name!r} can turn about z only, but the axis is {axis}. "
+                "Use pose=Spatial() or axis=(0, 0, 1)."
             )
         elif isinstance(body.pose, Planar) and self.slides and not is_zero(a[2]):
             yield (
-                f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
-                "Planar bodies slide in the xy plane; use pose=Spatial() or an axis with z = 0."
+                f"{self.title}: planar body {body.name!r} can slide in the xy plane only, but the axis is {axis}. "
+                "Use pose=Spatial() or an axis with z = 0."
             )
 
     def _zero_faults(self, zero: object) -> Iterator[str]:
         if not isinstance(zero, Rotation):
             yield f"{self.title}: zero must be rotation(axis=..., angle=...), got {shown(zero)}."
         elif not self.aligns:
-            yield f"{self.title}: no orientation is its zero. Leave out zero."
+            yield f"{self.title}: this joint does not accept zero=. Omit zero."
         elif self.axis_b is not None:
-            yield f"{self.title}: zero determines the axis in body b. Leave out zero or axis_b."
+            yield f"{self.title}: zero and axis_b both determine the axis in body b. Omit zero or axis_b."
         elif any(isinstance(body.pose, Planar) for body in self.bodies()):
-            yield f"{self.title}: zero turns bodies in space. Use pose=Spatial(), or axis_b."
+            yield f"{self.title}: zero cannot be used with planar bodies. Use pose=Spatial(), or axis_b."
 
     @cached_property
     def axes(self) -> tuple[ca.SX, ca.SX]:
-        """Unit axis in the frame of body a and in that of body b, (3,) each."""
+        """Unit axis (3,) in the frame of body a, and unit axis (3,) in the frame of body b."""
         a = unit(vector(self.axis))
         if self.zero is not None:
             return a, ca.densify(without_rounding(self.zero.matrix.T @ a))
@@ -149,9 +150,9 @@ class AxisJoint(Joint):
 
     @cached_property
     def alignment(self) -> ca.SX:
-        """Rotation from axes of body a to those of body b where the joint is at zero, (3, 3).
+        """Matrix (3, 3) that converts components in axes of body a to axes of body b if the joint is at its zero.
 
-        Without `zero` it is the smallest one that brings the axes together. Planar bodies turn in their plane.
+        Without `zero` it is the smallest rotation that makes the axes coincide. Planar bodies turn in their plane.
         """
         if self.zero is not None:
             return self.zero.matrix.T
@@ -160,13 +161,13 @@ class AxisJoint(Joint):
 
     @cached_property
     def own_frames(self) -> tuple[ca.SX, ca.SX]:
-        """The joint's frame on body a and on body b in their axes, (3, 3) each. The third column is the axis."""
+        """The joint's frames on body a and on body b in body axes, (3, 3) each. The third column is the axis."""
         F = triad(self.axes[0])
         return F, without_rounding(self.alignment @ F)
 
     @cached_property
     def frames(self) -> tuple[ca.SX, ca.SX]:
-        """The joint's frame on body a and on body b in world axes, (3, 3) each. The third column is the axis."""
+        """The joint's frames on body a and on body b in world axes, (3, 3) each. The third column is the axis."""
         F_a, F_b = self.own_frames
         return self.point_a.body.frame.R @ F_a, self.point_b.body.frame.R @ F_b
 
@@ -192,7 +193,7 @@ class AxisJoint(Joint):
 
     @property
     def turn_states(self) -> tuple[Symbol, ...]:
-        """The states that count the turns of the angle, if anything uses it."""
+        """The states that count the turns of the angle; empty if no expression uses the angle."""
         return self._angle[1] if "_angle" in self.__dict__ else ()
 
 

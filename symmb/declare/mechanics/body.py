@@ -17,49 +17,31 @@ from symmb.declare.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, S
 from symmb.declare.symbolic import ddt, is_zero, vector
 
 TRIANGLE = 5e-4
-"""Share of the sum of the moments of inertia by which one may exceed the others: data of thin plates, rounded to three
-digits."""
+"""A principal moment of inertia may exceed the sum of the others by this fraction of the sum of all three. Data of thin
+plates, rounded to three digits, reach this excess."""
+
+
+def _component(vector: str, k: int, doc: str) -> Any:
+    """The property of component k of a vector (3,) that is an attribute."""
+    return property(lambda self: getattr(self, vector)[k], doc=doc)
 
 
 class Located:
-    """Components of a place in the world, and of its velocity: of a body they are those of the centre of mass."""
+    """Components of a position in the world, and of its velocity. The position of a body is its centre of mass."""
 
     _place: ca.SX
     _velocity: ca.SX
 
-    @property
-    def x(self) -> ca.SX:
-        """World x [m]."""
-        return self._place[0]
-
-    @property
-    def y(self) -> ca.SX:
-        """World y [m]."""
-        return self._place[1]
-
-    @property
-    def z(self) -> ca.SX:
-        """World z [m]."""
-        return self._place[2]
-
-    @property
-    def vx(self) -> ca.SX:
-        """World x velocity [m/s]."""
-        return self._velocity[0]
-
-    @property
-    def vy(self) -> ca.SX:
-        """World y velocity [m/s]."""
-        return self._velocity[1]
-
-    @property
-    def vz(self) -> ca.SX:
-        """World z velocity [m/s]."""
-        return self._velocity[2]
+    x = _component("_place", 0, "World x [m].")
+    y = _component("_place", 1, "World y [m].")
+    z = _component("_place", 2, "World z [m].")
+    vx = _component("_velocity", 0, "World x velocity [m/s].")
+    vy = _component("_velocity", 1, "World y velocity [m/s].")
+    vz = _component("_velocity", 2, "World z velocity [m/s].")
 
 
 class AbstractBody(Located):
-    """Base of bodies and the ground: a name, a pose, a frame and points."""
+    """Base class of bodies and the ground: a name, a pose, a frame and points."""
 
     name: str
     pose: Pose
@@ -74,7 +56,7 @@ class AbstractBody(Located):
 
     @kept_interrupts()
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> "Point":
-        """Point fixed to the body at (x, y, z) [m] in body axes, from the origin of the points (see `com`)."""
+        """Point fixed to the body at (x, y, z) [m] in body axes, relative to the origin of the points (see `com`)."""
         return Point(self, vector([x, y, z], f"point of {self.name!r}") - vector(self.com, f"com of {self.name!r}"))
 
     @property
@@ -95,7 +77,7 @@ class AbstractBody(Located):
         """Angle about +z of a planar body [rad]."""
         if not isinstance(self.pose, Planar):
             raise NoHandleError(
-                f"Body {self.name!r} is {self.pose!r} and has no single angle theta. Use joint.angle or body.rotation."
+                f"Body {self.name!r} has pose={self.pose!r} and no angle theta. Use joint.angle or body.rotation."
             )
         return self.frame.angle
 
@@ -107,25 +89,25 @@ class AbstractBody(Located):
 
 @dataclass(frozen=True, eq=False)
 class Body(AbstractBody):
-    """A rigid body; its coordinates are those of its centre of mass.
+    """A rigid body. Its coordinates are the position of its centre of mass and its orientation.
 
     Parameters
     ----------
     name : str
         without dots; coordinates are called `name.x`, ...
     mass : Expr
-        [kg], not negative; 0 is a massless body. If it changes along the motion, the mass that joins or leaves has the
-        body's velocity
+        [kg], not negative; 0 is a massless body. If the mass changes along the motion, mass that joins or leaves has
+        the body's velocity
     inertia : Expr
-        about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values or a symmetric 3x3
-        matrix in body axes for `Spatial()`, none for `Particle()`
+        inertia about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values or a
+        symmetric 3x3 matrix in body axes for `Spatial()`, none for `Particle()`
     pose : Pose
-        how the body moves
+        possible motion of the body: `Planar()`, `Spatial()` or `Particle()`
     com : tuple
-        centre of mass from the origin of the points, in body axes [m]
+        centre of mass relative to the origin of the points, in body axes [m]
     shapes : sequence
-        in which drawings show the body, `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`; default: what its
-        points and its inertia do. They change nothing else
+        shapes of the body in drawings: `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`. By default drawings
+        derive a shape from the points and the inertia. Shapes have no other effect
 
     Examples
     --------
@@ -147,47 +129,48 @@ class Body(AbstractBody):
         if not isinstance(self.pose, Pose):
             pose = shown(self.pose)
             raise DeclarationError(
-                f"Body {shown(self.name)}: pose {pose} is not a pose. Use Planar(), Spatial() or Particle()."
+                f"Body {shown(self.name)}: {pose} is not a pose. Use Planar(), Spatial() or Particle()."
             )
         vector(self.com, f"com of {shown(self.name)}")
-        name = self.name if isinstance(self.name, str) else shown(self.name)  # System tells that this is no name
+        name = self.name if isinstance(self.name, str) else shown(self.name)  # System reports an invalid name
         object.__setattr__(self, "shapes", shapes_of(f"Body {shown(self.name)}", self.shapes))
         object.__setattr__(self, "frame", self.pose.frame(name))
         declared(self)
 
     @property
     def center(self) -> AbstractBody:
-        """The frame of the centre of mass, where gravity acts."""
+        """The frame of the centre of mass. Gravity acts at its origin."""
         return self
 
     @property
     def nearly_singular(self) -> bool:
-        """Whether the inverse of its block of M would lose digits."""
+        """Whether the body's block of the mass matrix is nearly singular, so that its inverse would lose digits."""
         return False
 
     @property
     def laws(self) -> ca.SX:
-        """Expressions of parameters in forces of its own (n,)."""
+        """Expressions (n,) of parameters in internal forces of the body."""
         return ca.SX(0, 1)
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Faults of the declaration of the body: a sentence with a remedy for each."""
+        """Faults of the declaration of the body. Each fault is a sentence with a remedy."""
         return ()
 
     def inertial(self, mass: ca.SX, J: ca.SX) -> "Inertial":
         """Contribution of the body to the equations, from its mass and its inertia about the centre of mass (3, 3)."""
         S, omega = self.frame.S, self.frame.omega
+        # The frame's origin is the centre of mass, so that the force has no gyroscopic part.
         gyroscopic = S.T @ ca.vertcat(ca.SX(3, 1), -ca.cross(omega, J @ omega))
         return Inertial(ca.sparsify(S.T @ ca.diagcat(mass, mass, mass, J) @ S), gyroscopic)
 
 
 class Flywheel(Body):
-    """A body that stands for the inertia of a drive. It is nowhere in the mechanism, and is not drawn."""
+    """A body that represents the inertia of a drive. It has no place in the mechanism, and is not drawn."""
 
 
 class Link(Body):
-    """A body of a machine from a file, which is known by the value of the joint that carries it."""
+    """A body of a machine from a file. Users know the joint values of such bodies, not their coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,13 +179,13 @@ class Inertial:
 
     M: ca.SX  # (n_v, n_v), its block of the mass matrix
     Q: ca.SX  # (n_v,), gyroscopic and elastic forces, which conserve energy
-    Q_work: ca.SX | None = None  # (n_v,), forces of its own damping
+    Q_work: ca.SX | None = None  # (n_v,), internal damping forces
     potential: ca.SX | None = None  # strain energy [J]
     flows: bool = True  # whether M changes along the motion because mass joins or leaves
 
     @property
     def M_flow(self) -> ca.SX:
-        """M (n_v, n_v) if it changes because mass joins or leaves, else zeros."""
+        """The matrix M (n_v, n_v) if mass may join or leave along the motion, else zeros."""
         return self.M if self.flows else ca.SX(*self.M.shape)
 
 
@@ -212,8 +195,8 @@ class Ground(AbstractBody):
     Parameters
     ----------
     shapes : sequence
-        that stand there in drawings, `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`; drawn if an element is
-        attached to this ground
+        shapes of the ground in drawings: `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`. They are drawn if
+        an element is attached to this ground
 
     Examples
     --------
@@ -236,7 +219,7 @@ class Ground(AbstractBody):
 
 @dataclass(frozen=True, eq=False)
 class Point(Located):
-    """A point fixed to a body, or to a node of a flexible one, `s` (3,) from its frame in its axes [m]."""
+    """A point fixed to a body, or to a node of a flexible body. `s` (3,) is its position in the body's frame [m]."""
 
     body: "AbstractBody"
     s: ca.SX
@@ -263,12 +246,12 @@ class Point(Located):
 
 
 def velocity_at(body: AbstractBody, arm: ca.SX) -> ca.SX:
-    """World velocity (3,) [m/s] of the point of a body at the world vector `arm` (3,) [m] from its frame's origin."""
+    """World velocity (3,) [m/s] of a point of a body. `arm` (3,) [m] leads from the frame's origin to the point."""
     return body.frame.velocity + ca.cross(body.frame.R @ body.frame.omega, arm)
 
 
 def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
-    """Inertia about the centre of mass in body axes, (3, 3), from the form that the pose expects."""
+    """Inertia (3, 3) about the centre of mass in body axes, from a value of the shape that the pose requires."""
     if isinstance(body.pose, Planar) and inertia.numel() == 1:
         return ca.diag(ca.vertcat(0, 0, inertia))
     if isinstance(body.pose, Spatial) and inertia.numel() == 3:
@@ -279,8 +262,8 @@ def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
         return ca.SX(3, 3)
     expected = {Planar: "one scalar about z", Spatial: "three principal values or a 3x3 matrix", Particle: "none"}
     raise DeclarationError(
-        f"Body {body.name!r}: inertia of shape {inertia.shape} does not fit {body.pose!r}; "
-        f"expected {expected.get(type(body.pose), 'none')}."
+        f"Body {body.name!r}: inertia of shape {inertia.shape} cannot be used with {body.pose!r}. "
+        f"Pass {expected.get(type(body.pose), 'none')}."
     )
 
 
@@ -289,10 +272,11 @@ def _is_sequence(value: object) -> TypeGuard[Sequence[Any]]:
 
 
 def as_matrix(value: Expr, what: str, bind: Callable[..., ca.SX]) -> ca.SX:
-    """A law, or nested sequences of laws as one vector or matrix, bound entry by entry."""
+    """A law, or nested sequences of laws, as one vector or matrix. `bind` converts each entry."""
     if _is_sequence(value):
         rows = [row if _is_sequence(row) else [row] for row in value]
         if len({len(row) for row in rows}) > 1:
-            raise DeclarationError(f"{what}: its rows have {' and '.join(str(len(row)) for row in rows)} entries.")
+            lengths = " and ".join(str(len(row)) for row in rows)
+            raise DeclarationError(f"{what}: the rows have {lengths} entries. Pass rows of one length.")
         return ca.vertcat(*[ca.horzcat(*[bind(entry, what) for entry in row]) for row in rows])
     return bind(value, what, any_size=True)

@@ -1,4 +1,4 @@
-"""Clutches and brakes that slip with Coulomb's torque and stick."""
+"""Clutches and brakes: they slip with Coulomb's torque, and they stick."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from symmb._magnitudes import SMALL
+from symmb._magnitudes import SLIGHT, SMALL
 from symmb._options import is_real
 from symmb._types import Expr
 from symmb.declare.mechanics.angle import turning_direction
@@ -18,33 +18,28 @@ from symmb.declare.mechanics.force import Action, PairTorque
 from symmb.declare.mechanics.joint_event import JointEvent, event_state
 from symmb.declare.symbolic import Symbol, unit, vector
 
-_STATES, _SLIGHT, _JUMP = 4, 1e-7, SMALL
-"""Random states at which a capacity is compared at slips of both signs, the slip [rad/s], and the share of the capacity
-that is a jump: one that is steep changes by less."""
-
 
 @dataclass(frozen=True, eq=False)
 class Clutch(PairTorque, Constraint):
-    """A clutch between two shafts on one axis, or a brake if one of them is the ground: it slips, and it sticks.
+    """A clutch between two shafts on one axis, or a brake if one of the shafts is the ground. It can slip and stick.
 
-    While it slips, the torque of body a on body b is `capacity`, against the slip, as dry friction has it. At the
-    instant at which the slip comes to 0 the shafts stick, without impact: a row of the equations keeps their speeds
-    equal, and its torque is what this needs. If that torque is more than `static_ratio` times the capacity, the clutch
-    slips again, in the direction of the torque. A clutch whose shafts have the same speed at the start sticks from
-    there on, if its capacity is enough. Its torque passes on no impulse of an `Impact` or a `Latch`: shafts that stick
-    slip behind it.
+    While the clutch slips, the torque of body a on body b is `capacity`, and it opposes the slip, like dry friction.
+    When the slip becomes 0, the shafts stick without impact: a constraint keeps their speeds equal. If the torque of
+    this constraint exceeds `static_ratio` times the capacity, the clutch slips again in the direction of the torque.
+    If the shafts have equal speeds at the start, the clutch sticks from the start, provided that its capacity suffices.
+    The clutch does not transmit impulses of an `Impact` or a `Latch`: after an impulse the shafts slip.
 
     Parameters
     ----------
     name : str
     body_a, body_b : Body or Ground
     capacity : Expr
-        torque while it slips [N m]: an expression of `t`, coordinates, velocities, states and parameters. It counts as
-        0 where it is negative
+        torque of the slipping clutch [N m]: an expression of `t`, coordinates, velocities, states and parameters.
+        Negative values count as 0
     static_ratio : Expr
-        torque up to which it sticks over that with which it slips, from 1 on [-]
+        largest torque of the sticking clutch over the torque of the slipping clutch, at least 1 [-]
     axis : tuple
-        in both bodies' axes
+        direction of the axis, with the same components in the axes of both bodies
 
     Examples
     --------
@@ -72,26 +67,27 @@ class Clutch(PairTorque, Constraint):
         return ca.dot(along, b.frame.R @ b.frame.omega - a.frame.R @ a.frame.omega)
 
     def faults(self) -> Iterator[str]:
-        """Faults of the declaration: a sentence with a remedy for each."""
+        """Faults of the declaration. Each fault is a sentence with a remedy."""
         yield from super().faults()
         if not self.place_faults() and self._jumps_with_slip():
             yield (
-                f"{self.title}: capacity jumps where the slip passes 0, so that it would stick and slip without end. A "
-                "Weld with a Latch and a Release is a one-way clutch."
+                f"{self.title}: capacity jumps when the slip changes its sign, so the clutch would stick and slip "
+                "endlessly. Use a continuous capacity. For a one-way clutch, use a Weld with a Latch and a Release."
             )
 
-    def _jumps_with_slip(self) -> bool:
-        """Whether the capacity has another value at a slip just above 0 than just below, at random states."""
+    def _jumps_with_slip(self, states: int = 4) -> bool:
+        """Whether the capacities just above and just below zero slip differ at all of some random states."""
         if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
             return False
         symbols = ca.vertcat(*ca.symvar(ca.vertcat(self.capacity, self.slip)))
         slope = ca.jacobian(self.slip, symbols)
         f = ca.Function("f", [symbols], [self.slip, ca.densify(slope), self.capacity])
-        for state in np.random.default_rng(0).uniform(0.5, 1.5, (_STATES, symbols.numel())):
+        for state in np.random.default_rng(0).uniform(0.5, 1.5, (states, symbols.numel())):
             slip, along, _ = (np.array(part).ravel() for part in f(state))
             step = along / max(along @ along, np.finfo(float).tiny)
-            below, above = (float(f(state - (slip - side) * step)[2]) for side in (-_SLIGHT, _SLIGHT))
-            if not abs(above - below) > _JUMP * max(abs(above), abs(below)):
+            below, above = (float(f(state - (slip - side) * step)[2]) for side in (-SLIGHT, SLIGHT))
+            # A capacity that is steep, but continuous, differs by less over so small a change of the slip.
+            if not abs(above - below) > SMALL * max(abs(above), abs(below)):
                 return False
         return True
 
@@ -107,12 +103,12 @@ class Clutch(PairTorque, Constraint):
 
     @cached_property
     def flag(self) -> Symbol:
-        """The record of `closed`."""
+        """The record of the state `closed`."""
         return event_state(f"{self.name}.closed", 0.0)
 
     @cached_property
     def side(self) -> Symbol:
-        """The record of `direction`."""
+        """The record of the state `direction`."""
         return event_state(f"{self.name}.direction", 0.0)
 
     def velocity_rows(self, bind: Bind) -> ca.SX:
@@ -122,21 +118,22 @@ class Clutch(PairTorque, Constraint):
         yield Action(self._loads(-self.direction * self._held(bind)))
 
     def _held(self, bind: Bind) -> ca.SX:
-        """The capacity as an expression that is not below 0."""
+        """The capacity as an expression that is never negative."""
         capacity = self.number(bind, "capacity")
         return capacity if is_real(self.capacity) else ca.fmax(capacity, 0)
 
     def events(self, bind: Bind) -> tuple[JointEvent, ...]:
-        """The events at which it begins to slip and to stick."""
+        """The events at which the clutch starts to slip and to stick."""
         limit = self.number(bind, "static_ratio") * self._held(bind)
-        # No condition holds while it does not count: one that held already could not begin to.
+        # An event needs a condition that becomes true. So the conditions of slip are false while the clutch slips, and
+        # the condition of sticking is false while it sticks.
         slips = ca.fabs(self.lam) > limit + (1 - self.closed)
         struck = self.closed * ca.fabs(self.slip) > 1 - self.closed
         return Slips(self, slips), Struck(self, struck), Sticks(self, self.direction * self.slip + self.closed < 0)
 
     @cached_property
     def lam(self) -> ca.SX:
-        """The symbol of the multiplier of its row in conditions [N m]."""
+        """The symbol of the clutch's multiplier in conditions [N m]."""
         return ca.SX.sym(f"{self.name}.lam")
 
 
@@ -152,23 +149,23 @@ class ClutchEvent(JointEvent):
 
     @property
     def lam(self) -> ca.SX:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The symbol of the multiplier in the condition, (1,) [N m]."""
+        """The symbol (1,) of the clutch's multiplier in the condition [N m]."""
         return self.joint.lam
 
     @property
     def flag(self) -> Symbol:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The record of `closed`, which both events of a clutch change."""
+        """The record of the state `closed`. All events of a clutch change this state."""
         return self.joint.flag
 
 
 class Slips(ClutchEvent):
-    """The event at which a clutch begins to slip. The torque on body b is -lam, and friction keeps its sign."""
+    """The event at which a clutch starts to slip. The torque on body b is -lam, and friction keeps this sign."""
 
     opens = True
 
     @property
     def closed(self) -> ca.SX:
-        """It keeps nothing closed."""
+        """The number 0, because this event does not keep the clutch closed."""
         return ca.SX(0)
 
     @property
@@ -177,7 +174,7 @@ class Slips(ClutchEvent):
 
 
 class Struck(Slips):
-    """The event at which an impulse, which no finite torque passes on, makes a clutch slip that sticks."""
+    """The event at which an impulse makes a sticking clutch slip. A finite torque cannot transmit an impulse."""
 
     @property
     def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
@@ -185,7 +182,7 @@ class Struck(Slips):
 
 
 class Sticks(ClutchEvent):
-    """The event at which a clutch ceases to slip."""
+    """The event at which a slipping clutch sticks."""
 
     opens = False
 

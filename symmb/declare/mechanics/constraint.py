@@ -1,4 +1,4 @@
-"""Constraints: what every one gives, drives, and rows of velocities only. Joints stand in `joint`."""
+"""The base class of constraints, drives, and constraints of velocities. Joints are in `joint`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,11 +27,11 @@ class Constraint(Element):
     unilateral: bool = False
 
     def pressure(self, lam: ca.SX) -> ca.SX:
-        """The force of its multipliers (n,) that a unilateral constraint can exert where it is positive [N]."""
+        """The force [N] of multipliers lam (n,). A unilateral constraint can only exert positive forces."""
         return lam[0]
 
     def positive(self, bind: Bind) -> ca.SX:
-        """Expressions (n,) that must be above 0, such as a length."""
+        """Expressions (n,) that must be positive, such as a length."""
         return ca.SX(0, 1)
 
 
@@ -63,7 +63,7 @@ class Motion(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint(Constraint):
-    """Velocity-only rows, such as rolling without slip: every expression, linear in the velocities, stays zero.
+    """A constraint of velocities, such as rolling without slip: all expressions stay 0. They are linear in velocities.
 
     Examples
     --------
@@ -81,7 +81,7 @@ class VelocityConstraint(Constraint):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if not isinstance(self.expressions, tuple | list):
-            yield f"{self.title}: expressions must be a tuple, got {type(self.expressions).__name__}."
+            yield f"{self.title}: expressions must be a tuple or a list, got {type(self.expressions).__name__}."
 
     def velocity_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(*[bind(e, f"{self.title}: expression") for e in self.expressions])

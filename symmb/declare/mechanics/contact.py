@@ -1,4 +1,4 @@
-"""Contacts: surfaces that push each other apart while they touch."""
+"""Contacts: two surfaces push each other apart while they touch."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,9 +17,9 @@ from symmb.declare.symbolic import Z, ddt, triad, unit, vector
 
 
 def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
-    """The action of a bound law: `loads` turns its force into loads.
+    """The action of a bound law. The function `loads` converts the force of the law into loads.
 
-    The force stores energy if all points, directions and sizes in `fixed` are at rest in their bodies.
+    The action has a potential if all points, directions and sizes in `fixed` are constant.
     """
     force = law.force(penetration, ddt(penetration))
     potential = law.potential(penetration) if is_constant(law.stores, *fixed) else None
@@ -38,11 +38,11 @@ def touch(
     rate: ca.SX | None = None,
     name: str = "",
 ) -> Iterator[Action]:
-    """The actions of a round body of a radius [m] about a point on a surface of body a.
+    """The actions between a circle or sphere about a point and a surface of body a.
 
-    `axis` (3,) is the normal of the surface at the foot of the point, in the axes of body a, and `height` that of the
-    point above the foot [m]. Where the foot follows a state, `rate` gives the rate of the height [m/s]. States of
-    friction have the name of the element, or another one where it touches at several points.
+    `axis` (3,) is the normal of the surface at the foot of the point, in the axes of body a. `height` [m] is the
+    height of the point above the foot. If a state follows the foot, `rate` is the rate of the height [m/s]. `name`
+    replaces the element's name in the names of friction states, if the element has several contacts.
     """
     b, law = point.body, bound(element.law, bind, element.title)
     normal, penetration = a.frame.R @ axis, radius - height
@@ -56,7 +56,7 @@ def touch(
         tangents = ca.cross(Z, axis)
     elif is_constant(axis):
         tangents = triad(axis)[:, :2]
-    else:  # no two directions are tangents everywhere: those in three lose their part along the normal
+    else:  # no smooth pair of tangents exists for all normals, so three directions minus their normal parts are used
         tangents = ca.SX.eye(3) - axis @ axis.T
     tangents = a.frame.R @ tangents
     foot = point.r - height * normal
@@ -66,7 +66,7 @@ def touch(
 
 
 def distance_and_direction(d: ca.SX, least: ca.SX | float = 0.0) -> tuple[ca.SX, ca.SX]:
-    """Length of a vector [m], not below a least one, and its direction (3,), which is 0 where the vector is."""
+    """Length [m] of a vector, at least `least`, and its direction (3,). The direction of the zero vector is 0."""
     distance = ca.sqrt(ca.fmax(ca.sumsqr(d), ca.fmax(least, MEETING) ** 2))
     return distance, d / distance
 
@@ -88,15 +88,15 @@ class Contact(SurfaceContact):
     point : Point
         centre of the sphere
     plane_point : Point
-        anywhere on the plane
+        any point of the plane
     normal : tuple
-        of the plane, out of its body, in that body's axes
+        outward normal of the plane, in the axes of plane_point's body
     law : ContactLaw
         `HuntCrossley(...)`, ...
     radius : Expr
-        of the sphere [m]; 0 is a point
+        radius of the sphere [m]; 0 is a point
     friction : FrictionLaw, optional
-        `Coulomb(...)` or `Bristle(...)`, at the foot of the sphere on the plane
+        `Coulomb(...)` or `Bristle(...)`
 
     Examples
     --------
@@ -127,19 +127,19 @@ class Contact(SurfaceContact):
 
 @dataclass(frozen=True, eq=False)
 class BushContact(PairForce):
-    """A pin in a wider cylindrical bush. The pin is free until it reaches the wall.
+    """A pin in a cylindrical bush with clearance. The pin is free until it touches the wall.
 
     Parameters
     ----------
     name : str
     point_a : Point
-        on the axis of the bush
+        point on the axis of the bush
     point_b : Point
-        on the axis of the pin; it may be anywhere along the bush
+        point on the axis of the pin; it may move along the bush
     axis : tuple
-        of the bush, in the axes of point_a's body
+        axis of the bush, in the axes of point_a's body
     clearance : Expr
-        radius of the bush less that of the pin [m]
+        radius of the bush minus radius of the pin [m]
     law : ContactLaw
         `HuntCrossley(...)`, ...
 
@@ -164,7 +164,8 @@ class BushContact(PairForce):
         clearance = self.number(bind, "clearance")
         d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
         across = d - ca.dot(d, axis) * axis
-        # Half way to the wall there is no force: the motion may stay where no direction leads to the wall.
+        # The centre has no direction to the wall. A lower limit of the distance at half the clearance, where no force
+        # acts yet, keeps derivatives finite there.
         distance, outward = distance_and_direction(across, clearance / 2)
         direction = a.frame.R @ outward
         law = bound(self.law, bind, self.title)
@@ -180,15 +181,15 @@ class ToothContact(PairForce):
     ----------
     name : str
     point_a : Point
-        halfway between the flanks
+        point halfway between the flanks
     point_b : Point
-        on the tooth
+        point of the tooth
     direction : tuple
-        from flank to flank (tangent to the pitch circle), in the axes of point_a's body
+        direction from flank to flank (tangent to the pitch circle), in the axes of point_a's body
     backlash : Expr
         play from flank to flank, half of it to each side [m]
     law : ContactLaw
-        of one flank
+        contact law of each flank
 
     Examples
     --------
@@ -210,12 +211,9 @@ class ToothContact(PairForce):
         direction = unit(vector(self.direction))
         backlash = self.number(bind, "backlash")
         d = ca.dot(direction, a.frame.R.T @ (self.point_b.r - self.point_a.r))
-
-        def loads(force: ca.SX) -> tuple[Load, ...]:
-            return push(self.point_b, a, -ca.sign(d) * force * (a.frame.R @ direction))
-
+        outward, law = -ca.sign(d) * (a.frame.R @ direction), bound(self.law, bind, self.title)
         fixed = (self.point_a.s, self.point_b.s, direction, backlash)
-        yield press(bound(self.law, bind, self.title), ca.fabs(d) - backlash / 2, loads, *fixed)
+        yield press(law, ca.fabs(d) - backlash / 2, lambda force: push(self.point_b, a, force * outward), *fixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,11 +229,11 @@ class TorsionContact(PairTorque):
     backlash : Expr
         play from stop to stop, half of it to each side [rad]
     law : ContactLaw
-        of one stop, in angles: torque [N m] from radians
+        contact law of each stop: torque [N m] over penetration [rad]
     angle : Expr
-        of b relative to a, halfway between the stops [rad]
+        angle of b relative to a halfway between the stops [rad]
     axis : tuple
-        in both bodies' axes
+        direction of the axis, with the same components in the axes of both bodies
 
     Examples
     --------

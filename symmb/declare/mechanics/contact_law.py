@@ -1,7 +1,7 @@
-"""Laws of normal contact: a force as a function of penetration and its rate. It never pulls.
+"""Laws of normal contact: forces as functions of penetration and its rate. The forces never pull.
 
-Roots and powers are evaluated at a positive argument where the surfaces do not touch, and their values are not used
-there. All derivatives are then finite, and 0 without contact.
+Without contact, roots and powers are evaluated at a positive argument, and their values are not used. So all
+derivatives are finite, and 0 without contact.
 """
 
 from abc import abstractmethod
@@ -22,7 +22,7 @@ class ContactLaw(Law):
     """The force that pushes two surfaces apart."""
 
     expected: ClassVar[str] = (
-        "a law of contact, got {}. "
+        "a contact law, got {}. "
         "Use HuntCrossley(...), LankaraniNikravesh(...), Flores(...), KelvinVoigt(...) or Tabulated(...)."
     )
 
@@ -31,22 +31,23 @@ class ContactLaw(Law):
         """Force [N] from the penetration [m] and its rate [m/s]. It is never negative, and 0 without contact."""
 
     def potential(self, penetration: ca.SX) -> ca.SX | None:
-        """Energy stored [J]; None of a law with losses."""
+        """Stored energy [J]; None if the law has losses."""
         return None
 
     @property
     def stores(self) -> ca.SX:
-        """Expressions in the stored energy beside the penetration. Energy is conserved if they are constant."""
+        """Expressions in the stored energy other than the penetration. Energy is conserved if they are constant."""
         return ca.SX(0, 1)
 
 
 def _expressions(law: ContactLaw, penetration: object, rate: object) -> tuple[ca.SX, ca.SX]:
+    """Penetration and rate as SX. Users may call laws with numbers."""
     owner = type(law).__name__
     return scalar(penetration, f"{owner}: penetration"), scalar(rate, f"{owner}: rate")
 
 
 def _power(base: ca.SX, exponent: Expr) -> ca.SX:
-    """A power of a positive number. The power 3/2 of Hertz is computed by a root, which is much faster."""
+    """A power of a positive number. A root computes the exponent 3/2 of Hertz much faster."""
     if not ca.SX(exponent).is_constant():
         return base**exponent
     return base * ca.sqrt(base) if float(exponent) == 1.5 else base ** float(exponent)
@@ -54,7 +55,7 @@ def _power(base: ca.SX, exponent: Expr) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class _Hertzian(ContactLaw):
-    """F = k d^n (1 + chi d') with the penetration d. The laws differ in chi."""
+    """F = k d^n (1 + chi d') with the penetration d. Subclasses define chi."""
 
     stiffness: Expr = field(metadata=POSITIVE)
     restitution: Expr = field(metadata=within(above=0.0, most=1.0))
@@ -64,7 +65,7 @@ class _Hertzian(ContactLaw):
     @property
     @abstractmethod
     def chi(self) -> Expr:
-        """Damping over stiffness [s/m]."""
+        """The ratio of damping to stiffness [s/m]."""
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
         penetration, rate = _expressions(self, penetration, rate)
@@ -95,11 +96,11 @@ class HuntCrossley(_Hertzian):
     stiffness : Expr
         k [N/m^n]
     restitution : Expr
-        e, above 0 and up to 1 [-]; 1 is a spring without losses
+        coefficient of restitution e, above 0 and at most 1 [-]; with 1 there are no losses
     speed : Expr
-        v of approach when the contact begins [m/s]
+        speed of approach v at the start of the contact [m/s]
     exponent : Expr
-        n, 3/2 of Hertz if left out [-]
+        n, by default 3/2 as in Hertz's law [-]
 
     Examples
     --------
@@ -176,7 +177,7 @@ class Flores(_Hertzian):
 class KelvinVoigt(ContactLaw):
     """F = k d + c d', a spring and a damper in parallel.
 
-    With damping the force jumps when the contact begins, and it is 0 before the surfaces part.
+    With damping the force jumps at the start of the contact, and becomes 0 before the surfaces separate.
 
     Parameters
     ----------
@@ -217,7 +218,7 @@ class Tabulated(ContactLaw):
     Parameters
     ----------
     table : Table
-        force [N] over penetration [m]
+        table of the force [N] over the penetration [m]
     damping : Expr
         c [N s/m]
 
@@ -242,5 +243,6 @@ class Tabulated(ContactLaw):
 
 
 def _pushing(penetration: ca.SX, force: ca.SX) -> ca.SX:
+    """The force if it is positive and the surfaces touch, else 0."""
     force = ca.if_else(penetration > 0, force, 0)  # its sign causes a kink only during contact
     return ca.if_else(force > 0, force, 0)

@@ -1,4 +1,4 @@
-"""Plane curves of cams, grooves and tracks, and the parts of them on which one foot is next to a point."""
+"""Plane curves of cams, grooves and tracks, divided into parts on which a point has one foot."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -24,14 +24,14 @@ class Curve:
     Parameters
     ----------
     shape : callable or (n, 2) array
-        function of s, SX, that returns x and y [m] as expressions of s and parameters; or points [m], through which a
-        spline goes whose parameter is the length of the polygon up to a point [m]
+        function of s, SX, that returns x and y [m] as expressions of s and parameters; or points [m] of a spline. The
+        parameter s of a spline is the length [m] of the polygon through the points
     start, end : float
         range of s, for a function
     closed : bool
-        the curve ends where it starts
+        whether the end of the curve is its start
     corners : sequence
-        values of s, or numbers of points, where the direction of the curve jumps
+        values of s, or numbers of points, at which the direction of the curve jumps
 
     Examples
     --------
@@ -60,12 +60,12 @@ class Curve:
         object.__setattr__(self, "closed", bool(self.closed))
         corners = numbers_of(self.corners if isinstance(self.corners, list | tuple | range | np.ndarray) else "")
         if corners is None or corners.ndim != 1:
-            raise DeclarationError(f"Curve: corners {shown(self.corners)} are no numbers.")
+            raise DeclarationError(f"Curve: corners must be a list of numbers, got {shown(self.corners)}.")
         if callable(self.shape):
             place = vector(law_value(self.shape, "Curve", self.s), "the place of a Curve")[:2]
             if not (is_finite_number(self.start) and is_finite_number(self.end) and self.start < self.end):  # type: ignore
                 raise DeclarationError(
-                    f"Curve: start {self.start!r} and end {self.end!r} must be numbers that increase."
+                    f"Curve: start {self.start!r} and end {self.end!r} must be finite numbers, and start below end."
                 )
             object.__setattr__(self, "start", float(self.start))
             object.__setattr__(self, "end", float(cast(float, self.end)))
@@ -74,7 +74,9 @@ class Curve:
             object.__setattr__(self, "start", 0.0)
             object.__setattr__(self, "end", end)
         if ((corners < self.start) | (corners > self.ends[1])).any():
-            raise DeclarationError(f"Curve: corners {shown(self.corners)} are not on it.")
+            raise DeclarationError(
+                f"Curve: corners {shown(self.corners)} must be from {self.start:g} to {self.ends[1]:g}, the range of s."
+            )
         object.__setattr__(self, "corners", tuple(np.unique(corners).tolist()))
         object.__setattr__(self, "place", place)
 
@@ -84,12 +86,12 @@ class Curve:
         return float(self.start), float(cast(float, self.end))
 
     def at(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Place (2,) and its first two derivatives by s."""
+        """The position (2,) at s, and its first two derivatives with respect to s."""
         first = ca.jacobian(self.place, self.s)
         return tuple(ca.substitute([self.place, first, ca.jacobian(first, self.s)], [self.s], [s]))  # type: ignore
 
     def nearest(self, P: ca.SX, low: float, high: float, samples: int, follow: Callable[[ca.SX], ca.SX]) -> ca.SX:
-        """The s next to P (2,): the nearest of some samples, and steps of Newton's from there."""
+        """The s of the point of the curve nearest to P (2,): the best of `samples`, improved by Newton's steps."""
         ends = low, high - (high - low) / samples * self.closed
         best, squared = ca.SX(low), ca.sumsqr(P - ca.substitute(self.place, self.s, ca.SX(low)))
         for value in np.linspace(*ends, samples).tolist()[1:]:
@@ -97,38 +99,30 @@ class Curve:
             distance = ca.sumsqr(P - ca.substitute(self.place, self.s, s))
             is_next = distance - squared < -SOFT
             best, squared = ca.if_else(is_next, s, best), ca.if_else(is_next, distance, squared)
-        for _ in range(_STEPS):
+        for _ in range(4):  # each step about squares the relative error of a sample
             best = follow(best)
         return best
 
     def measured(self, bind: Bind) -> "Measured":
-        """The curve in numbers, at the nominal parameters."""
+        """The numeric curve at the nominal parameters."""
         p = [symbol for symbol in ca.symvar(self.place) if symbol.element_hash() != self.s.element_hash()]
         values = [float(ca.evalf(bind.nominal(symbol))) for symbol in p]
         f = ca.Function("curve", [self.s, ca.vertcat(ca.SX(0, 1), *p)], [ca.densify(part) for part in self.at(self.s)])
         return Measured(self, lambda s: batch(f, s[:, None], np.array(values)))
 
 
-_STEPS = 4
-"""Newton's steps from a sample: the error of a step is about the square of the last one's."""
 _SAMPLES = 400
-"""Samples of a smooth piece that show how it bends. Feet on parts of it follow exactly, wherever they are cut."""
-_TURN = np.pi / 2
-"""Turn of a part: a point has one foot on it, and on the tangents at its ends, unless it is beyond a centre of
-curvature."""
+"""Samples of a smooth piece for its curvature. Feet are exact for any parts, so a fixed count suffices."""
 _OVERLAP = 0.1
-"""Share of a part by which it reaches into the next one: where one ends, a foot on the other is nearer."""
-_INSET = ROUNDING
-"""Share of a piece by which derivatives keep off its corners, where they jump."""
-_MOST_PARTS = 64
+"""Overlap of successive parts over the length of a part: where one part ends, the foot on the next part is nearer."""
 
 
 Part = tuple[float, float]
-"""A part of a curve from low to high s, infinite if it has no ends."""
+"""A part of a curve from low to high s. The limits of a part without ends are infinite."""
 
 
 class Measured:
-    """A curve in numbers: `numbers` gives its place and first two derivatives (n, 2) at values of s (n,)."""
+    """A numeric curve: `numbers` returns positions and their first two derivatives (n, 2) at values of s (n,)."""
 
     def __init__(self, curve: Curve, numbers: Callable[[Array], tuple[Array, ...]]) -> None:
         self.curve, self._numbers = curve, numbers
@@ -137,19 +131,21 @@ class Measured:
         s = np.linspace(start, end, 4 * _SAMPLES + 1)
         x, d, _ = numbers(s)
         if not np.isfinite([x, d]).all() or not np.hypot(*d.T).min() > 0:
-            raise DeclarationError("its curve has places that are no numbers, or where it has no direction")
+            raise DeclarationError("the curve has a point that is not finite, or at which its derivative is zero")
         self.length, self.middle = float(np.hypot(*np.diff(x, axis=0).T).sum()), x[:-1].mean(axis=0)
+        # The sign of the area (Green's theorem) tells which side of a closed curve is inside.
         moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]
         self.area = float((moment[1:] + moment[:-1]) @ np.diff(s)) / 4
         if curve.closed and np.hypot(*(x[-1] - x[0])) > SAME * self.length:
-            raise DeclarationError("its curve is closed, but it does not end where it starts")
+            raise DeclarationError("the curve is closed, but its end differs from its start")
+        # A function of s may be periodic, so that feet can pass the start; others must be cut there.
         beyond = np.array([0.0, 0.01]) * self.period
         gap = np.hypot(*(numbers(start + beyond)[0] - numbers(end + beyond)[0]).T)
         self.is_periodic = curve.closed and bool(gap.max() <= SAME * self.length)
 
     @property
     def _pieces(self) -> list[tuple[float, float]]:
-        """The smooth pieces between corners and ends."""
+        """The smooth pieces between corners and ends, as pairs of s."""
         start, corners = float(self.curve.start), list(self.curve.corners)
         if self.is_periodic and corners:
             breaks = [*corners, corners[0] + self.period]
@@ -157,10 +153,10 @@ class Measured:
             breaks = sorted({start, *corners, start + self.period})
         return list(pairwise(breaks))
 
-    def groups(self, side: float) -> list[list[Part]]:
-        """Parts from low to high s, in groups that touch at one place: a corner in which a point lies begins another.
+    def groups(self, side: float, most_parts: int = 64) -> list[list[Part]]:
+        """Parts of the curve in groups, separated by concave corners. A point touches a group once at most.
 
-        Points are to the left of the curve for a side of 1, to the right for -1.
+        Points are to the left of the curve for side=1, to the right for side=-1.
         """
         groups: list[list[Part]] = []
         pieces = self._pieces
@@ -172,18 +168,22 @@ class Measured:
                 groups.append(parts)
         if self.curve.closed and len(groups) > 1 and not self._is_concave(pieces[-1][1], pieces[0][0], side):
             groups[0] = groups.pop() + groups[0]
-        if sum(map(len, groups)) > _MOST_PARTS:
-            raise DeclarationError(f"its curve bends to and fro too often: it has more than {_MOST_PARTS} parts")
+        if sum(map(len, groups)) > most_parts:  # each part adds a state to the equations
+            raise DeclarationError(
+                f"the curve bends in {sum(map(len, groups))} parts, but at most {most_parts} are possible. Use a "
+                "smoother curve"
+            )
         return groups
 
     def _is_concave(self, before: float, behind: float, side: float) -> bool:
-        inset = _INSET * self.period
+        """Whether the curve turns toward the side at a corner, from the s before the corner to the s behind it."""
+        inset = ROUNDING * self.period  # derivatives jump at the corner itself
         (u, v) = self._numbers(np.array([before - inset, behind + inset]))[1]
         return side * (u[0] * v[1] - u[1] * v[0]) > SLIGHT * np.hypot(*u) * np.hypot(*v)
 
     def _parts(self, a: float, b: float, side: float) -> list[Part]:
-        """Cuts of a smooth piece where it begins to bend to the other side, and after each quarter of a turn."""
-        inset = _INSET * (b - a)
+        """The parts of a smooth piece from a to b: the curvature keeps its sign, and the turn is a quarter at most."""
+        inset = ROUNDING * (b - a)  # derivatives jump at the ends
         s = np.linspace(a + inset, b - inset, _SAMPLES + 1)
         _, d, dd = self._numbers(s)
         bend = side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / (d**2).sum(axis=1)  # radians for each s
@@ -194,7 +194,8 @@ class Measured:
         for k in range(_SAMPLES):
             now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > SLIGHT else sign
             turn += abs(bend[k]) * (s[k + 1] - s[k])
-            if (sign and now != sign) or turn > _TURN:
+            # After a quarter of a turn, a point could have a second foot on the part, or on the tangents at its ends.
+            if (sign and now != sign) or turn > np.pi / 2:
                 cuts.append(float(s[k]))
                 turn = 0.0
             sign = now
@@ -207,10 +208,10 @@ class Measured:
         return parts
 
     def corners_at(self, part: Part, side: float) -> tuple[float, float]:
-        """Angles [rad] by which the curve bends away at the ends of a part: 0 where it goes on smoothly."""
+        """Angles [rad] of the corners at both ends of a part, away from the side; 0 if the curve is smooth there."""
         found, (start, end) = [], self.curve.ends
         for s, sign in zip(part, (-1, 1), strict=True):
-            beyond = s + sign * 3 * _INSET * self.period
+            beyond = s + sign * 3 * ROUNDING * self.period
             if not self.curve.closed and not start <= beyond <= end:
                 found.append(np.pi / 2)
                 continue
@@ -221,14 +222,14 @@ class Measured:
         return found[0], found[1]
 
     def bend(self, part: Part, side: float) -> float:
-        """The least curvature [1/m] of a part, away from the side: negative where it bends toward it."""
+        """The lowest curvature [1/m] of a part. It is positive if the part bends away from the side."""
         low, high = part if np.isfinite(part[0]) else self.curve.ends
         inset = _OVERLAP * (high - low)
         _, d, dd = self._numbers(np.linspace(low + inset, high - inset, 100))
         return float((-side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3).min())
 
     def require_room(self, group: list[Part], side: float, radius: float, circle: str) -> None:
-        """DeclarationError if a circle that touches a group of parts somewhere is over its edge elsewhere."""
+        """DeclarationError if a circle that touches a group of parts at one point intersects it at another."""
         ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
         sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
         x, d, _ = (np.vstack(part) for part in zip(*sampled, strict=True))
@@ -238,18 +239,19 @@ class Measured:
         if (distance < (1 - SLIGHT) * radius).any():
             place = ", ".join(f"{value:.3g}" for value in x[distance.argmin()])
             raise DeclarationError(
-                f"where {circle} of radius {radius:g} touches the curve at ({place}), it is over it elsewhere: the "
-                "curve bends more tightly than the circle. Use a smaller circle, or one contact for each part"
+                f"if {circle} of radius {radius:g} touches the curve at ({place}), it intersects the curve at other "
+                "points, because the curve bends more tightly than the circle. Use a smaller circle, or one contact "
+                "for each part of the curve"
             )
 
 
 def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.SX, float, Array]:
-    """Place (2,) on the spline through points (n, 2), the largest s, and s at the corners."""
+    """The position (2,) on the spline through points (n, 2) as an expression of s, the largest s, and s of corners."""
     from scipy.interpolate import CubicSpline
 
     x = _points(points, closed)
     if not np.isin(corners, np.arange(len(x))).all():
-        raise DeclarationError("Curve: corners are numbers of points, from 0 on.")
+        raise DeclarationError(f"Curve: corners must be numbers of points, from 0 to {len(x) - 1}.")
     at = np.unique(corners).astype(int)
     if closed:
         first = int(at[0]) if at.size else 0
@@ -257,7 +259,7 @@ def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.
         x = np.vstack([x, x[:1]])
     steps = np.hypot(*np.diff(x, axis=0).T)
     if not steps.all():
-        raise DeclarationError("Curve: two points that follow each other are the same. Leave one out.")
+        raise DeclarationError("Curve: two successive points are equal. Omit one of them.")
     along = np.concatenate([[0.0], np.cumsum(steps)])
     smooth = closed and not at.size
     breaks = np.unique([0, *at.tolist(), len(x) - 1])
@@ -266,12 +268,12 @@ def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.
         piece = CubicSpline(along[i : j + 1], x[i : j + 1], bc_type="periodic" if smooth else "not-a-knot")
         rows.append(np.column_stack([along[i:j], *(piece.c[::-1, :, k].T for k in range(2))]))
     table = np.vstack(rows)
-    if smooth:  # parts reach beyond the seam
+    if smooth:  # parts extend beyond the start and the end of the curve
         shift = np.zeros(9)
         shift[0] = along[-1]
         table = np.vstack([table - shift, table, table + shift])
     begins = table[:, 0]
-    for k in range(3 - len(table)):  # pieces have two knots at least: beyond the end the last one goes on
+    for k in range(3 - len(table)):  # Smooth needs three rows: the last polynomial is repeated beyond the end
         begins, table = np.append(begins, (k + 1) * along[-1]), np.vstack([table, table[-1:]])
     pieces = Smooth(np.zeros(len(table)), begins, table)
     begin, *c, _ = pieces(ca.SX(0), s)
@@ -281,12 +283,12 @@ def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.
 
 
 def _points(points: object, closed: bool) -> Array:
-    """Points (n, 2); the last of a closed curve is not the first."""
+    """The points (n, 2) as an array. The first point of a closed curve is not repeated at the end."""
     x = numbers_of(points)
     if x is None or x.ndim != 2 or x.shape[1] != 2 or not np.isfinite(x).all():
         raise DeclarationError("Curve: shape must be a function of s, or points (n, 2) of finite numbers.")
     if closed and np.allclose(x[0], x[-1], rtol=0, atol=ROUNDING * np.ptp(x)):
         x = x[:-1]
     if len(x) < 2 + closed:
-        raise DeclarationError(f"Curve: {len(x)} points are too few. Give two or more, three or more if it is closed.")
+        raise DeclarationError(f"Curve: {len(x)} points are too few. Pass at least {2 + closed} points.")
     return x

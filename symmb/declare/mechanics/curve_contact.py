@@ -1,4 +1,4 @@
-"""Contacts of circles with curves, and points that are held on curves. One search finds the feet of both."""
+"""Contacts of circles with curves, and joints that hold a point on a curve."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -36,45 +36,49 @@ from symmb.declare.symbolic import SOFT, Symbol, is_zero
 
 
 def _normal(along: ca.SX, side: float) -> ca.SX:
-    """The unit normal (2,) of a curve to the left for a side of 1, to the right for -1."""
+    """The unit normal (2,) of a curve with tangent `along`: to the left for side=1, to the right for side=-1."""
     return side * left(along) / ca.norm_2(along)
 
 
 def _side(measured: Measured, inside: bool) -> float:
-    """1 if points lie to the left of the curve, -1 to the right: outside of a closed curve, unless they are inside."""
+    """The side of the curve on which points are: 1 for the left side, -1 for the right side.
+
+    Points are outside a closed curve, or to the left of an open curve, unless `inside` is true.
+    """
     outside = -float(np.sign(measured.area)) if measured.curve.closed else 1.0
     return -outside if inside else outside
 
 
 @dataclass(frozen=True, eq=False)
 class CurveContact(ShapeContact):
-    """A circle, a point or another curve against a curve in the xy plane of point_a's body: a roller on a cam.
+    """A circle, a point or another curve against a curve in the xy plane of point_a's body, such as a roller on a cam.
 
-    The foot of the circle on the curve is a first-order state, `name.foot`, which follows the motion, one for each part
-    that bends to one side by a quarter of a turn. The nearest one counts. In a corner, the circle can touch at two
-    places, with a force at each. An open curve is thin, and has two sides for a circle; a point may be beneath it.
+    A foot is the point of the curve that is nearest to the circle. First-order states, `name.foot`, follow the feet.
+    The curve is divided into parts that bend to one side by at most a quarter of a turn. Each part has a foot, and the
+    nearest foot counts. In a concave corner, the circle can touch at two points, with a force at each point. An open
+    curve is thin: a circle may touch it from both sides. A point may be below it.
 
-    Two curves have a foot on each, `name.foot.a` and `name.foot.b`, for each pair of parts. They touch with their
-    outsides, open ones with their left sides. If one curve bends inward, the other must bend more tightly everywhere.
-    One of them may have corners.
+    Two curves have a foot on each curve, `name.foot.a` and `name.foot.b`, for each pair of parts. Closed curves touch
+    with their outsides, open curves with their left sides. If one curve bends inward, the other curve must bend more
+    tightly everywhere. Only one of the two curves may have corners.
 
     Parameters
     ----------
     name : str
     point_a : Point
-        where x and y of the curve are 0
+        point at which x and y of the curve are 0
     curve : Curve
     point_b : Point
-        centre of the circle
+        centre of the circle, or point at which x and y of `curve_b` are 0
     radius : Expr
-        of the circle [m]; 0 is a point. Two curves are apart by it where they touch
+        radius of the circle [m]; 0 is a point. Two curves touch if their distance is `radius`
     law, friction
-        as of `Contact`
+        see `Contact`
     inside : bool
-        the circle is inside of a closed curve, or to the right of an open one. It is else outside, or to the left in
-        the direction of rising s, as above y(x)
+        True: the circle is inside a closed curve, or to the right of an open curve. False: the circle is outside a
+        closed curve, or to the left of an open curve, in the direction of increasing s, such as above y(x)
     curve_b : Curve, optional
-        of point_b's body, which touches in place of a circle
+        curve on point_b's body in place of the circle
 
     Examples
     --------
@@ -102,15 +106,15 @@ class CurveContact(ShapeContact):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if self.curve_b is not None and any(isinstance(body.pose, Spatial) for body in self.bodies()):
-            yield f"{self.title}: two curves touch in one plane, which spatial bodies leave. Use pose=Planar()."
+            yield f"{self.title}: two curves cannot be used with spatial bodies. Use pose=Planar()."
         if all(isinstance(curve, Curve) and curve.corners for curve in (self.curve, self.curve_b)):
-            yield f"{self.title}: corners of one curve touch no corners of the other. Round these off by short arcs."
+            yield f"{self.title}: only one of two curves may have corners. Replace corners of one curve by short arcs."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         radius = self.number(bind, "radius")
         with faults_of(self.title, end="."):
             places = self._places(bind, float(ca.evalf(bind.nominal(radius))))
-        fixed = [ca.substitute(curve.place, curve.s, 0) for curve in self._curves]  # what else they depend on
+        fixed = [ca.substitute(curve.place, curve.s, 0) for curve in self._curves]  # their parameters
         count, number = sum(map(len, places)), 0
         motion = Motion.of(self.offset[:2], (self.point_a.body.frame.R.T @ self.point_b.body.frame.R)[:2, :2])
         for k, place in enumerate(places):
@@ -141,7 +145,7 @@ class CurveContact(ShapeContact):
         return (self.curve,) if self.curve_b is None else (self.curve, self.curve_b)
 
     def _places(self, bind: Bind, radius: float) -> list[list[tuple[Side, ...]]]:
-        """For each place at which there may be contact, the parts of the curve, or pairs of parts of both."""
+        """For each possible contact, the parts of the curve, or the pairs of parts of both curves."""
         measured = [curve.measured(bind) for curve in self._curves]
         groups = [
             [[Side(some, part, side) for part in group] for group in some.groups(side)]
@@ -159,9 +163,9 @@ class CurveContact(ShapeContact):
     def _found(
         self, sides: tuple[Side, ...], motion: Motion, name: str, has_back: bool
     ) -> tuple[ca.SX, tuple[Symbol, ...]]:
-        """Squared distance, height of b [m], the normal there (2,) and the place on b (2,); and the states.
+        """The vector (6,) of squared distance [m^2], height of b [m], normal (2,) and point of b (2,); and the states.
 
-        A curve that has a back is thin: a circle is on either side of it. Beneath others heights are negative.
+        With `has_back` the curve is thin, and a circle may be on both sides. Else heights are negative below the curve.
         """
         if self.curve_b is not None:
             feet, states = follow_curve(sides[0], sides[1], motion, name)
@@ -175,24 +179,25 @@ class CurveContact(ShapeContact):
 
 @dataclass(frozen=True, eq=False)
 class PointOnCurve(Joint):
-    """Point b, or the centre of a roller about it, is held on a curve in the xy plane of point_a's body: a groove cam.
+    """A joint that holds point b, or a roller about point b, on a curve in the xy plane of point_a's body.
 
-    Its one multiplier is minus the force on body b along the normal of the curve, which is to its left, or out of it if
-    it is closed [N]. There is no friction. An open curve goes on straight beyond its ends.
+    An example is a groove cam. The joint has one multiplier. It is minus the force [N] on body b along the normal of
+    the curve. The normal points to the left of an open curve, and out of a closed curve. There is no friction. An open
+    curve continues along its tangents beyond its ends.
 
     Parameters
     ----------
     name : str
     point_a : Point
-        where x and y of the curve are 0
+        point at which x and y of the curve are 0
     point_b : Point
     curve : Curve
     radius : Expr
-        of a roller that rolls on the curve [m]; 0 holds the point itself on it
+        radius of a roller on the curve [m]; with 0 the point itself is on the curve
     inside : bool
-        as of `CurveContact`
+        see `CurveContact`
     unilateral : bool
-        a warning says from when on the curve would have to pull, so that a roller on a cam would lift off
+        True: a warning says when the curve would have to pull, so that a roller on a cam would lift off
 
     Examples
     --------
@@ -206,7 +211,7 @@ class PointOnCurve(Joint):
     """
 
     poses: ClassVar = ((Planar, Spatial), (Planar, Spatial, Particle))
-    without: ClassVar[str] = "Use coordinates and points of its bodies."
+    without: ClassVar[str] = "Use coordinates and points of the joint's bodies."
 
     curve: Curve
     radius: Expr = field(default=0.0, kw_only=True, metadata=NOT_NEGATIVE)
@@ -216,7 +221,7 @@ class PointOnCurve(Joint):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if isinstance(self.curve, Curve) and self.curve.corners:
-            yield f"{self.title}: its curve has corners, at which a motion cannot turn suddenly. Use CurveContact."
+            yield f"{self.title}: the curve must be smooth, but it has corners. Use CurveContact."
 
     def position_rows(self, bind: Bind) -> ca.SX:
         curve, P = self.curve, (self.point_a.body.frame.R.T @ self.d)[:2]

@@ -1,4 +1,4 @@
-"""The elements that are made inside `with System() as system:`."""
+"""Recording of the elements that are declared inside `with System() as system:`."""
 
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Self
@@ -9,13 +9,13 @@ _MADE: ContextVar[list[Any] | None] = ContextVar("elements made inside", default
 
 
 def declared(*elements: Any) -> None:
-    """Note elements, if those that are made are noted."""
+    """Record elements if they are declared inside a block."""
     if (made := _MADE.get()) is not None:
         made.extend(elements)
 
 
 class Block:
-    """Notes the elements that are made inside its `with`."""
+    """A context manager that records the elements declared inside its `with`."""
 
     def __enter__(self) -> Self:
         self._made: list[Any] = []
@@ -27,14 +27,14 @@ class Block:
 
 
 class FilledByBlock(Block):
-    """What is made of `elements` and `parameters`, and has more elements after a `with`. Inside it cannot be used."""
+    """An object of `elements` and `parameters` that gets more elements by a `with`. It cannot be used inside."""
 
     elements: tuple[Any, ...]
     parameters: Any
 
     def __enter__(self) -> Self:
         if "_outside" in vars(self):
-            raise DeclarationError("with: the block of this System is open already. Make its elements in one block.")
+            raise DeclarationError("with: the block of this System is already open. Use one block for all elements.")
         outside = dict(vars(self))
         vars(self).clear()
         self._outside = outside
@@ -45,7 +45,7 @@ class FilledByBlock(Block):
         made, outside = self._made, self._outside
         vars(self).clear()
         vars(self).update(outside)
-        if error[0] is None:  # else it stays what it was, as with faults in elements
+        if error[0] is None:  # after an error the object keeps its old elements
             kind: Any = type(self)
             whole = kind(*self.elements, *made, parameters=self.parameters or None)
             vars(self).clear()
@@ -55,5 +55,5 @@ class FilledByBlock(Block):
 
         def __getattr__(self, name: str) -> Any:
             if "_outside" in vars(self) and not name.startswith("__"):
-                raise DeclarationError("System: its block is open. Use the System after it, where it has its elements.")
+                raise DeclarationError("System: a System cannot be used inside its own block. Use it after the block.")
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}.")

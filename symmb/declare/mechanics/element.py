@@ -1,4 +1,4 @@
-"""The base of constraints and forces, and of their laws: what their fields accept is checked here."""
+"""The base classes of constraints, forces and their laws. They check the values of all fields."""
 
 import math
 from abc import ABC
@@ -21,21 +21,21 @@ from symmb.declare.symbolic import has_irregular_constant, is_zero, vector
 
 
 class Bind(Protocol):
-    """Converts an expression (number, SX or SymPy) into SX. The text names its owner in error messages."""
+    """Converts an expression (number, SX or SymPy) into SX. The text `what` names the expression in error messages."""
 
     def __call__(self, law: Any, what: str, /) -> ca.SX: ...
 
     def nominal(self, expression: ca.SX, /) -> Array:
-        """Values of an expression of parameters at the nominal ones."""
+        """The values of an expression of parameters at the nominal parameters."""
         ...
 
 
 class Element(ABC):
     """A constraint or a force, with its name, its bodies and the faults of its declaration.
 
-    The fields of an element say what they accept: points, bodies, laws and curves by their types, directions, numbers
-    and truth values by metadata, such as `DIRECTION` and `POSITIVE`. `poses` are those that its bodies may have, one
-    after the other; without them any will do.
+    Types and metadata of the fields determine the values that are accepted: types those of points, bodies, laws and
+    curves, metadata such as `DIRECTION` and `POSITIVE` those of directions, numbers and truth values. `poses` lists
+    for each body the accepted poses. If `poses` is empty, every pose is accepted.
     """
 
     poses: ClassVar[tuple[tuple[type[Pose], ...], ...]] = ()
@@ -49,12 +49,12 @@ class Element(ABC):
 
     @property
     def kind(self) -> str:
-        """An element that a user declares."""
+        """The name of the element's class in messages."""
         return type(self).__name__
 
     @property
     def title(self) -> str:
-        """Kind and name for messages."""
+        """The kind and the name of the element in messages."""
         return f"{self.kind} {self.name!r}"
 
     def bodies(self) -> tuple[AbstractBody, ...]:
@@ -62,37 +62,38 @@ class Element(ABC):
         return _attached(self)
 
     def number(self, bind: Bind, what: str) -> ca.SX:
-        """A field as an expression."""
+        """The number or expression of a field as SX."""
         return bind(getattr(self, what), f"{self.title}: {what}")
 
     def parts(self) -> "tuple[Element, ...]":
-        """Other elements that it acts on, which must be in the system as well."""
+        """Other elements on which this element acts. The system must contain these elements, too."""
         return ()
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
-        """Expressions that are below 0 when a run leaves the range of the element's law, with sentences; {} is the
-        time."""
+        """Expressions that become negative if a run leaves the range of validity of the element's law. Each has the
+        sentence of its warning, in which {} is replaced by the time."""
         yield from ()
 
     def place_faults(self) -> list[str]:
-        """Faults of the points and bodies that it is attached to. The others are looked for where there are none."""
+        """Faults of the points and bodies to which the element is attached. Other faults are searched only if there
+        are none of these."""
         return [fault for kind, place in _places(self) for fault in _PLACES[kind](self.title, place)]
 
     def faults(self) -> Iterator[str]:
-        """Faults of the declaration: a sentence with a remedy for each."""
+        """Faults of the declaration. Each fault is a sentence with a remedy."""
         yield from pose_faults(self.title, _attached(self), self.poses)
         yield from _field_faults(self.title, self)
 
 
 def _given(owner: object) -> Iterator[tuple[Field[Any], Any]]:
-    """The fields of an element or a law with their values, but for options that are left out by None."""
+    """The fields of an element or a law with their values. Options that are None are left out."""
     for f in fields(owner):  # pyright: ignore[reportArgumentType]
         if f.init and not ((value := getattr(owner, f.name)) is None and f.default is None):
             yield f, value
 
 
 def _places(element: Element) -> list[tuple[Any, Any]]:
-    """The points and bodies that an element is attached to, behind the types of their fields."""
+    """The types of an element's fields for points and bodies, each with the value of the field."""
     return [(f.type, value) for f, value in _given(element) if f.type in _PLACES]
 
 
@@ -101,7 +102,7 @@ def _attached(element: Element) -> tuple[AbstractBody, ...]:
 
 
 def _field_faults(title: str, owner: object) -> Iterator[str]:
-    """Faults of the fields of an element or a law by their metadata, and of what is of another class than a field."""
+    """Faults of the fields of an element or a law: values of a wrong class, and values that the metadata refuse."""
     for f, value in _given(owner):
         kinds: tuple[Any, ...] = get_args(f.type) or (f.type,)
         for kind in kinds:
@@ -113,68 +114,70 @@ def _field_faults(title: str, owner: object) -> Iterator[str]:
 
 
 def point_faults(title: str, *points: object) -> Iterator[str]:
-    """Faults of the points an element is attached to."""
+    """Faults of the points to which an element is attached."""
     for point in points:
         if not isinstance(point, Point):
             yield f"{title}: expected a point, got {type(point).__name__}. Use body.point(x, y) or ground.point(x, y)."
         elif has_irregular_constant(point.s):
-            yield f"{title}: contains NaN or infinity in a point of body {point.body.name!r}."
+            yield f"{title}: a point of body {point.body.name!r} contains NaN or infinity. Use finite coordinates."
         elif isinstance(point.body.pose, Planar) and not is_zero(point.s[2]):
             yield (
-                f"{title}: the point on planar body {point.body.name!r} lies out of its plane (z = {point.s[2]}). "
-                "Use z = 0 or pose=Spatial()."
+                f"{title}: the point on planar body {point.body.name!r} has z = {point.s[2]}, but planar bodies have "
+                "points with z = 0 only. Use z = 0 or pose=Spatial()."
             )
 
 
 def body_faults(title: str, *bodies: object) -> Iterator[str]:
-    """Faults of the bodies an element is attached to."""
+    """Faults of the bodies to which an element is attached."""
     for body in bodies:
         if not isinstance(body, AbstractBody):
-            yield f"{title}: expected a body, got {type(body).__name__}."
+            yield f"{title}: expected a body, got {type(body).__name__}. Pass a Body or Ground()."
 
 
 _PLACES: dict[Any, Callable[..., Iterator[str]]] = {Point: point_faults, AbstractBody: body_faults}
-"""Types of fields that an element is attached to, with their faults."""
+"""Types of the fields for points and bodies, each with the function that checks a value."""
 
 
 def pose_faults(
     title: str, bodies: tuple[AbstractBody, ...], allowed: tuple[tuple[type[Pose], ...], ...]
 ) -> Iterator[str]:
-    """Faults of an element whose bodies have poses that it does not support, or cannot move relative to each other."""
+    """Faults of an element with bodies of a pose that is not allowed, or with bodies that have no relative motion."""
+    # Not strict: elements with more bodies than `poses` accept every pose of the others.
     for body, poses in zip(bodies, allowed, strict=False):
         if not isinstance(body.pose, (*poses, Fixed)):
             names = " or ".join(f"pose={p.__name__}()" for p in poses)
-            yield f"{title}: makes no sense on {body.pose!r} body {body.name!r}. Use {names}, or another joint."
+            yield f"{title}: body {body.name!r} has {body.pose!r}, which cannot be used. Use {names}, or another joint."
     yield from pair_faults(title, bodies)
 
 
 def pair_faults(title: str, bodies: tuple[AbstractBody, ...]) -> Iterator[str]:
-    """Fault of an element whose two points cannot move relative to each other."""
+    """Fault of an element with two points that cannot move relative to each other."""
     if len(bodies) > 1 and all(isinstance(body, Ground) for body in bodies):
-        yield f"{title}: both points are on the ground, nothing is left to act on."
+        yield f"{title}: both points are on the ground, so the element has no effect. Use points of two bodies."
     elif len(bodies) > 1 and bodies[0] is bodies[1]:
-        yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to act on."
+        name = bodies[0].name
+        yield f"{title}: both points are on body {name!r}, so the element has no effect. Use points of two bodies."
 
 
 def direction_faults(title: str, what: str, axis: Any) -> Iterator[str]:
-    """Fault of an invalid direction."""
+    """Fault of a direction that is zero or not finite."""
     a = vector(axis, f"{what} of {title}")
     if is_zero(a):
-        yield f"{title}: {what} {shown(axis)} has no direction. Give a vector that is not zero."
+        yield f"{title}: {what} {shown(axis)} has no direction. Pass a vector that is not zero."
     elif has_irregular_constant(a):
-        yield f"{title}: {what} {shown(axis)} contains NaN or infinity. Give a vector of finite numbers."
+        yield f"{title}: {what} {shown(axis)} contains NaN or infinity. Pass a vector of finite numbers."
 
 
 def truth_faults(title: str, what: str, value: object) -> Iterator[str]:
-    """Fault of what is neither True nor False."""
+    """Fault of a value that is neither True nor False."""
     if not isinstance(value, bool | np.bool_):
         yield f"{title}: {what} must be True or False, got {shown(value)}."
 
 
 def law_faults(title: str, what: str, value: object, *, of: str) -> Iterator[str]:
-    """Fault of what is no function."""
+    """Fault of a value that is not a function."""
     if not callable(value):
-        yield f"{title}: {what} {shown(value)} is no law. Give a function of {of}"
+        yield f"{title}: {what} {shown(value)} is not a function. Pass a function of {of}"
 
 
 def number_faults(
@@ -187,7 +190,7 @@ def number_faults(
     most: float = math.inf,
     remedy: str = "",
 ) -> Iterator[str]:
-    """Fault of a number that is out of its range. Expressions are not checked."""
+    """Fault of a number outside its range. Expressions are not checked."""
     if is_real(value) and not (value > above and least <= value <= most):
         words = [f"above {above:g}"] if above > -math.inf else []
         words += [f"at least {least:g}"] if least > -math.inf else []
@@ -196,12 +199,12 @@ def number_faults(
 
 
 def within(**limits: Any) -> dict[str, Any]:
-    """Metadata of a field whose numbers are `above` one limit, or from `least` to `most`, with a `remedy` if any."""
+    """Metadata of a field for numbers `above` a limit, or from `least` to `most`. `remedy` ends the error message."""
     return {"faults": partial(number_faults, **limits)}
 
 
 def function(of: str) -> dict[str, Any]:
-    """Metadata of a field that takes a function. The text says of what, and ends the sentence of its fault."""
+    """Metadata of a field for functions. The text `of` names the arguments, and ends the error message."""
     return {"faults": partial(law_faults, of=of)}
 
 
@@ -210,7 +213,10 @@ DIRECTION, TRUTH = {"faults": direction_faults}, {"faults": truth_faults}
 
 
 class Law(ABC):
-    """A law of an element. Its fields say what they accept, and `expected` says what can replace it."""
+    """A law of an element. Types and metadata of its fields determine the accepted values, as for elements.
+
+    `expected` ends the message if a value is not a law of this class.
+    """
 
     expected: ClassVar[str]
 
@@ -223,7 +229,7 @@ class Law(ABC):
 
 
 def law_value(law: Callable[..., Expr], title: str, *arguments: Any) -> Expr:
-    """The value of a user's law. What it raises becomes a DeclarationError."""
+    """The value of a user's law. An exception in the law becomes a DeclarationError."""
     try:
         return law(*arguments)
     except DeclarationError:
@@ -236,16 +242,16 @@ T = TypeVar("T")
 
 
 def bound(law: T, bind: Callable[[Any, str], ca.SX], title: str) -> T:
-    """A law, a dataclass, whose numbers and expressions are bound.
+    """A copy of a law with numbers and expressions as SX.
 
-    Tables and functions where these are legal, and options that are None, stay.
+    Tables, functions, and options that are None are not changed.
     """
     values = {f.name: bind(value, f"{title}: {f.name}") for f, value in _given(law) if not _stays(f.type, value)}
     return replace(law, **values)  # pyright: ignore[reportArgumentType]
 
 
 def _stays(kind: Any, value: object) -> bool:
-    """Whether a field of a law takes a table or a function as it is."""
+    """Whether the value is a table or a function that the field of a law accepts. Such values are not bound."""
     kinds = get_args(kind) or (kind,)
     functions = callable(value) and any(get_origin(each) is Callable for each in kinds)
     return functions or (isinstance(value, Table) and Table in kinds)

@@ -1,4 +1,4 @@
-"""Feet on curves: where a point, or another curve, is next to a part of one. States follow them."""
+"""Feet on curves: the points of a curve that are nearest to a point or to another curve. States follow the feet."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -7,30 +7,22 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._magnitudes import SLIGHT, SMALL
+from symmb._magnitudes import MEETING, SLIGHT, SMALL
 from symmb.declare.mechanics.curve import Curve, Measured, Part
 from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
-"""Least slope of the foot's condition, as a share of that of a straight line: it is 0 at a centre of curvature."""
-_SINGULAR = SMALL
-"""Least determinant of the conditions of two feet, as a share of that of two circles as long as the curves."""
+"""Lowest slope of the foot's condition over that of a straight line. The slope is 0 at a centre of curvature."""
 _CATCH_UP = 100.0
-"""A foot that is off comes e times nearer while the point moves by this share, 1 / 100, of the curve's length."""
+"""The error of a foot decreases by the factor e while the point moves by 1 / 100 of the curve's length."""
 _SAMPLES, ALL_SAMPLES = 12, 64
-"""Places on a part, and on a curve, from which the search of a foot chooses."""
-_NO_TANGENT = 1e-60
-"""Square of a mean tangent beside which none counts: the tangents of places on far sides may be the same."""
+"""Samples of a part, and of a whole curve, from which Newton's method for a foot starts."""
 _AT_REST = SLIGHT
-"""Speed [m/s] of a point at rest by which its foot still approaches."""
-_STRAIGHT = SLIGHT
-"""Curvature over 1 / length of the curve up to which a part is straight."""
-_ROUNDS, _STEPS = 2, 6
-"""Searches of two feet by turns, and Newton's steps from there."""
+"""Added to the speed [m/s] of the point, so that the error of a foot also decreases if the point is at rest."""
 
 
 class Bounds(NamedTuple):
-    """Ends of a part, and whether its foot is beyond them."""
+    """The ends of a part, and whether a parameter s is before the low end or behind the high end."""
 
     low: ca.SX
     high: ca.SX
@@ -39,27 +31,27 @@ class Bounds(NamedTuple):
 
     @classmethod
     def of(cls, s: ca.SX, part: Part) -> "Bounds | None":
-        """Ends at the parameter s, which feet pass without a jump, also in slopes; None for a part without ends."""
+        """The bounds of a part for a parameter s; None for a part without ends."""
         low, high = part
         return cls(ca.SX(low), ca.SX(high), s - low < -SOFT, high - s < -SOFT) if np.isfinite(low) else None
 
     def inside(self, s: ca.SX) -> ca.SX:
-        """The parameter s, or that of the end that it is beyond."""
+        """The parameter s, limited to the ends of the part."""
         return ca.if_else(self.before, self.low, ca.if_else(self.behind, self.high, s))
 
 
 class Foot(NamedTuple):
-    """The foot of P (2,) at the parameter s of a curve, which goes on straight beyond the ends of a part."""
+    """The condition for a foot of P (2,) at the parameter s. A part continues along its tangents beyond its ends."""
 
-    offset: ca.SX  # (2,), from the place on the part to P [m]
+    offset: ca.SX  # (2,), from the point of the part to P [m]
     along: ca.SX  # (2,), derivative of the curve by s
-    miss: ca.SX  # minus half the rate of the squared distance by s [m^2]
+    miss: ca.SX  # minus half the derivative of the squared distance by s [m^2]; 0 at the foot
     slope: ca.SX  # minus the derivative of `miss` by s [m^2]
     beyond: ca.SX  # whether s is beyond the ends
 
     @classmethod
     def at(cls, curve: Curve, s: ca.SX, P: ca.SX, bounds: Bounds | None = None) -> "Foot":
-        """The foot at s, on the curve, or on the tangents at the ends of a part."""
+        """The condition at s, on the curve, or on the tangents at the ends of a part."""
         on, beyond = s, ca.SX(0)
         if bounds is not None:
             on, beyond = bounds.inside(s), ca.logic_or(bounds.before, bounds.behind)
@@ -67,6 +59,7 @@ class Foot(NamedTuple):
         offset = P - place
         straight, curved = ca.sumsqr(along), ca.dot(offset, bend)
         slope = straight - (curved if bounds is None else ca.if_else(beyond, 0, curved))
+        # At a centre of curvature all points of the curve are equally near, and Newton's step would be infinite.
         is_close = slope - _CLOSE * straight < -SOFT
         slope = ca.if_else(is_close, _CLOSE * straight, slope)
         return cls(offset, along, ca.dot(along, offset - along * (s - on)), slope, beyond)
@@ -78,7 +71,7 @@ class Foot(NamedTuple):
 
 
 class Side(NamedTuple):
-    """A part of a curve that touches on one side: to its left for a side of 1, to its right for -1."""
+    """A part of a curve, and the side on which it may touch: 1 for the left side, -1 for the right side."""
 
     measured: Measured
     part: Part
@@ -86,21 +79,23 @@ class Side(NamedTuple):
 
     @property
     def bend(self) -> float:
-        """The least curvature [1/m] away from the side, negative where the part bends toward it."""
+        """The lowest curvature [1/m] of the part. It is positive if the part bends away from the side."""
         return self.measured.bend(self.part, self.side)
 
     @property
     def is_hollow(self) -> bool:
-        """Whether the part bends toward the side."""
-        return self.bend * self.measured.length < -_STRAIGHT
+        """Whether the part bends toward the side, so that it is concave there."""
+        return self.bend * self.measured.length < -SLIGHT
 
     @property
     def samples(self) -> tuple[float, float, int]:
-        """The range of s, and how many samples it takes."""
+        """The lowest s, the highest s, and the number of samples between them."""
         return (*self.part, _SAMPLES) if np.isfinite(self.part[0]) else (*self.measured.curve.ends, ALL_SAMPLES)
 
     def spot(self, s: ca.SX, bounds: Bounds | None) -> "Spot":
-        """The place at s. Beyond an end it stays there, and its tangent turns as round a corner."""
+        """The point of the part at s. Beyond an end the point stays there, and its tangent turns as at a corner."""
+        # Beyond an end, s turns the tangent: a whole range of s is a whole turn. So the foot on the other curve passes
+        # the corner without a jump.
         fan = -self.side * 2 * np.pi / self.measured.period
         on = s if bounds is None else bounds.inside(s)
         place, along, bend = self.measured.curve.at(on)
@@ -118,45 +113,49 @@ class Side(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """A place on a curve."""
+    """A point of a curve with its tangent."""
 
-    place: ca.SX  # (2,) [m]
-    tangent: ca.SX  # (2,), the unit tangent whose left normal leads away from the curve
-    speed: ca.SX  # rate of the way along the tangent by s [m]
-    turn: ca.SX  # rate of the tangent's angle by s [rad]
-    excess: ca.SX  # angle by which the tangent has turned farther than the corner does [rad]
+    place: ca.SX  # (2,), position [m]
+    tangent: ca.SX  # (2,), unit tangent; its left normal leads away from the curve
+    speed: ca.SX  # derivative of the arc length by s [m]
+    turn: ca.SX  # derivative of the tangent's angle by s [rad]
+    excess: ca.SX  # angle of the tangent beyond the angle of the corner [rad]
 
 
 class Feet(NamedTuple):
-    """Places on two curves a and b at s (2,) that are next to each other, in the axes of a."""
+    """Points of two curves a and b at the parameters s (2,), in the axes of a."""
 
-    offset: ca.SX  # (2,), from the place on a to that on b [m]
+    offset: ca.SX  # (2,), from the point of a to the point of b [m]
     normal: ca.SX  # (2,), normal of a
-    on_b: ca.SX  # (2,), the place in the axes of b [m]
+    on_b: ca.SX  # (2,), point of b in the axes of b [m]
     step: ca.SX  # (2,), Newton's step of s
-    rate: ca.SX  # (2,), the rate of s by which the places stay next to each other
-    cost: ca.SX  # squared distance; more where the tangents leave their corners [m^2]
+    rate: ca.SX  # (2,), rate of s with which the points stay nearest to each other
+    cost: ca.SX  # squared distance, increased if a tangent leaves its corner [m^2]
 
     @classmethod
     def at(cls, a: Side, b: Side, s: ca.SX, bounds: Sequence[Bounds | None], motion: "Motion") -> "Feet":
-        """Two conditions hold at the feet: the offset is normal to the mean tangent, and the tangents are opposite."""
+        """The points at s, and Newton's step for the feet: offset normal to the mean tangent, tangents opposite."""
         p, q = (side.spot(s[k], bounds[k]) for k, side in enumerate((a, b)))
         u, v, R = p.tangent, motion.R @ q.tangent, motion.R
         offset, middle = motion.P + R @ q.place - p.place, (u - v) / 2
         miss = ca.vertcat(ca.dot(offset, middle), ca.atan2(cross(u, v), -ca.dot(u, v)))
+        # Derivatives of both conditions by the parameter of a, and by that of b. The angle of the tangents changes by
+        # `turn`, and the mean tangent by half of it.
         by_a = ca.vertcat(-p.speed * ca.dot(u, middle) + p.turn * ca.dot(offset, left(u)) / 2, p.turn)
         by_b = ca.vertcat(q.speed * ca.dot(v, middle) - q.turn * ca.dot(offset, left(v)) / 2, -q.turn)
         sign, lengths = -a.side * b.side, (a.measured.length, b.measured.length)
-        least = _SINGULAR * 2 * np.pi * sum(lengths) / (a.measured.period * b.measured.period)
+        # Near a singular pair of conditions Newton's steps would jump: the determinant is at least a small part of
+        # that of two circles with the lengths of the curves.
+        least = SMALL * 2 * np.pi * sum(lengths) / (a.measured.period * b.measured.period)
         touching = _CLOSE * sign * (p.speed * q.turn + q.speed * p.turn)
         touching = ca.if_else(touching - least < -SOFT, least, touching)
         det = sign * cross(by_a, by_b)
         det = sign * ca.if_else(det - touching < -SOFT, touching, det)
 
-        # The foot on the part that bends more keeps the tangents opposite, also where the other one has to turn back.
+        # The foot on the part that bends more keeps the tangents opposite. Then the other foot may move back and forth.
         is_first = a.bend > b.bend
         turn = [-side.side * spot.turn for side, spot in ((a, p), (b, q))][not is_first]
-        least_turn = _SINGULAR * 2 * np.pi / (a if is_first else b).measured.period
+        least_turn = SMALL * 2 * np.pi / (a if is_first else b).measured.period
         turn = ca.if_else(turn - least_turn < -SOFT, least_turn, turn)
 
         def solved(r: ca.SX) -> ca.SX:
@@ -170,15 +169,17 @@ class Feet(NamedTuple):
             ca.dot(motion.velocity(q.place), middle) - motion.omega * ca.dot(offset, left(v)) / 2, -motion.omega
         )
         step = solved(miss)
+        # The rate keeps the conditions, and the catch-up reduces the error that a state has from integration. It is
+        # proportional to the speed of the motion, so that it is not stiffer than the motion itself.
         speed = ca.sqrt(ca.sumsqr(motion.rates[0]) + (motion.omega * lengths[1] / 6) ** 2 + _AT_REST**2)
         catch_up = _CATCH_UP / lengths[0] * speed
         cost = ca.sumsqr(offset) + (lengths[0] * (p.excess + q.excess)) ** 2
-        normal = left(middle) / ca.sqrt(ca.sumsqr(middle) + _NO_TANGENT)
+        normal = left(middle) / ca.sqrt(ca.sumsqr(middle) + MEETING**2)  # equal tangents have no mean direction
         return cls(offset, normal, q.place, step, solved(by_motion) + catch_up * step, cost)
 
 
 class Motion(NamedTuple):
-    """Place P (2,) [m], rotation R (2, 2) and angular velocity of b in the axes of a, and the rates of P and R."""
+    """Motion of b in the axes of a: position P (2,) [m], rotation R (2, 2), rates of P and R, and angular velocity."""
 
     P: ca.SX
     R: ca.SX
@@ -187,12 +188,12 @@ class Motion(NamedTuple):
 
     @classmethod
     def of(cls, P: ca.SX, R: ca.SX) -> "Motion":
-        """The motion of a place and a rotation that depend on coordinates."""
+        """The motion with a position and a rotation that are expressions of coordinates."""
         turning = ddt(R)
         return cls(P, R, (ddt(P), turning), cross(R[:, 0], turning[:, 0]))
 
     def velocity(self, place: ca.SX) -> ca.SX:
-        """Velocity (2,) [m/s] of a place (2,) that is at rest in b."""
+        """Velocity (2,) [m/s] of a point of b at the position `place` (2,) in the axes of b."""
         return self.rates[0] + self.rates[1] @ place
 
 
@@ -202,7 +203,7 @@ def cross(a: ca.SX, b: ca.SX) -> ca.SX:
 
 
 def left(a: ca.SX) -> ca.SX:
-    """A vector (2,) turned by a quarter of a turn to the left."""
+    """The vector (2,) turned to the left by a quarter of a turn."""
     return ca.vertcat(-a[1], a[0])
 
 
@@ -216,11 +217,12 @@ def follow_point(side: Side, P: ca.SX, name: str) -> tuple[Foot, Symbol]:
     s = ca.SX.sym(name)
     bounds = Bounds.of(s, side.part)
     foot = Foot.at(measured.curve, s, P, bounds)
+    # The catch-up reduces the integration error of the state. It is proportional to the speed, so that it is not stiff.
     catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
     following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
     start = measured.curve.nearest(P, *side.samples, lambda s: moved(s, Bounds.of(s, side.part)))
     (state,) = declare([name], Kind.STATE, s, following, start)
-    # The state only chooses the foot: two of Newton's steps leave of its error the fourth power.
+    # The state only chooses the foot: two of Newton's steps reduce its error to about the fourth power.
     return Foot.at(measured.curve, moved(moved(s, bounds), bounds), P, bounds), state
 
 
@@ -243,23 +245,23 @@ def follow_curve(a: Side, b: Side, motion: Motion, name: str) -> tuple[Feet, tup
         step = feet(s, bounds).step
         return s + ca.vertcat(*[_short(step[k], side.measured) for k, side in enumerate((a, b))])
 
-    for _ in range(_STEPS):
+    for _ in range(6):  # the samples are coarse, and steps are limited
         start = moved(start, bounds_at(start))
     states = declare(names, Kind.STATE, s, first.rate, start)
     return feet(moved(moved(s, bounds), bounds), bounds), states
 
 
 def _short(step: ca.SX, measured: Measured) -> ca.SX:
-    """A step, or an eighth of a turn where it is longer: the place behind it is one of the curve."""
+    """A step, smoothly limited to an eighth of the range of s, so that Newton's method stays on the curve."""
     return step / ca.sqrt(1 + (step / (measured.period / 8)) ** 2)
 
 
 def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
-    """Samples (2,) on two parts that are next to each other, found by turns."""
+    """Parameters s (2,) of two samples that are nearest to each other, found by alternating searches."""
     P = motion.P + motion.R @ b.measured.middle
     on_a, on_b = a.measured.curve, b.measured.curve
     stay: Callable[[ca.SX], ca.SX] = lambda s: s  # noqa: E731
-    for _ in range(_ROUNDS):
+    for _ in range(2):  # the second search starts from a point that is already on b
         s = on_a.nearest(P, *a.samples[:2], 2 * _SAMPLES, stay)
         u = on_b.nearest(motion.R.T @ (on_a.at(s)[0] - motion.P), *b.samples[:2], 2 * _SAMPLES, stay)
         P = motion.P + motion.R @ on_b.at(u)[0]
@@ -267,19 +269,19 @@ def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
 
 
 def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None, radius: float) -> None:
-    """DeclarationError if what touches a group of parts of a curve at one place may be over it at another.
+    """DeclarationError if a circle or another curve may touch a group of parts at several points.
 
-    It is a circle, or the other curve, which has room where its largest circle of curvature has.
+    In place of the other curve, its largest circle of curvature is checked.
     """
     measured, parts, side = group[0].measured, [one.part for one in group], group[0].side
     if others is not None:
         bends = [one.bend for some in others for one in some if not one.is_hollow]
         least = min(bends, default=0.0)
-        is_flat = least * others[0][0].measured.length < _STRAIGHT
-        if is_flat and any(one.bend * measured.length < _STRAIGHT for one in group):
+        is_flat = least * others[0][0].measured.length < SLIGHT
+        if is_flat and any(one.bend * measured.length < SLIGHT for one in group):
             raise DeclarationError(
-                "a straight part of one curve may touch the other at several places, or along a line. Bend it slightly "
-                "outward, or give the parts that touch as curves of their own"
+                "a straight part of one curve may touch the other curve at several points, or along a line. Bend the "
+                "straight part slightly outward, or declare the parts that touch as separate curves"
             )
         if not any(one.is_hollow for one in group):
             return

@@ -1,4 +1,4 @@
-"""Scalar outputs, which are one number per run: a peak, a mean or the range at landing."""
+"""Scalar outputs: one number per run, such as a peak, a mean or the range at landing."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -12,20 +12,20 @@ from symmb._types import Expr
 from symmb.declare.symbolic import EXAMPLE, is_sympy
 
 Window = tuple[float | None, float | None] | None
-"""First and last time [s]. None stands for the begin or the end of the run."""
+"""First and last time [s]. None is the start or the end of the run."""
 
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A scalar output of a Scene: one number per run. `maximum`, `minimum`, `final`, `mean`, `first_time` and
-    `value_at` declare one.
+    """A scalar output of a Scene: one number per run. Declare scalar outputs by `maximum`, `minimum`, `final`, `mean`,
+    `first_time` and `value_at`.
 
     Attributes
     ----------
     kind : str            the name of the function that declared it
-    expression : SX       of which it is a figure; None for a time
-    condition : SX        a comparison; None without one
-    window : (2,)         first and last time [s], None for those of the run
+    expression : SX       expression over time; None for `first_time`
+    condition : SX        comparison; None without a comparison
+    window : (2,)         first and last time [s]; None for the start and the end of the run
     """
 
     kind: Literal["maximum", "minimum", "final", "mean", "first_time", "value_at"]
@@ -41,11 +41,11 @@ class Figure:
     def _fault_of_expressions(self) -> str:
         parts = self.expression, self.condition
         if any(isinstance(part, Figure) for part in parts):
-            return "it takes an expression over time, and a scalar output is one number."
+            return "expected an expression over time, got a scalar output. Use the expression itself."
         if self.kind in ("first_time", "value_at") and self.condition is None:
-            return f"it needs a condition. {EXAMPLE}"
+            return f"the condition is missing. {EXAMPLE}"
         if self.kind != "first_time" and self.expression is None:
-            return "it needs an expression, such as ball.y."
+            return "the expression is missing. Pass an expression, such as ball.y."
         for part in parts:
             if part is not None and not _is_expression(part):
                 return f"expected an expression over time, got {shown(part)}."
@@ -62,11 +62,12 @@ class Figure:
             return f"window must be two times as (0.5, 2.0) [s], got {shown(window)}."
         begin, end = ends
         crosses = begin is not None and end is not None and not begin < end
-        return f"the window {shown(window)} ends before it begins." if crosses else ""
+        return f"the window {shown(window)} must end after its start. Use increasing times." if crosses else ""
 
     def _refuse(self, *_: object) -> Any:
         raise DeclarationError(
-            f"{self.kind}: a scalar output is one number per run, so that expressions cannot contain it."
+            f"{self.kind}: a scalar output is one number per run, so expressions over time cannot contain it. Compute "
+            "with the results of runs instead."
         )
 
     __neg__ = __abs__ = __float__ = _refuse
@@ -79,7 +80,7 @@ class Figure:
 
 
 def _is_expression(part: object) -> bool:
-    """Whether a part is one number over time, or may be."""
+    """Whether a value is a scalar number or a symbolic expression."""
     if isinstance(part, bool | np.bool_ | ca.SX | ca.DM) or is_sympy(part):
         return True
     number = numbers_of(part)
@@ -89,14 +90,14 @@ def _is_expression(part: object) -> bool:
 def maximum(expression: Expr, window: Window = None) -> Figure:
     """The highest value of an expression over a run, between output times as well.
 
-    If the expression jumps, as velocities do at an impact, the values on both sides count.
+    If the expression jumps, such as a velocity at an impact, the values before and after the jump both count.
 
     Parameters
     ----------
     expression : SX
-        of coordinates, velocities, multipliers, parameters and `t`
+        expression of coordinates, velocities, multipliers, parameters and `t`
     window : (2,)
-        first and last time [s] that count; None for those of the run
+        first and last time [s] that count; None for the start and the end of the run
 
     Examples
     --------
@@ -139,7 +140,7 @@ def final(expression: Expr, window: Window = None) -> Figure:
 
 
 def mean(expression: Expr, window: Window = None) -> Figure:
-    """The mean of an expression over time: its integral over the length of the run, or of a window of time.
+    """The mean of an expression over time: its integral over the run or the window, divided by the duration.
 
     Examples
     --------
@@ -154,16 +155,17 @@ def mean(expression: Expr, window: Window = None) -> Figure:
 def first_time(condition: Expr, window: Window = None) -> Figure:
     """The first time [s] at which a condition holds.
 
-    A condition that is only touched, as a gap is by an impact, holds there. One that holds at the begin of the window
-    has this time. A `<` that is an equality at the begin holds there only if it goes on to hold.
+    A condition also holds if it is an equality for an instant, such as `gap <= 0` at an impact. If the condition holds
+    at the start of the window, the result is the start. If a `<` is an equality at the start, it holds there only if it
+    holds just after the start, too.
 
     Parameters
     ----------
     condition : SX
-        a comparison of expressions, or several by `casadi.logic_and` and `logic_or`. If it never holds, the scalar
-        output of a run is nan, with a warning, and the run of a study fails
+        comparison of expressions, or several comparisons joined by `casadi.logic_and` and `logic_or`. If the condition
+        never holds, the scalar output of a run is nan, with a warning, and the run of a study fails
     window : (2,)
-        first and last time [s] that count; None for those of the run
+        first and last time [s] that count; None for the start and the end of the run
 
     Examples
     --------
@@ -178,9 +180,9 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
 
 
 def value_at(expression: Expr, condition: Expr, window: Window = None) -> Figure:
-    """The value of an expression at the `first_time` at which a condition holds: a range at landing.
+    """The value of an expression at the `first_time` at which a condition holds, such as the range at landing.
 
-    If the expression jumps at this time, it is the value before the jump.
+    If the expression jumps at this time, the result is the value before the jump.
 
     Examples
     --------

@@ -1,13 +1,14 @@
-"""Flexible bodies: a floating frame, and small deformations in modal coordinates on top of it.
+"""Flexible bodies: a floating frame, and small deformations relative to it in modal coordinates.
 
-A material point of the body is at r + R (s + u), u = sum of its mode shapes times the modal coordinates eta. With the
-first moment f(eta), the inertia J(eta) about the frame's origin and G(eta), the angular momentum of eta', all in the
-frame's axes and polynomials in eta with coefficients computed once (`Modes`),
+A material point of the body is at r + R (s + u), u = sum of its mode shapes times the modal coordinates eta. The
+first moment f(eta), the inertia J(eta) about the frame's origin, and G(eta), which gives the angular momentum
+G eta', are in the frame's axes. They are polynomials in eta with constant coefficients (`Modes`). The kinetic energy is
 
     T = m r'.r' / 2 + r'.R (omega x f + f_eta eta') + omega.J omega / 2 + omega.G eta' + eta'.m_eta eta' / 2
 
-and Boltzmann-Hamel equations give all inertia forces. The modal part m_eta of the mass matrix is the identity, but for
-structures with parameters: their inertia and stiffness are sums of products of such coefficients and expressions.
+and the Boltzmann-Hamel equations give all inertia forces. The modal part m_eta of the mass matrix is the identity.
+Structures with parameters are an exception: their inertia and stiffness are sums of such polynomials, each multiplied
+by an expression of parameters.
 """
 
 from collections.abc import Callable
@@ -27,21 +28,12 @@ from symmb.declare.mechanics.pose import Frame, Planar, Pose, Spatial
 from symmb.declare.structures import Invariants, Modes
 from symmb.declare.symbolic import rotation_matrix, rotation_z, vector
 
-_IN_PLANE = SAME
-"""Share of the largest displacement of a mode up to which its part out of the plane is rounding."""
-
-
-_SHORT_ARM = 0.051
-"""Rigid arm between nodes over the size of the body up to which it is taken to bend little: half a tenth of a beam."""
-_ON_LINE = SLIGHT
-"""Distance of a node from a line over its distance from another node, up to which it is on the line."""
-
 
 @dataclass(frozen=True, eq=False, init=False)
 class FlexibleBody(Body):
-    """A flexible body in modal coordinates `name.eta1`, ... of a floating frame; rigid where there are no modes.
+    """A flexible body with a floating frame and modal coordinates `name.eta1`, ... Without modes the body is rigid.
 
-    The frame is that of the modes: at the centre of mass of the undeformed body, or clamped to one of its nodes.
+    The modes determine the frame: it is at the centre of mass of the undeformed body, or clamped to one of its nodes.
     Deformations are small. Joints and loads act at the nodes of the body.
 
     Parameters
@@ -49,9 +41,9 @@ class FlexibleBody(Body):
     name : str
         without dots
     modes : Modes
-        mass, inertia, mode shapes and stiffness. Modes of structures with parameters change with the parameters
+        mass, inertia, mode shapes and stiffness. Modes of structures with parameters depend on the parameters
     pose : Pose
-        `Spatial()`, or `Planar()` for modes that move in the xy plane alone
+        `Spatial()`, or `Planar()` if all modes move in the xy plane
 
     Examples
     --------
@@ -78,7 +70,7 @@ class FlexibleBody(Body):
             )
         pose = Spatial() if pose is None else pose
         if not isinstance(pose, Planar | Spatial):
-            raise DeclarationError(f"FlexibleBody {name!r}: pose {pose!r} cannot turn. Use Planar() or Spatial().")
+            raise DeclarationError(f"FlexibleBody {name!r}: pose {pose!r} has no rotation. Use Planar() or Spatial().")
         options = {"name": name, "mass": modes.mass, "com": (0.0, 0.0, 0.0), "modes": modes}
         J = (modes.J0 + modes.J0.T) / 2
         options |= {
@@ -101,16 +93,16 @@ class FlexibleBody(Body):
         out = max(np.abs(m.shapes[:, 2]).max(initial=0.0), np.abs(m.S[2]).max(initial=0.0))
         largest = max(np.abs(m.shapes).max(initial=0.0), np.abs(m.S).max(initial=0.0))
         turned = np.abs(m.rotations[:, :2]).max(initial=0.0), np.abs(m.rotations).max(initial=0.0)
-        if out <= _IN_PLANE * largest and turned[0] <= _IN_PLANE * turned[1]:
+        if out <= SAME * largest and turned[0] <= SAME * turned[1]:
             return ()
         return (
-            f"FlexibleBody {self.name!r}: its modes leave the xy plane. "
-            "Compute them with FiniteElements.modes(..., planar=True), or use pose=Spatial().",
+            f"FlexibleBody {self.name!r}: the modes have displacements out of the xy plane. Compute modes with "
+            "FiniteElements.modes(..., planar=True), or use pose=Spatial().",
         )
 
     @property
     def nearly_singular(self) -> bool:
-        # Modes in a clamped frame contain most of the frame's own motion.
+        # Modes relative to a clamped frame can represent nearly all of the frame's rigid motion.
         return bool(self.modes.S.any() or self.modes.G0.any())
 
     @property
@@ -128,33 +120,36 @@ class FlexibleBody(Body):
         return len(self.modes.stiffness)
 
     def node(self, number: int) -> Point:
-        """The point of a node, which moves and turns with it.
+        """The point of a node. It moves and turns with the node.
 
         Raises
         ------
         DeclarationError
-            If there is no node of that number
+            If there is no node of this number
         """
         count = len(self.modes.positions)
         if not is_whole(number) or not 0 <= number < count:
             raise DeclarationError(
-                f"FlexibleBody {self.name!r} has no node {shown(number)}; they are 0 to {count - 1}."
+                f"FlexibleBody {self.name!r} has no node {shown(number)}. Its nodes are 0 to {count - 1}."
             )
         return Point(self._carrier(number), ca.SX(3, 1))
 
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> Point:
-        """Point at (x, y, z) [m] of the undeformed body in the mesh's axes: a node, or the end of a rigid arm at one.
+        """Point at (x, y, z) [m] of the undeformed body in the mesh's axes: a node, or the end of a rigid arm.
+
+        The rigid arm starts at the nearest node.
 
         Raises
         ------
         DeclarationError
-            If the place is no number, lies between nodes, or is away from a node without rotations
+            If a coordinate is not a number, if the point is between nodes, or if it is not at a node and nodes have no
+            rotations
         """
         m = self.modes
         if not all(isinstance(part, Real) for part in (x, y, z)):
             raise DeclarationError(
-                f"point of {self.name!r}: nodes of a flexible body are fixed in numbers, got {(x, y, z)!r}. "
-                "Put what is uncertain into joints, forces or rigid bodies."
+                f"point of {self.name!r}: points of a flexible body must be numbers, got {(x, y, z)!r}. "
+                "Use parameters in joints, forces or rigid bodies instead."
             )
         place = np.array([x, y, z], dtype=float) - m.origin
         number = m.nearest(*place)
@@ -162,34 +157,36 @@ class FlexibleBody(Body):
         arm[np.abs(arm) < SAME * np.ptp(m.positions, axis=0).max(initial=NOTHING)] = 0.0
         if arm.any() and self._n and not m.rotations.any():
             raise DeclarationError(
-                f"point of {self.name!r}: no node at ({x:g}, {y:g}, {z:g}), and nodes without rotations hold no arm. "
-                f"The nearest is node {number} at {tuple((m.positions[number] + m.origin).tolist())}."
+                f"point of {self.name!r}: there is no node at ({x:g}, {y:g}, {z:g}). Other points need nodes with "
+                f"rotations, which this mesh does not have. Use the nearest node {number} at "
+                f"{tuple((m.positions[number] + m.origin).tolist())}."
             )
         if arm.any() and self._n and (other := self._beyond(number, arm)) is not None:
             raise DeclarationError(
-                f"point of {self.name!r}: ({x:g}, {y:g}, {z:g}) lies between its nodes {number} and {other}, and "
-                "no node follows the deformation there. Take one of these, or a mesh with a node there: a second Beam."
+                f"point of {self.name!r}: ({x:g}, {y:g}, {z:g}) is between the nodes {number} and {other}, and no node "
+                "follows the deformation at this point. Use one of the two nodes, or end a Beam at this point."
             )
         return Point(self._carrier(number), vector(arm.tolist()))
 
-    def _beyond(self, number: int, arm: Array) -> int | None:
-        """The other end of the element on which a long arm from a node ends; None if there is none."""
+    def _beyond(self, number: int, arm: Array, short: float = 0.051) -> int | None:
+        """The other node of the beam element that contains the end of a long arm from a node; None if there is none."""
         structure, size = self.modes.flexibility, np.linalg.norm(np.ptp(self.modes.positions, axis=0))
-        if structure is None or np.linalg.norm(arm) <= _SHORT_ARM * size:
+        # An arm of up to half an element of a beam of ten bends little: it may be rigid.
+        if structure is None or np.linalg.norm(arm) <= short * size:
             return None
         lines = self.modes.positions - self.modes.positions[number]
         along, length = lines @ arm, float(np.linalg.norm(arm))
         off = np.linalg.norm(lines - along[:, None] * arm / length**2, axis=1)
-        ahead = np.flatnonzero((along > length**2) & (off <= _ON_LINE * np.linalg.norm(lines, axis=1))).tolist()
+        ahead = np.flatnonzero((along > length**2) & (off <= SLIGHT * np.linalg.norm(lines, axis=1))).tolist()
         return next((other for other in ahead if structure.joins(number, other)), None)
 
     def number_of(self, carrier: AbstractBody) -> int | None:
-        """The number of the node that carries what is fixed to it; None if it is no node of this body."""
+        """The number of the node of a carrier; None if the carrier is not a node of this body."""
         return next((number for number, own in self._nodes.items() if own is carrier), None)
 
     @property
     def used_nodes(self) -> tuple[int, ...]:
-        """Numbers of the nodes that something was fixed to, or that an expression was made of."""
+        """Numbers of the nodes for which points have been declared."""
         return tuple(self._nodes)
 
     def _carrier(self, number: int) -> "_Carrier":
@@ -201,7 +198,7 @@ class FlexibleBody(Body):
 
     @cached_property
     def _nodes(self) -> "dict[int, _Carrier]":
-        """Frames of the nodes asked for, one for each: elements know bodies by identity."""
+        """The frames of the used nodes. Each node has one frame only, because elements compare bodies by identity."""
         return {}
 
     @cached_property
@@ -210,7 +207,7 @@ class FlexibleBody(Body):
 
     @cached_property
     def _first_moment(self) -> ca.SX:
-        """The first moment of mass about the frame's origin, in its axes [kg m], (3,)."""
+        """The first moment of mass about the frame's origin, in the frame's axes [kg m], (3,)."""
         return _sum(self.modes, lambda part: _polynomial(part.moment, part.S, part.S2, self.eta))
 
     @property
@@ -224,7 +221,8 @@ class FlexibleBody(Body):
         first = self._first_moment
         S, J = ca.jacobian(first, eta), _sum(m, lambda part: _inertia(part, eta))
         G, modal = _sum(m, lambda part: _momentum(part, eta)), _sum(m, lambda part: _numbers(part.modal))
-        # Momenta of a body whose frame's origin is at rest: by Galilei the forces are those of any other.
+        # The momenta are those of a body with the frame's origin at rest. By Galilean invariance, inertia forces do not
+        # depend on the velocity of the origin.
         P, H = ca.cross(omega, first) + S @ rate, J @ omega + G @ rate
         spin = G.T @ omega
         forces = -ca.vertcat(
@@ -250,7 +248,7 @@ class FlexibleBody(Body):
 
 
 class _Carrier(AbstractBody):
-    """A frame at a place (3,) in the axes of a flexible body's frame, turned by small rotations (3, n) times eta."""
+    """The frame of a node: at `place` (3,) in axes of the floating frame, turned by `rotations` (3, n) times eta."""
 
     def __init__(self, body: FlexibleBody, what: str, place: ca.SX, rotations: Array) -> None:
         self.name, self.pose, self.com, self._body = f"{body.name}.{what}", body.pose, (0.0, 0.0, 0.0), body
@@ -262,7 +260,8 @@ class _Carrier(AbstractBody):
             angle = frame.angle + psi[2]
             R, turn, per_rate = rotation_z(angle), ca.SX.eye(3), Theta
         else:
-            # Rodrigues parameters psi / 2: a rotation without fail, and the small one of the mesh to second order.
+            # Rodrigues parameters psi / 2 always give an orthogonal matrix. It agrees with the small rotation of the
+            # mesh to second order.
             angle, wide = ca.SX(), 1 / (1 + ca.sumsqr(psi) / 4)
             turn = rotation_matrix(ca.vertcat(1, psi / 2)) if rotations.any() else ca.SX.eye(3)
             R, per_rate = frame.R @ turn, wide * (Theta - ca.skew(psi) @ Theta / 2)
@@ -289,18 +288,18 @@ class _Carrier(AbstractBody):
 
 
 def _sum(modes: Modes, part: Callable[[Invariants], ca.SX]) -> ca.SX:
-    """A part of the inertia of a body."""
+    """The sum of a part of the inertia over the terms of a structure, each multiplied by its expression."""
     first, *more = [law * part(some) for law, some in modes.masses]
     return sum(more, first)
 
 
 def _numbers(values: Array) -> ca.SX:
-    """Numbers as SX whose zeros are structural."""
+    """Numbers as SX with structural zeros."""
     return ca.SX(ca.sparsify(ca.DM(values)))
 
 
 def _polynomial(constant: Array, linear: Array, quadratic: Array, eta: ca.SX) -> ca.SX:
-    """Vector (3,) with coefficients (3,), (3, n) and (3, n, n)."""
+    """The polynomial (3,) of eta with coefficients (3,), (3, n) and (3, n, n)."""
     rows = [
         float(constant[k]) + ca.dot(_numbers(linear[k]) + _numbers(_triangle(quadratic[k])) @ eta, eta)
         for k in range(3)
@@ -309,7 +308,7 @@ def _polynomial(constant: Array, linear: Array, quadratic: Array, eta: ca.SX) ->
 
 
 def _inertia(m: Invariants, eta: ca.SX) -> ca.SX:
-    """J(eta) about the frame's origin, (3, 3)."""
+    """The inertia J(eta) about the frame's origin, (3, 3)."""
     J = ca.SX(3, 3)
     for i in range(3):
         for k in range(i, 3):
@@ -319,12 +318,12 @@ def _inertia(m: Invariants, eta: ca.SX) -> ca.SX:
 
 
 def _triangle(A: Array) -> Array:
-    """The triangular matrix with the quadratic form of a symmetric one: half the products."""
+    """The upper triangular matrix with the same quadratic form as a symmetric matrix. It needs half the products."""
     return np.triu(A) + np.triu(A, 1)
 
 
 def _momentum(m: Invariants, eta: ca.SX) -> ca.SX:
-    """G(eta), by which eta' adds to the angular momentum about the frame's origin, (3, n)."""
+    """The matrix G(eta) (3, n): G eta' is a part of the angular momentum about the frame's origin."""
     if not eta.numel():
         return ca.SX(3, 0)
     return ca.sparsify(ca.vertcat(*[(_numbers(m.G0[k]) + _numbers(m.G1[:, k, :]).T @ eta).T for k in range(3)]))

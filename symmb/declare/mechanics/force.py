@@ -1,4 +1,4 @@
-"""Forces: each says which wrenches act on which bodies, and which potential it has if it has one."""
+"""Forces. Each force returns the wrenches on its bodies, and its potential if it has one."""
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
@@ -20,12 +20,12 @@ from symmb.declare.mechanics.pose import Planar, Spatial
 from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, records_in, unit, vector
 
 _LARGE_TURN = 0.5
-"""Turn [rad] at which the moment of a Bushing, by the sine, is 4 % below that of a spring linear in the angle."""
+"""Angle [rad] at which the moment of a Bushing, which uses the sine, is 4 % smaller than that of a linear spring."""
 
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """A wrench on a body about its centre of mass: force in world axes [N], torque in body axes [N m], (3,) each."""
+    """A wrench on a body at its frame's origin: force (3,) in world axes [N], and torque (3,) in body axes [N m]."""
 
     body: AbstractBody
     force: ca.SX
@@ -34,10 +34,10 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """Loads of one origin, and the potential [J] they derive from; None where their work is counted instead.
+    """Loads of one cause, and their potential [J]. Without a potential (None) the work of the loads is integrated.
 
-    `states` are the first-order states that the loads bring along. `force` is what the law of the element gives, if
-    that is one number: a pull, a push [N] or a torque [N m].
+    `states` are the first-order states of the loads. `force` is the value of the element's law if it is one number: a
+    pull [N], a push [N] or a torque [N m].
     """
 
     loads: tuple[Load, ...]
@@ -47,41 +47,41 @@ class Action:
 
 
 def force_at(point: Point, force: ca.SX) -> Load:
-    """Load of a world force at a point of a body."""
+    """Load of a force (3,) in world axes at a point of a body."""
     return Load(point.body, force, ca.cross(point.s, point.body.frame.R.T @ force))
 
 
 def moment_on(body: AbstractBody, torque: ca.SX) -> Load:
-    """Load of a world torque on a body."""
+    """Load of a torque (3,) in world axes on a body."""
     return Load(body, ca.SX(3, 1), body.frame.R.T @ torque)
 
 
 def fixed_at(body: AbstractBody, r: ca.SX) -> Point:
-    """The point of a body that is at the world position r (3,) [m] at this moment."""
+    """The point of a body that is at the world position r (3,) [m] at the current time."""
     return Point(body, body.frame.R.T @ (r - body.frame.r))
 
 
 def push(point: Point, body: AbstractBody, force: ca.SX) -> tuple[Load, Load]:
-    """A world force at a point, and the opposite one on another body.
+    """A force (3,) in world axes at a point, and the opposite force on another body.
 
-    The reaction acts at the position of the point. Otherwise the loads would not balance and energy would not be
+    The opposite force acts at the same position. Otherwise the loads would not balance, and energy would not be
     conserved.
     """
     return force_at(point, force), force_at(fixed_at(body, point.r), -force)
 
 
 def is_constant(*laws: ca.SX) -> bool:
-    """Whether laws depend on parameters alone, so that a potential exists."""
+    """Whether laws depend on parameters only, so that a potential exists."""
     return all(len(records_in(law, Kind.PARAMETER)) == len(ca.symvar(law)) for law in laws)
 
 
 def is_moved(distance: ca.SX) -> bool:
-    """Whether a distance depends explicitly on time, as from a support with a given motion. Its forces then do work."""
+    """Whether a distance depends explicitly on time, as on a moving support. The support's forces then do work."""
     return any(is_time(symbol) for symbol in ca.symvar(distance))
 
 
 class ForceElement(Element):
-    """An element that adds to the generalised forces Q. `turns` says whether its law gives a torque."""
+    """An element that adds to the generalised forces Q. `turns` says whether its law returns a torque."""
 
     turns: bool = False
 
@@ -97,6 +97,10 @@ class PairForce(ForceElement):
     name: str
     point_a: Point
     point_b: Point
+
+    def pair_loads(self, force: ca.SX) -> tuple[Load, ...]:
+        """Loads of a force (3,) in world axes on point a, and of its opposite on point b."""
+        return force_at(self.point_a, force), force_at(self.point_b, -force)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +131,9 @@ class Gravity(ForceElement):
 class SpringDamper(PairForce):
     """Spring and damper along the line between two points: pull k (d - length) + c d'.
 
-    A spring of length 0 pulls along the vector between the points and stays smooth where they meet. A damper acts along
-    the line only: otherwise it would brake the common rotation of its bodies. `Bushing` damps in all directions.
+    A spring of length 0 pulls along the vector between the points. Its force is smooth even if the points coincide. A
+    damper acts along the line only: otherwise it would brake the common rotation of its bodies. `Bushing` damps in all
+    directions.
 
     Parameters
     ----------
@@ -137,9 +142,9 @@ class SpringDamper(PairForce):
     stiffness : Expr
         k [N/m]
     damping : Expr
-        c [N s/m]; one below 0 adds energy, as in models of vibrations that a flow or friction feeds
+        c [N s/m]; negative damping adds energy, as in models of vibrations that a flow or friction causes
     length : Expr
-        without load [m]; below 0 that of a spring that is closed under tension
+        length without load [m]; a negative length is that of a spring that is preloaded when it is closed
 
     Examples
     --------
@@ -158,16 +163,13 @@ class SpringDamper(PairForce):
 
     @property
     def kind(self) -> str:
-        """`Spring` or `Damper` where the other part is left out."""
+        """The word `Spring` or `Damper` if the other part is 0, else `SpringDamper`."""
         without_damping, without_stiffness = (
             isinstance(law, int | float) and law == 0 for law in (self.damping, self.stiffness)
         )
         if without_damping == without_stiffness:
             return super().kind
         return "Spring" if without_damping else "Damper"
-
-    def _pull(self, force: ca.SX) -> tuple[Load, ...]:
-        return (force_at(self.point_a, force), force_at(self.point_b, -force))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         k, c, length = (self.number(bind, what) for what in ("stiffness", "damping", "length"))
@@ -176,13 +178,13 @@ class SpringDamper(PairForce):
             stretch = ca.sumsqr(d) if is_zero(length) else (ca.norm_2(d) - length) ** 2
             force = k * d if is_zero(length) else k * (1 - length / ca.norm_2(d)) * d
             potential = 0.5 * k * stretch if is_constant(k, length) and not is_moved(d) else None
-            yield Action(self._pull(force), potential, force=k * (ca.norm_2(d) - length))
+            yield Action(self.pair_loads(force), potential, force=k * (ca.norm_2(d) - length))
         if not is_zero(c):
             rate = ddt(d)
-            # Points closer than 1e-12 m have no line between them: the pull decreases to 0 there and stays finite.
+            # Points closer than MEETING do not determine a line. There the pull decreases to 0, and stays finite.
             squared = ca.fmax(ca.sumsqr(d), MEETING**2)
             share = c * ca.dot(d, rate) / squared
-            yield Action(self._pull(share * d), force=share * ca.sqrt(squared))
+            yield Action(self.pair_loads(share * d), force=share * ca.sqrt(squared))
 
 
 def Spring(name: str, point_a: Point, point_b: Point, stiffness: Expr, length: Expr = 0.0) -> SpringDamper:
@@ -218,7 +220,7 @@ def Damper(name: str, point_a: Point, point_b: Point, damping: Expr) -> SpringDa
 
 @dataclass(frozen=True, eq=False)
 class PairTorque(ForceElement):
-    """Opposite torques on two bodies that depend on their relative angle about an axis fixed in both."""
+    """Opposite torques on two bodies as a function of their relative angle about an axis that is fixed in both."""
 
     turns = True
     poses: ClassVar = ((Planar, Spatial), (Planar, Spatial))
@@ -235,16 +237,16 @@ class PairTorque(ForceElement):
         yield from astray
         in_plane = any(isinstance(body.pose, Planar) for body in self.bodies())
         if in_plane and not astray and not (is_zero(a[0]) and is_zero(a[1])):
-            yield f"{self.title}: axis {self.axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
+            yield f"{self.title}: planar bodies turn about z only, but the axis is {self.axis}. Use axis=(0, 0, 1)."
 
     @property
     @abstractmethod
     def axis(self) -> tuple[Expr, ...]:
-        """The direction about which the bodies turn, in the axes of both, (3,)."""
+        """The direction (3,) of the axis. It has the same components in the axes of both bodies."""
 
     @cached_property
     def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
-        """Angle of b relative to a about the axis [rad], and the records of its state, which live as long as these."""
+        """Angle of b relative to a about the axis [rad], and the records of the state that counts its turns."""
         return relative_angle(self.name, self.body_a, unit(vector(self.axis)), self.body_b, ca.SX.eye(3))
 
     @property
@@ -253,18 +255,19 @@ class PairTorque(ForceElement):
         return self._angle[0]
 
     def _loads(self, torque: ca.SX) -> tuple[Load, Load]:
-        """Loads of a torque on body b and its opposite on body a, whose power is the torque times the angle's rate."""
+        """Loads of a torque on body b and its opposite on body a. Their power is the torque times the angle's rate."""
         turning = torque * turning_direction(self.body_a, unit(vector(self.axis)), self.body_b, ca.SX.eye(3))
         return (moment_on(self.body_a, -turning), moment_on(self.body_b, turning))
 
 
 @dataclass(frozen=True, eq=False)
 class TorsionSpring(PairTorque):
-    """Torsion spring and damper between two bodies about an axis fixed in both.
+    """Torsion spring and damper between two bodies about an axis that is fixed in both.
 
-    The torque on body b is -(stiffness (alpha - angle) + damping alpha'), with the angle alpha of b relative to a.
-    Where the axes do not stay parallel, as on a Spherical joint, alpha is the twist: the smallest rotation that brings
-    the axes together does not count. The spring has the potential stiffness (alpha - angle)^2 / 2 there as well.
+    The torque on body b is -(stiffness (alpha - angle) + damping alpha'), with the angle alpha of b relative to a. If
+    the axes do not stay parallel, as on a Spherical joint, alpha is the twist: the rotation that remains after the
+    smallest rotation that makes the axes coincide. The spring has the potential stiffness (alpha - angle)^2 / 2 in all
+    cases.
 
     Parameters
     ----------
@@ -275,9 +278,9 @@ class TorsionSpring(PairTorque):
     damping : Expr
         [N m s/rad]
     angle : Expr
-        without load [rad]
+        angle without load [rad]
     axis : tuple
-        in both bodies' axes
+        direction of the axis, with the same components in the axes of both bodies
 
     Examples
     --------
@@ -317,7 +320,7 @@ class Bushing(PairForce):
     stiffness, damping : scalar or (x, y, z)
         [N/m], [N s/m]
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
-        [N m/rad], [N m s/rad]; for the small rotation of b relative to a: the sine of its angle about each axis
+        [N m/rad], [N m s/rad]; for small rotations of b relative to a: the moments use the sine of the angle
 
     Examples
     --------
@@ -344,30 +347,30 @@ class Bushing(PairForce):
             cosine = (ca.trace(relative) - 1) / 2
             yield (
                 cosine - ca.cos(_LARGE_TURN),
-                f"it turns by more than {_LARGE_TURN:g} rad{{}}, where the sine by which it acts is less than the "
-                "angle. Use a TorsionSpring.",
+                f"the mount turns by more than {_LARGE_TURN:g} rad{{}}. Its moment uses the sine of the angle and "
+                "is too small. Use a TorsionSpring.",
             )
 
 
 def _sines(relative: ca.SX) -> ca.SX:
-    """Sines of the angle of a rotation matrix times its axis, (3,)."""
+    """The axis of a rotation matrix (3, 3) times the sine of its angle, (3,)."""
     return ca.inv_skew(relative - relative.T) / 2
 
 
 def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
-    """Diagonal matrices (3, 3) of the four laws of an elastic mount: each is one number for all axes, or three."""
+    """Diagonal matrices (3, 3) of the four laws of an elastic mount. A law is one number for all axes, or three."""
     matrices = []
     for what in ("stiffness", "damping", "rotational_stiffness", "rotational_damping"):
         law, title = getattr(element, what), f"{element.title}: {what}"
         values = components(law) or [law] * 3
         if len(values) != 3:
-            raise DeclarationError(f"{title} has {counted(len(values), 'component')}; expected one or three.")
+            raise DeclarationError(f"{title} has {counted(len(values), 'component')}. Pass one number or three.")
         matrices.append(ca.sparsify(ca.diag(ca.vertcat(*[bind(value, title) for value in values]))))
     return matrices
 
 
 def mount(point_a: Point, point_b: Point, K: ca.SX, C: ca.SX, K_turn: ca.SX, C_turn: ca.SX) -> Iterator[Action]:
-    """Elastic mount between two points, all matrices (3, 3) in the axes of body a [N/m, N s/m, N m/rad, N m s/rad]."""
+    """Elastic mount between two points. Matrices (3, 3) in the axes of body a [N/m, N s/m, N m/rad, N m s/rad]."""
     a, b = point_a.body, point_b.body
     d = a.frame.R.T @ (point_b.r - point_a.r)
     if not is_zero(K):

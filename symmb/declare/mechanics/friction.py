@@ -33,24 +33,24 @@ class FrictionLaw(Law):
 
     @abstractmethod
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
-        """Friction force (k,) [N] for the slip velocity (k,) [m/s], k = 1 or 2, and the records of its states."""
+        """Friction force (k,) [N] for the slip velocity (k,) [m/s], k = 1, 2 or 3, and the records of its states."""
 
 
 @dataclass(frozen=True, eq=False)
 class Coulomb(FrictionLaw):
     """Coulomb friction, smooth in the slip: mu(v) = mu_k tanh(4 u) + (mu_s - mu_k) u / (u^2 / 4 + 3 / 4)^2.
 
-    u is the slip speed over `speed`, at which mu is about mu_s. At lower speeds the force is about proportional to the
-    slip. A body under a force f below the limit creeps at about speed f / (4 mu_k N). Use `Bristle` where bodies stick.
+    u is the slip speed over `speed`. At u = 1, mu is about mu_s. At lower speeds the force is about proportional to the
+    slip. A body under a force f below the limit creeps at about `speed` f / (4 mu_k N). Use `Bristle` if bodies stick.
 
     Parameters
     ----------
     kinetic : Expr
-        mu_k of sliding [-]
+        coefficient of friction mu_k of sliding [-]
     speed : Expr
-        of the transition [m/s]. Smaller ones are closer to Coulomb's law, and stiffer
+        speed of the transition [m/s]. Smaller speeds are closer to Coulomb's law, and make equations stiffer
     static : Expr
-        mu_s before sliding [-]; mu_k if left out
+        coefficient of friction mu_s before sliding [-]; by default mu_k
 
     Examples
     --------
@@ -72,6 +72,7 @@ class Coulomb(FrictionLaw):
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
+        # The root keeps the direction of the slip, and its derivatives, finite at rest.
         size = ca.sqrt(ca.sumsqr(w) + _REST**2)
         mu_over_u = self.kinetic * ca.tanh(4 * size) / size
         if self.static is not None:
@@ -80,30 +81,30 @@ class Coulomb(FrictionLaw):
 
 
 _REST = 1e-4
-"""Smallest speed, over the transition speed, whose direction counts. It makes the slope of mu at rest 5e-8 smaller."""
+"""Smallest slip over the transition speed that has a direction. It reduces the slope of mu at rest by 5e-8 only."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bristle(FrictionLaw):
-    """Stick and slip by bristles that bend with the slip, F = N (k z + d(z')): elastic until they break away.
+    """Stick and slip by elastic bristles that bend with the slip, F = N (k z + d(z')), until they break away.
 
     The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 of its
-    largest value z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Above it yields, and in steady
-    sliding it is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they vibrate. d is c z' for small
-    rates and never above mu: linear damping would stop a fast body at once.
+    largest value z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Larger deflections yield, and
+    in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they vibrate. d is c z'
+    for small rates and at most mu, because linear damping would stop a fast body at once.
 
     Parameters
     ----------
     kinetic : Expr
-        mu_k of sliding [-]
+        coefficient of friction mu_k of sliding [-]
     stiffness : Expr
-        k of the bristles, for each newton of normal force [1/m]
+        stiffness k of the bristles per newton of normal force [1/m]
     damping : Expr
-        c of the bristles, for each newton of normal force [s/m]; elastic vibrations decay
+        damping c of the bristles per newton of normal force [s/m]; it makes elastic vibrations decay
     static : Expr
-        mu_s of breaking away [-]; mu_k if left out
+        coefficient of friction mu_s of breaking away [-]; by default mu_k
     speed : Expr
-        Stribeck speed, at which mu falls from mu_s to mu_k [m/s]
+        Stribeck speed of the transition from mu_s to mu_k [m/s]
 
     Examples
     --------
@@ -136,19 +137,21 @@ class Bristle(FrictionLaw):
         bent = ca.sumsqr(zeta)
         along = ca.dot(slip, zeta)
         s = (bent - _ELASTIC) / (1 - _ELASTIC)
+        # A polynomial of degree 5, whose first two derivatives are 0 at both ends, lets solvers keep large steps.
         blend = s**3 * (10 + s * (6 * s - 15))
         yielding = ca.if_else(bent < 1, blend, 1) * along
         # Bristles do not yield while their deflection decreases.
         rate = slip - ca.if_else(ca.logic_and(bent > _ELASTIC, along > 0), yielding, 0) * zeta
         records = declare(names, Kind.STATE, z, rate, ca.SX.zeros(n))
         damping = self.damping * rate
+        # Saturates at mu without a kink.
         damping = damping / ca.sqrt(1 + ca.sumsqr(damping / mu))
         return -normal_force * (self.stiffness * z + damping), records
 
 
 _ELASTIC = 0.7**2
-"""Square of the share of the largest deflection up to which bristles are elastic, as in the elasto-plastic model of
-Dupont, Hayward, Armstrong and Altpeter (2002), IEEE Transactions on Automatic Control 47, 787-792."""
+"""Square of the largest elastic deflection over the largest deflection, as in the elasto-plastic model of Dupont et al.
+(2002)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +163,9 @@ class Friction(PairForce):
     name : str
     point_a, point_b : Point
     axis : tuple
-        of sliding, in the axes of point_a's body
+        direction of sliding, in the axes of point_a's body
     normal_force : Expr
-        between the bodies, not negative [N]
+        normal force between the bodies, not negative [N]
     law : FrictionLaw
         `Coulomb(...)` or `Bristle(...)`
 
@@ -188,7 +191,7 @@ class Friction(PairForce):
         if not normal_force.is_constant():
             yield (
                 normal_force + SLIGHT,  # [N]: a little below 0 is rounding
-                "its normal force is below 0{}, so that friction would push the bodies on. Write casadi.fmax(..., 0).",
+                "the normal force is negative{}, so friction would accelerate the bodies. Use casadi.fmax(..., 0).",
             )
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:

@@ -17,13 +17,14 @@ from symmb.declare.symbolic import components, has_irregular_constant, is_zero, 
 
 
 class Geometry:
-    """A shape that is drawn where a body is. Its numbers may be expressions of parameters.
+    """A shape in which a body is drawn. Its numbers may be expressions of parameters.
 
     Attributes
     ----------
-    at : (3,)              its middle, or the origin of a mesh, in body axes, from the origin of the body's points [m]
-    axes : (3, 3)          columns from its middle to its surface along its own axes, in body axes [m]; of a mesh the
-                           columns that stand for x, y, z of the file
+    at : (3,)              centre of the shape, or origin of a mesh, in body axes, from the origin of the body's
+                           points [m]
+    axes : (3, 3)          columns from the centre to the surface along the axes of the shape, in body axes [m]; of a
+                           mesh the columns are the directions x, y, z of the file times the scale
     """
 
     form: ClassVar[str]
@@ -34,24 +35,24 @@ class Geometry:
         raise NotImplementedError
 
     def _check(self, **sizes: Any) -> None:
-        """Raise for what is no place and for lengths that are no numbers above 0."""
+        """Raise an error if `at` is not a finite vector, or if a size is not positive."""
         kind = type(self).__name__
         for name, value in sizes.items():
             parts = components(value) if name in ("size", "scale") else None
             for part in [value] if parts is None else parts:
                 if is_real(part) and not 0 < part < np.inf:
-                    raise DeclarationError(f"{kind}: {name} is {shown(value)}; it must be above 0 and finite.")
+                    raise DeclarationError(f"{kind}: {name} is {shown(value)}; it must be positive and finite.")
                 scalar(part, f"{kind}: {name}")
             object.__setattr__(self, name, _double(value) if parts is None else tuple(map(_double, parts)))
         if has_irregular_constant(vector(self.at, f"{kind}: at")):
-            raise DeclarationError(f"{kind}: at {shown(self.at)} contains NaN or infinity.")
+            raise DeclarationError(f"{kind}: at={shown(self.at)} contains NaN or infinity. Pass finite numbers.")
         object.__setattr__(self, "at", tuple(map(_double, components(self.at) or ())))
         if (turn := getattr(self, "rotation", None)) is not None:
             require_instance(f"{kind}: rotation", turn, Rotation, "a rotation, mb.rotation(axis=..., angle=...)")
 
 
 def _double(value: Any) -> Any:
-    """A number in any form as Python's own; an expression as it is."""
+    """A number of any type as a float. Expressions are returned unchanged."""
     value = value.item() if isinstance(value, np.ndarray) else value
     return float(value) if is_real(value) else value
 
@@ -67,11 +68,11 @@ class Box3(Geometry):
     Parameters
     ----------
     size : tuple
-        of its sides along x, y, z [m]
+        lengths of the sides along x, y, z [m]
     at : tuple
-        its middle in body axes, from the origin of the body's points [m]
+        centre of the box in body axes, from the origin of the body's points [m]
     rotation : Rotation
-        of its sides, box to body; default: along the body's axes
+        rotation box to body; by default the sides are parallel to the body's axes
 
     Examples
     --------
@@ -86,7 +87,7 @@ class Box3(Geometry):
 
     def __post_init__(self) -> None:
         if len(components(self.size) or ()) != 3:
-            raise DeclarationError(f"Box3: size {shown(self.size)} has not three sides. Give (x, y, z).")
+            raise DeclarationError(f"Box3: size {shown(self.size)} must have three sides. Pass (x, y, z).")
         self._check(size=self.size)
 
     @property
@@ -103,9 +104,9 @@ class Cylinder(Geometry):
     radius, length : Expr
         [m]
     axis : tuple
-        along it, in body axes
+        direction of the cylinder's axis, in body axes
     at : tuple
-        its middle in body axes, from the origin of the body's points [m]
+        centre of the cylinder in body axes, from the origin of the body's points [m]
 
     Examples
     --------
@@ -123,14 +124,16 @@ class Cylinder(Geometry):
         self._check(radius=self.radius, length=self.length)
         axis = vector(self.axis, "Cylinder: axis")
         if is_zero(axis) or has_irregular_constant(axis):
-            raise DeclarationError(f"Cylinder: axis {shown(self.axis)} has no direction.")
+            raise DeclarationError(
+                f"Cylinder: axis {shown(self.axis)} has no direction. Pass a vector that is not zero."
+            )
         object.__setattr__(self, "axis", tuple(map(_double, components(self.axis) or ())))
 
     @property
     def axes(self) -> ca.SX:
         radius, length = (scalar(value, "Cylinder") for value in (self.radius, self.length))
         u, v, axis = ca.horzsplit(triad(vector(self.axis)))
-        return ca.horzcat(radius * v, -radius * u, length / 2 * axis)  # those of the body, if it stands along its z
+        return ca.horzcat(radius * v, -radius * u, length / 2 * axis)  # with axis z these are the axes of the body
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +145,7 @@ class Sphere(Geometry):
     radius : Expr
         [m]
     at : tuple
-        its middle in body axes, from the origin of the body's points [m]
+        centre of the sphere in body axes, from the origin of the body's points [m]
 
     Examples
     --------
@@ -164,23 +167,23 @@ class Sphere(Geometry):
 
 @dataclass(frozen=True, eq=False)
 class Mesh(Geometry):
-    """The surface in an STL file, in which a body is drawn.
+    """The surface of an STL file, in which a body is drawn.
 
     Parameters
     ----------
     path : str or Path
-        of a binary or ASCII STL file; of other files, such as .obj, if the package trimesh is installed
+        path of a binary or ASCII STL file. If the package trimesh is installed, other formats such as .obj are possible
     scale : Expr or (x, y, z)
-        metres for each unit of the file: 0.001 for a file in millimetres
+        metres per unit of the file: 0.001 for a file in millimetres
     at : tuple
-        the file's origin in body axes, from the origin of the body's points [m]
+        origin of the file in body axes, from the origin of the body's points [m]
     rotation : Rotation
-        of the file's axes, file to body; default: along the body's axes
+        rotation file to body; by default the file's axes are parallel to the body's axes
 
     Raises
     ------
     DeclarationError
-        if the file is missing, is no STL, is cut off, or has numbers that are not finite
+        If the file is missing, is not an STL file, is incomplete, or contains numbers that are not finite
 
     Examples
     --------
@@ -203,9 +206,9 @@ class Mesh(Geometry):
             raise DeclarationError(f"Mesh: expected the path of a file, got {shown(self.path)}.")
         object.__setattr__(self, "path", Path(self.path).absolute())
         if isinstance(self.scale, list | tuple | np.ndarray) and len(self.scale) != 3:
-            raise DeclarationError(f"Mesh: scale {shown(self.scale)} is neither one number nor three.")
+            raise DeclarationError(f"Mesh: scale {shown(self.scale)} must be one number, or (x, y, z).")
         self._check(scale=self.scale)
-        _ = self.triangles
+        _ = self.triangles  # a damaged file is an error where it is declared, not where it is drawn
 
     @property
     def axes(self) -> ca.SX:
@@ -219,7 +222,9 @@ class Mesh(Geometry):
 
 
 def shapes_of(owner: str, shapes: Any) -> tuple[Geometry, ...]:
-    """The shapes that a body is given."""
+    """The shapes of a body as a tuple. DeclarationError if they are not a list of shapes."""
     if not isinstance(shapes, list | tuple) or not all(isinstance(shape, Geometry) for shape in shapes):
-        raise DeclarationError(f"{owner}: shapes {shown(shapes)} are no list of Box3, Cylinder, Sphere or Mesh.")
+        raise DeclarationError(
+            f"{owner}: shapes must be a list of Box3, Cylinder, Sphere or Mesh, got {shown(shapes)}."
+        )
     return tuple(shapes)

@@ -15,35 +15,35 @@ RESTITUTION = "restitution {} is not between 0 and 1"
 
 
 def _faults(title: str, _: str, value: object) -> Iterator[str]:
-    """Fault of a number that is no coefficient of restitution."""
+    """Fault of a number that is not a coefficient of restitution."""
     if is_real(value) and not 0 <= value <= 1:
-        yield f"{title}: {RESTITUTION.format(number_text(value))}. Give one that is."
+        yield f"{title}: {RESTITUTION.format(number_text(value))}. Pass a number from 0 to 1."
 
 
 COEFFICIENT = {"faults": _faults}
-"""Metadata of a field that takes a coefficient of restitution."""
+"""Metadata of a field for a coefficient of restitution."""
 
 
 @dataclass(frozen=True, eq=False)
 class Impact(Element):
-    """Unilateral contact without friction: an instantaneous impact wherever the gap closes.
+    """Unilateral contact without friction: an instantaneous impact occurs each time the gap closes.
 
-    At the instant the gap g is 0 and closing, g' < 0, velocities jump by an impulse P along the gap's gradient,
+    When the gap g is 0 and closing, g' < 0, velocities jump by an impulse P along the gap's gradient,
 
         M (v+ - v-) + G' L = W' P,      G (v+ - v-) = 0,      g'+ = -e g'-,      W = dg'/dv,
 
-    so that all constraints hold after it. Simultaneous impacts are resolved in rounds, until no gap that is 0 closes.
-    Gaps that close at the beginning of a round come one after the other, in the order of their declaration. A warning
-    says where other orders end otherwise. If a rebound is not higher than the rounding of positions, the contact stays
-    closed: a constraint with a pushing force, until this force would pull.
+    so that all constraints hold after the impact. Simultaneous impacts are resolved in rounds, until no gap of size 0
+    closes. In each round, impacts are resolved one after the other in the order of declaration. A warning says if
+    another order gives another result. If a rebound is not higher than the rounding of positions, the contact stays
+    closed. It is then a constraint with a pushing force, until this force would pull.
 
     Parameters
     ----------
     name : str
     gap : expression
-        of coordinates, parameters and `t`, above 0 where open: `ball.y - radius` [m, rad]
+        gap [m, rad] as an expression of coordinates, parameters and `t`, positive if open: `ball.y - radius`
     restitution : expression
-        coefficient e of parameters, from 0 (nothing rebounds) to 1 (nothing is lost)
+        coefficient of restitution e, from 0 (no rebound) to 1 (no loss of energy); it may depend on parameters
 
     References
     ----------
@@ -75,6 +75,6 @@ class Impact(Element):
 
     @cached_property
     def state(self) -> Symbol:
-        """The record of `closed`, a state that changes at events only."""
+        """The record of the state `closed`, which only changes at events."""
         name = f"{self.name}.closed"
         return declare([name], Kind.STATE, ca.SX.sym(name), ca.SX(1, 1), ca.SX(1, 1))[0]

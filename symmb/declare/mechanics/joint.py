@@ -1,7 +1,6 @@
-"""Joints. Each gives its rows of Phi in three dimensions; rows that are zero by structure are left out.
+"""Joints. Each joint returns its rows of Phi in three dimensions, without rows that are always zero.
 
-Rows are differences b - a. Axes are vectors in the frame of point_a's body, and the same vectors in point_b's unless
-`axis_b` says otherwise.
+Rows are differences b - a. An axis has the same components in the frames of both bodies, unless `axis_b` is given.
 """
 
 from collections.abc import Callable, Iterator
@@ -36,7 +35,7 @@ _SPATIAL: tuple[type[Pose], ...] = (Spatial,)
 
 
 class Revolute(TurningJoint):
-    """Hinge: the points coincide, the axes stay parallel.
+    """Hinge: the points coincide, and the axes stay parallel.
 
     Examples
     --------
@@ -49,7 +48,7 @@ class Revolute(TurningJoint):
     """
 
     coordinate = "angle"
-    without = "Its points coincide, so that nothing slides. Use angle and angle_rate."
+    without = "This joint does not slide. Use angle and angle_rate."
     motion = HINGE
 
     def position_rows(self, bind: Bind) -> ca.SX:
@@ -109,11 +108,12 @@ class Screw(TurningJoint, SlidingJoint):
         return ca.vertcat(self._across(), self._parallel(), self.displacement - self.advance(self.angle, bind))
 
     def advance(self, angle: ca.SX, bind: Bind) -> ca.SX:
+        """The displacement [m] at an angle [rad]."""
         return self.number(bind, "pitch") * angle / (2 * ca.pi)
 
 
 class Prismatic(SlidingJoint):
-    """Slider: the frames are locked parallel, point b stays on the axis through point a.
+    """Slider: the frames stay parallel, and point b stays on the axis through point a.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class Prismatic(SlidingJoint):
 
     coordinate = "displacement"
     parallel = (0, 2)
-    without = "Its frames are locked parallel, so that nothing turns. Use displacement and displacement_rate."
+    without = "This joint does not turn. Use displacement and displacement_rate."
     motion = JointCoordinates(
         ("displacement",),
         ("displacement_rate",),
@@ -141,7 +141,7 @@ class Prismatic(SlidingJoint):
 
 
 class Weld(AxisJoint):
-    """The points coincide and the frames are locked parallel, `axis` onto `axis_b`.
+    """The points coincide, and the frames stay parallel, with `axis_b` on `axis`.
 
     Examples
     --------
@@ -156,7 +156,7 @@ class Weld(AxisJoint):
 
     aligns = True
     parallel = (0, 2)
-    without = "It holds its bodies together, so that nothing turns and nothing slides."
+    without = "This joint does not turn and does not slide."
     motion = JointCoordinates()
 
     def position_rows(self, bind: Bind) -> ca.SX:
@@ -164,7 +164,7 @@ class Weld(AxisJoint):
 
 
 class Universal(AxisJoint):
-    """Hooke joint: the points coincide, and `axis` of body a is normal to `axis_b` of body b, which must be given.
+    """Hooke joint: the points coincide, and `axis` of body a stays normal to `axis_b` of body b. `axis_b` is required.
 
     Examples
     --------
@@ -179,8 +179,8 @@ class Universal(AxisJoint):
     poses = (_SPATIAL, _SPATIAL)
     parallel = ()
     without = (
-        "It turns about two axes and does not slide. Use two Revolute joints with a body between them, which may have "
-        "no mass: each has an angle of its own."
+        "This joint turns about two axes and does not slide. Use two Revolute joints with a body of mass 0 between "
+        "them: each Revolute joint has an angle."
     )
     motion = JointCoordinates(
         ("angle_a", "angle_b"), ("angle_a_rate", "angle_b_rate"), about_two, measured=angles_of, crossed=True
@@ -189,7 +189,7 @@ class Universal(AxisJoint):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if self.axis_b is None:
-            yield f"{self.title}: needs axis_b, the axis of the cross fixed in the body of point b."
+            yield f"{self.title}: axis_b is missing. Pass axis_b=..., the axis of the cross in axes of point_b's body."
 
     def position_rows(self, bind: Bind) -> ca.SX:
         a, b = self.axes
@@ -197,7 +197,7 @@ class Universal(AxisJoint):
 
 
 class PlanarJoint(AxisJoint):
-    """Point b stays in the plane through point a whose normal is `axis`; the normals stay parallel.
+    """Point b stays in the plane through point a with the normal `axis`, and the normals on both bodies stay parallel.
 
     Examples
     --------
@@ -211,8 +211,10 @@ class PlanarJoint(AxisJoint):
 
     poses = (_SPATIAL, _SPATIAL)
     aligns = True
-    also = "A PlanarJoint holds its normals parallel, too: Motion(name, expression, 0) keeps a point alone on a plane."
-    without = "It slides in two directions and turns about a third one. Use coordinates and points of its bodies."
+    also = "A PlanarJoint also keeps its normals parallel. Motion(name, expression, 0) only keeps a point on a plane."
+    without = (
+        "This joint slides in two directions and turns about the normal. Use coordinates and points of its bodies."
+    )
     motion = JointCoordinates(
         ("x", "y", "angle"),
         ("vx", "vy", "angle_rate"),
@@ -247,7 +249,7 @@ class PointOnLine(AxisJoint):
         body = getattr(self.point_a, "body", None)
         if isinstance(body, AbstractBody) and isinstance(body.pose, Planar) and not is_zero(vector(self.axis)[2]):
             yield (
-                f"{self.title}: axis {self.axis} leaves the plane of planar body {body.name!r}. "
+                f"{self.title}: planar body {body.name!r} needs an axis with z = 0, but the axis is {self.axis}. "
                 "Use an axis with z = 0 or pose=Spatial()."
             )
 
@@ -269,8 +271,8 @@ class Spherical(Joint):
 
     poses = (_ANY, _ANY)
     without = (
-        "It turns about three axes and does not slide. Use body.rotation, or three Revolute joints with bodies between "
-        "them, which may have no mass: each has an angle of its own."
+        "This joint turns about three axes and does not slide. Use body.rotation, or three Revolute joints with bodies "
+        "of mass 0 between them: each Revolute joint has an angle."
     )
     motion = JointCoordinates(
         ("e0", "e1", "e2", "e3"),
@@ -287,10 +289,10 @@ class Spherical(Joint):
 
 @dataclass(frozen=True, eq=False)
 class Distance(Joint):
-    """Massless rod of the given length [m], not zero, between the points; its multiplier is the pull in the rod [N].
+    """Massless rod between the points. Its length [m] must be positive. Its multiplier is the pull in the rod [N].
 
-    The rod pulls and pushes. It models a rope only while its multiplier stays positive: with `unilateral=True` a
-    warning of the run says from when on it pushes. A `Rope` pulls only.
+    The rod pulls and pushes. It is a model of a rope only while its multiplier is positive: with `unilateral=True` a
+    warning of the run says when the rod starts to push. A `Rope` only pulls.
 
     Examples
     --------
@@ -305,7 +307,7 @@ class Distance(Joint):
 
     poses: ClassVar = (_ANY, _ANY)
 
-    length: Expr = field(metadata=within(above=0.0, remedy="For points that coincide use Spherical."))
+    length: Expr = field(metadata=within(above=0.0, remedy="Use Spherical for points that coincide."))
     unilateral: bool = field(default=False, kw_only=True, metadata=TRUTH)
 
     def position_rows(self, bind: Bind) -> ca.SX:
@@ -317,11 +319,11 @@ class Distance(Joint):
 
 @dataclass(frozen=True, eq=False)
 class Gear(AxisJoint):
-    """Gear pair: the angle of body b is `ratio` times that of body a, each about its axis against the carrier.
+    """Gear pair: the angle of body b is `ratio` times the angle of body a. Both angles are relative to the carrier.
 
-    The carrier is the body that holds both axes, such as the arm of a planetary gear; without one it is the ground. The
-    angles are 0 where the frames are parallel to the carrier's. With a negative ratio the bodies turn in opposite
-    directions.
+    The carrier is the body that holds both axes, such as the arm of a planetary gear. By default it is the ground. An
+    angle is 0 if the frame of its body is parallel to the carrier's frame. With a negative ratio the bodies turn in
+    opposite directions.
 
     Examples
     --------
@@ -338,7 +340,7 @@ class Gear(AxisJoint):
 
     turns: ClassVar[bool] = True
     parallel: ClassVar[tuple[int, ...]] = ()
-    without: ClassVar[str] = "It couples two angles. Use those of the Revolute joints that carry its wheels."
+    without: ClassVar[str] = "A Gear couples two angles. Use the angles of the Revolute joints that carry the wheels."
 
     ratio: Expr = field(kw_only=True)
     carrier: AbstractBody | None = field(default=None, kw_only=True)
@@ -348,7 +350,7 @@ class Gear(AxisJoint):
         if self.carrier is not None and not isinstance(self.carrier, AbstractBody):
             yield f"{self.title}: carrier must be the body that holds both axes, got {shown(self.carrier)}."
         elif self.carrier is not None and not isinstance(self.carrier.pose, (*ORIENTED, Fixed)):
-            yield f"{self.title}: carrier {self.carrier.name!r} does not turn. Use pose=Planar() or pose=Spatial()."
+            yield f"{self.title}: carrier {self.carrier.name!r} cannot turn. Use pose=Planar() or pose=Spatial()."
 
     @cached_property
     def _angles(self) -> tuple[tuple[ca.SX, tuple[Symbol, ...]], ...]:
@@ -365,21 +367,21 @@ class Gear(AxisJoint):
 
 @dataclass(frozen=True, eq=False)
 class CamFollower(Constraint):
-    """A follower that a cam moves by a law of lift: its displacement or angle is the lift at the angle of the cam.
+    """A follower that a cam moves: its displacement or angle is a function of the cam's angle, the lift.
 
-    The lift of a cam is given over its angle for the follower that it has, flat or with a roller. The row is exact. It
-    is as smooth as the lift. The multiplier is minus the force of the cam on the follower [N, N m]: a warning of the
-    run says from when on the cam would have to pull.
+    The lift includes the shape of the follower, flat or with a roller. The constraint is exact, and as smooth as the
+    lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning of the run says when the cam
+    would have to pull.
 
     Parameters
     ----------
     name : str
     cam, follower : Joint
-        Revolute, Prismatic, ...: joints that turn and move cam and follower
+        joints of the cam and of the follower: Revolute, Prismatic, ...
     lift : callable
-        of the cam's angle [rad], SX, that returns the follower's displacement [m] or angle [rad]; a `Table` is one
+        function of the cam's angle [rad], SX, that returns the follower's displacement [m] or angle [rad]; or a `Table`
     unilateral : bool
-        False: the cam has a groove, and pulls as well
+        False if the cam has a groove and can also pull
 
     Examples
     --------
@@ -412,7 +414,7 @@ class CamFollower(Constraint):
         yield from super().faults()
         for joint in self.parts():
             if isinstance(joint, Joint) and joint.coordinate is None:
-                yield f"{self.title}: {joint.title} does not move by one coordinate. {joint.without}"
+                yield f"{self.title}: {joint.title} does not have exactly one coordinate. {joint.without}"
 
     def position_rows(self, bind: Bind) -> ca.SX:
         angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (self.cam, self.follower))

@@ -1,4 +1,4 @@
-"""The coordinates by which a joint moves, in a frame on each of its bodies."""
+"""Joint coordinates: the relative motion of two frames, one on each body of a joint."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,22 +13,22 @@ from symmb.declare.symbolic import product, rotation_matrix, rotation_z
 
 AXIS = ca.SX(ca.sparsify(ca.DM([0, 0, 1])))
 _QUARTER = ca.SX(ca.sparsify(ca.DM([[1, 0, 0], [0, 0, -1], [0, 1, 0]])))
-"""Rotation about x that makes the axes z of a universal joint's frames normal to each other."""
+"""Rotation matrix about x: it makes the z axes of a universal joint's frames normal to each other."""
 
 
 @dataclass(frozen=True, eq=False)
 class RelativePose:
-    """Measured position of one frame on another."""
+    """The pose of one frame relative to another, from body coordinates."""
 
     shift: ca.SX  # (3,) [m]
-    turn: ca.SX  # (3, 3)
-    quaternion: ca.SX  # (4,), of `turn`
-    angle: ca.SX | None = None  # of planar bodies [rad]
+    turn: ca.SX  # (3, 3), rotation matrix
+    quaternion: ca.SX  # (4,), quaternion of `turn`
+    angle: ca.SX | None = None  # angle of planar bodies [rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """A rotation: matrix (3, 3), quaternion (4,), spin (3,) in the follower's axes, and angle about z."""
+    """A rotation: matrix (3, 3), quaternion (4,), angular velocity `spin` (3,) in turned axes, and angle about z."""
 
     matrix: ca.SX
     quaternion: ca.SX
@@ -37,7 +37,7 @@ class Turn:
 
 
 def about_z(angle: ca.SX, rate: ca.SX) -> Turn:
-    """The turn by an angle about the common axis z of two frames."""
+    """The rotation by an angle about the common axis z of two frames."""
     half = angle / 2
     return Turn(rotation_z(angle), ca.vertcat(ca.cos(half), 0, 0, ca.sin(half)), rate * AXIS, angle)
 
@@ -46,7 +46,7 @@ _NONE = Turn(ca.SX.eye(3), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), ca.SX(3, 1),
 
 
 def about_two(q: ca.SX, u: ca.SX) -> Turn:
-    """The turn about the axis of body a, and then about that of body b, which is normal to it."""
+    """The rotation about the axis of body a, followed by a rotation about the normal axis of body b."""
     first, second = about_z(q[0], u[0]), about_z(q[1], u[1])
     between = product(quaternion_of(_QUARTER), second.quaternion)
     E = _QUARTER @ second.matrix
@@ -54,7 +54,7 @@ def about_two(q: ca.SX, u: ca.SX) -> Turn:
 
 
 def about_point(e: ca.SX, omega: ca.SX) -> Turn:
-    """The turn by a quaternion, with an angular velocity in axes of the frame on body b."""
+    """The rotation by a quaternion, with an angular velocity in axes of the frame on body b."""
     return Turn(rotation_matrix(e), e / ca.norm_2(e), omega, ca.SX(0))
 
 
@@ -75,12 +75,12 @@ def quaternion_of(F: ca.SX) -> ca.SX:
 
 
 def angle_of(pose: RelativePose) -> ca.SX:
-    """The angle of `about_z` [rad]."""
+    """The angle [rad] of a pose that `about_z` gives."""
     return ca.atan2(pose.turn[1, 0], pose.turn[0, 0]) if pose.angle is None else pose.angle
 
 
 def angles_of(pose: RelativePose) -> ca.SX:
-    """The two angles of `about_two` [rad], (2,)."""
+    """The two angles (2,) [rad] of a pose that `about_two` gives."""
     E = pose.turn
     return ca.vertcat(ca.atan2(E[0, 2], -E[1, 2]), ca.atan2(E[2, 0], E[2, 1]))
 
@@ -89,8 +89,8 @@ def angles_of(pose: RelativePose) -> ca.SX:
 class JointCoordinates:
     """Coordinates q (k,) and velocities u (n,) of the motion of body b relative to body a.
 
-    `turn` (q, u) is that of the frame on body b relative to the one on body a, and `shift` (joint, q, bind) its
-    position (3,), in axes of the frame on body a [m]. `measured` gives the coordinates (k,) of a pose.
+    `turn(q, u)` is the rotation of the frame on body b relative to the frame on body a. `shift(joint, q, bind)` is its
+    position (3,) [m] in axes of the frame on body a. `measured(pose)` returns the coordinates (k,) of a pose.
     """
 
     q_names: tuple[str, ...] = ()
@@ -99,8 +99,8 @@ class JointCoordinates:
     shift: Callable[[Any, ca.SX, Bind], ca.SX] = lambda joint, q, bind: ca.SX(3, 1)
     measured: Callable[[RelativePose], ca.SX] = lambda pose: ca.SX(0, 1)
     q_rate: Callable[[ca.SX, ca.SX], ca.SX] = lambda q, u: u
-    crossed: bool = False  # whether the axes are not parallel: each body has a frame about its own one
-    in_plane: "JointCoordinates | None" = None  # those in the place of these if one of the bodies is planar
+    crossed: bool = False  # whether the axes are not parallel, so that each frame is about the axis of its body
+    in_plane: "JointCoordinates | None" = None  # coordinates of the joint if one of the bodies is planar
 
 
 HINGE = JointCoordinates(("angle",), ("angle_rate",), about_z, measured=angle_of)

@@ -17,7 +17,7 @@ from symmb.declare.symbolic import Kind, Symbol, declare
 
 
 def event_state(name: str, value: float) -> Symbol:
-    """A state that changes at events only."""
+    """A state that only changes at events, with its initial value."""
     return declare([name], Kind.STATE, ca.SX.sym(name), ca.SX(1, 1), ca.SX(value))[0]
 
 
@@ -32,7 +32,7 @@ class JointEvent(Element):
 
     @property
     def name(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The name of the joint and what happens to it, without dots."""
+        """The name of the joint and the kind of the event, such as "sling_release"."""
         return f"{getattr(self.joint, 'name', '')}_{type(self).__name__.lower()}"
 
     @property
@@ -44,50 +44,50 @@ class JointEvent(Element):
 
     @property
     def closed(self) -> ca.SX:
-        """1 while this element keeps the joint closed, 0 while it does not."""
+        """1 while this event keeps the joint closed, else 0."""
         return self.flag.sx
 
     @cached_property
     def lam(self) -> ca.SX:
-        """Symbols for multipliers of the joint in the condition, more than any joint has, (6,) [N, N m]."""
+        """Symbols (6,) of the joint's multipliers in the condition [N, N m]. No joint has more than 6."""
         return ca.SX.sym(f"{self.name}.lam", 6)
 
     @cached_property
     def flag(self) -> Symbol:
-        """The record of `closed`."""
+        """The record of the state `closed`."""
         return event_state(f"{self.name}.closed", float(self.opens))
 
     @cached_property
     def holding(self) -> Symbol:
-        """The record of whether the condition holds."""
+        """The record of the state that is 1 while the condition holds, else 0."""
         return event_state(f"{self.name}.holds", 0.0)
 
     @property
     def states(self) -> tuple[Symbol, ...]:
-        """All states that change at the events of this element only."""
+        """All states that only change at the events of this element."""
         return self.flag, self.holding, *(symbol for symbol, _ in self.place)
 
     @property
     def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
-        """States that the event sets, with what they are then."""
+        """States that the event sets, each with the expression of its new value."""
         return ()
 
 
 class Release(JointEvent):
-    """A joint that opens when a condition becomes true: a sling, a trigger, a pin that is pulled.
+    """A joint that opens when a condition becomes true, such as a sling, a trigger, or a pin that is pulled.
 
-    The rows of the joint leave the equations, and its reaction is 0 from then on. Velocities do not jump. The joint is
-    closed at the start, where the condition must not hold.
+    The event removes the rows of the joint from the equations, and the reaction of the joint becomes 0. Velocities do
+    not jump. The joint is closed at the start. The condition must not hold at the start.
 
     Parameters
     ----------
     joint : Joint
     condition : expression
         comparison of coordinates, velocities, parameters and `t`, such as `arm.theta > 0.8`; comparisons may be joined
-        by `casadi.logic_and` and `logic_or`. An expression that is no comparison holds where it is above 0. A function
-        gets the reaction of the joint, as `System.reaction` gives it: a pin that breaks is
-        `lambda pull: pull.fx**2 + pull.fy**2 > strength**2`. A peak of the reaction that is shorter than an eighth of a
-        step may be missed
+        by `casadi.logic_and` and `logic_or`. Another expression holds if it is positive. The condition may also be a
+        function of the joint's reaction (see `System.reaction`), such as
+        `lambda pull: pull.fx**2 + pull.fy**2 > strength**2` for a pin that breaks. A peak of the reaction that is
+        shorter than an eighth of a step may be missed
 
     Examples
     --------
@@ -107,24 +107,25 @@ class Release(JointEvent):
 
 
 class Latch(JointEvent):
-    """A joint that closes when a condition becomes true: a door's latch, a hook, a clutch with teeth.
+    """A joint that closes when a condition becomes true, such as a door's latch, a hook, or a clutch with teeth.
 
-    The rows of the joint enter the equations, where the bodies are at this instant: as if the point of body a, and the
-    joint's frame on it, were where those of body b are. A Distance gets the length that it has then. The impact is
-    plastic: velocities jump with the smallest kinetic energy so that all rows have the rate 0,
+    The event adds the rows of the joint to the equations. The bodies keep their positions: the point of body a and the
+    joint's frame on body a are moved to those of body b. A Distance keeps its current length. The impact is plastic:
+    velocities jump so that all rows have the rate 0,
 
         M (v+ - v-) + G' L = 0,    G v+ + Phi_t = 0,
 
-    with an impulse L of each row. A contact whose gap would then close has an impact after it. The joint is open at the
-    start, unless it has a `Release` as well: it is closed then, opens, and may close and open again. A condition counts
-    at the instant at which it becomes true, so that one that holds when the joint opens must first cease to.
+    with the impulses L of the rows. If the gap of a contact would then close, its impact follows. The joint is open at
+    the start. A joint that also has a `Release` is closed at the start, and may open and close several times. The event
+    occurs at the instant at which the condition becomes true. If the condition holds when the joint opens, it must
+    first become false.
 
     Parameters
     ----------
     joint : Joint
         Revolute, Prismatic, Cylindrical, Weld, PlanarJoint, Spherical, PointOnLine or Distance
     condition : expression
-        as of `Release`
+        see `Release`
 
     Examples
     --------
@@ -147,20 +148,20 @@ class Latch(JointEvent):
         joint = self.joint
         aligns = isinstance(joint, AxisJoint) and joint.aligns and not isinstance(joint, Screw)
         if isinstance(joint, Joint) and not aligns and not isinstance(joint, Spherical | PointOnLine | Distance):
-            yield f"{self.title}: no {type(joint).__name__} can close in a run. Use a Weld, Revolute or Prismatic."
+            yield f"{self.title}: a {type(joint).__name__} cannot close in a run. Use a Weld, Revolute or Prismatic."
 
     @cached_property
     def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
-        """States that keep where the joint closes, with what they are at this instant."""
+        """States that store the relative pose at which the joint closes, each with the expression of its new value."""
         return self._grip[1]
 
     @property
     def grip(self) -> Joint:
-        """The joint where it has closed."""
+        """The joint after it has closed, with the stored relative pose."""
         return self._grip[0]
 
     def rows(self, bind: Bind) -> ca.SX:
-        """The rows of the joint where it has closed."""
+        """The rows (n,) of the joint after it has closed, with the stored relative pose."""
         place, joint = self.place, self.grip
         if isinstance(joint, Distance):
             return ca.norm_2(joint.d) - place[0][0].sx
@@ -168,15 +169,16 @@ class Latch(JointEvent):
 
     @cached_property
     def _grip(self) -> tuple[Joint, tuple[tuple[Symbol, ca.SX], ...]]:
-        """The joint with the point and the frame of body a where those of body b were, and its states."""
+        """The joint with the point and the frame of body a moved to those of body b, and the states of this motion."""
         joint = self.joint
         if isinstance(joint, Distance):
             return joint, ((event_state(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)
         R_a, R_b = (body.frame.R for body in joint.bodies())
         shift, place = self._kept("shift", R_a.T @ joint.d, ca.SX(3, 1))
+        # A copy, because the handles of the joint itself keep their zero.
         grip = copy(joint)
         for name in joint.__dict__.keys() - joint.__dataclass_fields__.keys():
-            del vars(grip)[name]  # what was derived from the point and the frame
+            del vars(grip)[name]  # cached values of the old point and frame
         vars(grip)["point_a"] = Point(joint.point_a.body, joint.point_a.s + shift)
         if isinstance(joint, AxisJoint) and joint.aligns:
             turn, more = self._kept("turn", R_a.T @ R_b @ joint.alignment, ca.SX.eye(3))
@@ -186,7 +188,7 @@ class Latch(JointEvent):
         return grip, place
 
     def _kept(self, name: str, value: ca.SX, start: ca.SX) -> tuple[ca.SX, tuple[tuple[Symbol, ca.SX], ...]]:
-        """States in place of the entries of a matrix that change in a run, and these."""
+        """A matrix with states in place of the entries that may change in a run, and these states."""
         value, kept = ca.densify(value), []
         matrix = ca.SX(value)
         for i, entry in enumerate(ca.vertsplit(ca.vec(value))):
@@ -198,7 +200,7 @@ class Latch(JointEvent):
 
 
 def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
-    """Joints that open or close, with an expression that is 1 while they are closed and 0 while they are open."""
+    """For each joint that opens or closes, by its name: an expression that is 1 while it is closed, else 0."""
     gates: dict[str, ca.SX] = {}
     for event in events:
         gates[event.joint.name] = gates.get(event.joint.name, ca.SX(0)) + event.closed
@@ -206,8 +208,10 @@ def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
 
 
 def closed_at_start(events: Iterable[JointEvent]) -> dict[str, bool]:
-    """Joints that open or close, and whether they are closed at the start: clutches and joints with a Latch alone are
-    not."""
+    """For each joint that opens or closes, by its name: whether it is closed at the start.
+
+    Clutches, and joints with a Latch only, are open at the start.
+    """
     events = list(events)
     released = {event.joint.name for event in events if float(event.flag.value)}
     return {event.joint.name: event.joint.name in released for event in events}

@@ -1,4 +1,4 @@
-"""Loads of machines: nonlinear springs, hydraulic dampers, gas springs, soil."""
+"""Forces of machines: nonlinear springs, hydraulic dampers, gas springs and soil."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from symmb.declare.mechanics.body import Body, Point
 from symmb.declare.mechanics.contact import press
 from symmb.declare.mechanics.contact_law import ContactLaw
 from symmb.declare.mechanics.element import DIRECTION, NOT_NEGATIVE, POSITIVE, Bind, Law, bound, function, law_value
-from symmb.declare.mechanics.force import Action, ForceElement, PairForce, force_at, mount, mount_matrices, push
+from symmb.declare.mechanics.force import Action, ForceElement, PairForce, mount, mount_matrices, push
 from symmb.declare.symbolic import ddt, scalar, unit, vector
 
 
@@ -24,8 +24,8 @@ class NonlinearSpring(PairForce):
     name : str
     point_a, point_b : Point
     pull : callable
-        (length [m], rate [m/s]), both SX, -> force that pulls the points together [N]; such as `GasSpring(...)`,
-        `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
+        function of length [m] and rate [m/s], both SX, that returns the force [N] that pulls the points together. It
+        may be `GasSpring(...)`, `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
 
     Examples
     --------
@@ -41,33 +41,32 @@ class NonlinearSpring(PairForce):
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d = self.point_b.r - self.point_a.r
-        # Points closer than 1e-12 m have no line between them: the force decreases to 0 there and stays finite.
+        # Points closer than MEETING do not determine a line. There the force decreases to 0, and stays finite.
         length = ca.sqrt(ca.fmax(ca.sumsqr(d), MEETING**2))
         title = f"{self.title}: pull"
         law = bound(self.pull, bind, title) if isinstance(self.pull, GasSpring | Orifice) else self.pull
         pull = bind(law_value(law, title, length, ca.dot(d, ddt(d)) / length), title)
-        force = pull * d / length
-        yield Action((force_at(self.point_a, force), force_at(self.point_b, -force)), force=pull)
+        yield Action(self.pair_loads(pull * d / length), force=pull)
 
 
 @dataclass(frozen=True, eq=False)
 class GasSpring(Law):
-    """Gas behind a piston, p V^n constant, which pushes two points apart: a law of `NonlinearSpring`.
+    """Gas that pushes two points apart by a piston, with p V^n constant: a law of `NonlinearSpring`.
 
     Below a hundredth of `volume` the pressure stays constant.
 
     Parameters
     ----------
     pressure : Expr
-        at `length` [Pa]; the pressure outside is neglected
+        pressure at `length` [Pa]; the ambient pressure is neglected
     volume : Expr
-        at `length` [m^3]
+        volume at `length` [m^3]
     area : Expr
-        of the piston [m^2]; negative if the gas is compressed when the points part, as in a recuperator
+        area of the piston [m^2]; negative if the gas is compressed when the distance grows, as in a recuperator
     length : Expr
-        between the points at which pressure and volume are given [m]
+        distance of the points for which pressure and volume are given [m]
     exponent : Expr
-        n, polytropic exponent: 1 for slow and 1.4 for fast changes of air [-]
+        polytropic exponent n: 1 for slow and 1.4 for fast changes of air [-]
 
     Examples
     --------
@@ -87,35 +86,37 @@ class GasSpring(Law):
         """The pull [N]."""
         law = bound(self, scalar, "GasSpring")
         share = 1 + law.area * (scalar(length, "GasSpring: length") - law.length) / law.volume
-        return -law.pressure * law.area * ca.if_else(share > _LEAST, share, _LEAST) ** (-law.exponent)
+        return (
+            -law.pressure * law.area * ca.if_else(share > _SMALLEST_VOLUME, share, _SMALLEST_VOLUME) ** (-law.exponent)
+        )
 
 
-_LEAST = 0.01
-"""Least volume over the volume at rest: the pressure stays finite where a motion would compress the gas to nothing."""
+_SMALLEST_VOLUME = 0.01
+"""Smallest volume over the given volume. The pressure then stays finite if a motion compresses the gas to nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Orifice(Law):
-    """A fluid that a piston pushes through an opening, as in recoil brakes: a law of `NonlinearSpring`.
+    """Fluid that a piston pushes through an opening, as in recoil brakes: a law of `NonlinearSpring`.
 
-    F = rho A^3 / (2 (Cd a)^2) v |v|, the quadratic loss of the flow A v through the opening a. Around rest v |v| is
-    v sqrt(v^2 + speed^2): laminar flow, and smooth.
+    F = rho A^3 / (2 (Cd a)^2) v |v|, the quadratic loss of the flow A v through the opening a. The expression
+    v sqrt(v^2 + speed^2) replaces v |v|. It is smooth, and laminar flow at low speeds.
 
     Parameters
     ----------
     area : Expr
-        A of the piston [m^2]
+        area A of the piston [m^2]
     opening : Expr
-        a [m^2], above 0, or a function of (stroke [m], rate [m/s]), both SX: a throttling ring by `lambda stroke, rate:
-        ring(stroke)` with a `Table`, valves by the rate
+        a [m^2], positive, or a function of (stroke [m], rate [m/s]), both SX, such as `lambda stroke, rate:
+        ring(stroke)` with a `Table` for a throttling ring
     length : Expr
-        of the line between the points at stroke 0 [m]
+        distance of the points at stroke 0 [m]
     density : Expr
         rho [kg/m^3]
     discharge : Expr
-        Cd [-]
+        coefficient of discharge Cd [-]
     speed : Expr
-        below which the flow is laminar [m/s]
+        speed below which the flow is laminar [m/s]
 
     Examples
     --------
@@ -143,25 +144,25 @@ class Orifice(Law):
 
 @dataclass(frozen=True, eq=False)
 class Soil(ForceElement):
-    """Soil under a foot. It pushes along its normal, and springs and dampers hold the foot in the other directions.
+    """Soil under a foot. It pushes along the normal, and springs and dampers act in the other directions.
 
-    The springs across the normal act even without a normal force: spades and ribs stay in the soil.
+    The springs across the normal also act without a normal force, because spades and ribs stay in the soil.
 
     Parameters
     ----------
     name : str
     ground_point : Point
-        surface of the soil, on the ground or on another body
+        point of the soil's surface, on the ground or on another body
     point : Point
         foot
     normal : tuple
-        out of the soil, in the axes of ground_point's body
+        direction out of the soil, in the axes of ground_point's body
     law : ContactLaw
-        along the normal, `KelvinVoigt(...)`, or measured: `Tabulated(...)`
+        law along the normal: `KelvinVoigt(...)`, or `Tabulated(...)` for measured forces
     stiffness, damping : scalar or (x, y, z)
-        across the normal [N/m], [N s/m]
+        stiffness and damping across the normal [N/m], [N s/m]
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
-        [N m/rad], [N m s/rad], as of a `Bushing`
+        [N m/rad], [N m s/rad], see `Bushing`
 
     Examples
     --------

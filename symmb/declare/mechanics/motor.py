@@ -18,11 +18,11 @@ from symmb.declare.symbolic import Kind, Symbol, declare, is_zero, scalar
 class Motor(JointForce):
     """A DC motor with a gear in a joint: V = R i + L i' + k_e n w, and the torque n (k_t i - b n w) in the joint.
 
-    w is the rate of the joint's angle, which the rotor exceeds n times. The torque acts on body b in the direction in
-    which the angle grows, and with the opposite sign on body a. The current i is a first-order state called
-    `name.current`, which starts at 0. Without inductance it follows from V and w at once. The rotor has no inertia of
-    its own: add n^2 times it to the inertia of body b. Dry friction is a `Clutch` of constant capacity. In a
-    `Prismatic` joint it is a linear motor, with a force and a speed instead of torque and angular velocity.
+    w is the rate of the joint's angle. The rotor turns n times as fast. The torque acts on body b in the direction of
+    increasing angle, and with the opposite sign on body a. The current i is a first-order state called `name.current`,
+    which starts at 0. Without inductance the current is an expression of V and w. The rotor has no inertia: add n^2
+    times the rotor's inertia to the inertia of body b. For dry friction, add a `Clutch` of constant capacity. In a
+    `Prismatic` joint the motor is linear, with a force and a velocity in place of torque and angular velocity.
 
     Parameters
     ----------
@@ -30,21 +30,21 @@ class Motor(JointForce):
     joint : Joint
         Revolute, Prismatic, Cylindrical or Screw
     voltage : Expr
-        V [V]: any expression of coordinates, velocities, states, parameters, `t`; a controller is one
+        V [V]: any expression of coordinates, velocities, states, parameters and `t`, such as a controller
     resistance : Expr
         R [ohm]
     torque_constant : Expr
         k_t [N m/A]
     inductance : Expr
-        L [H]; 0 makes equations that are not stiff
+        L [H]; with 0 the equations are not stiff
     gear : Expr
         n [-]
     friction : Expr
-        b of the rotor, viscous [N m s/rad]
+        coefficient b of viscous friction of the rotor [N m s/rad]
     emf_constant : Expr
-        k_e [V s/rad]; k_t if left out
+        k_e [V s/rad]; by default k_t
     coordinate : str
-        "angle" or "displacement", of joints that have both
+        "angle" or "displacement", for joints that have both
 
     Examples
     --------
@@ -78,12 +78,12 @@ class Motor(JointForce):
 
     @property
     def power(self) -> ca.SX:
-        """Electric power V i that the motor takes [W]."""
+        """Electric power V i of the motor [W]."""
         return self._number("voltage") * self.current
 
     @cached_property
     def _state(self) -> Symbol | None:
-        """The record of the current, None without inductance."""
+        """The record of the state of the current; None without inductance."""
         L, current = self._number("inductance"), ca.SX.sym(f"{self.name}.current")
         if is_zero(L):
             return None
@@ -97,7 +97,7 @@ class Motor(JointForce):
 
     @property
     def _free_voltage(self) -> ca.SX:
-        """Voltage without what the rotation induces [V]."""
+        """Voltage minus the induced voltage [V]."""
         constant = self._number("torque_constant" if self.emf_constant is None else "emf_constant")
         return self._number("voltage") - constant * self._speed
 

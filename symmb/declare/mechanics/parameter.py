@@ -19,24 +19,25 @@ _DECLARED: "WeakValueDictionary[int, Parameters]" = WeakValueDictionary()
 
 
 def declared_with(symbol: ca.SX) -> "Parameters | None":
-    """The parameters that a symbol was declared with, as long as they are in use."""
+    """The Parameters object that declared a symbol; None if no such object exists any more."""
     return _DECLARED.get(symbol.element_hash())
 
 
 class Parameters(Mapping[str, float]):
-    """Named parameters with nominal values; a mapping from name to nominal value.
+    """Named parameters with nominal values: a mapping from names to nominal values.
 
     Parameters
     ----------
     **nominal : float, (float, str) or str
-        nominal value of each parameter, in SI units unless expressions convert it. With a unit, as (235, "mm") or
-        "235 mm", `p.l1` is the quantity in SI units, and everywhere else the value is a number in this unit: here, in
-        boxes, tables, pictures, reports, files and FMUs
+        nominal value of each parameter, in SI units unless expressions convert it. A value may have a unit, such as
+        (235, "mm") or "235 mm". Then `p.l1` is the quantity in SI units. Everywhere else the value is a number in the
+        given unit: in boxes, tables, pictures, reports, files and FMUs
 
     Raises
     ------
     DeclarationError
-        If a value is not a finite number, a unit is not known, or a name is no identifier or taken by the class itself
+        If a value is not a finite number, if a unit is not known, or if a name is not an identifier or is an attribute
+        of this class
 
     Examples
     --------
@@ -52,9 +53,9 @@ class Parameters(Mapping[str, float]):
     def __init__(self, **nominal: "float | tuple[float, str] | str") -> None:
         nominal = normal_keys("Parameters", nominal)
         taken = [n for n in nominal if n == "t" or hasattr(type(self), n)]
-        faults = Faults(f"parameter {n!r}: the name is taken; choose another." for n in taken)
+        faults = Faults(f"parameter {n!r}: symmb uses this name itself. Choose another name." for n in taken)
         faults += [
-            f"parameter {n!r}: a name has letters, digits and underscores, a letter first."
+            f"parameter {n!r}: the name must consist of letters, digits and underscores, and start with a letter."
             for n in nominal
             if not n.isidentifier() or name_fault(n)
         ]
@@ -73,25 +74,25 @@ class Parameters(Mapping[str, float]):
         self._quantities = _quantities(self._symbols, self._nominal, self._units)
 
     def with_more(self, **nominal: float) -> "Parameters":
-        """Parameters with the same symbols as these, and more behind them."""
+        """Parameters with the symbols of this object, followed by more parameters."""
         more = Parameters(**nominal)
         return self._with(self._nominal | more._nominal, more._records)
 
     def with_inputs(self, inputs: Sequence[Symbol]) -> "Parameters":
-        """Parameters with the symbols of these, and behind them those of inputs, whose nominal values are 0."""
+        """Parameters with the symbols of this object, followed by the symbols of inputs with nominal value 0."""
         return self._with(self._nominal | dict.fromkeys((symbol.name for symbol in inputs), 0.0), inputs)
 
     def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
-        """Parameters with the same symbols, and with other nominal values: numbers in their units, or "240 mm"."""
+        """Parameters with the symbols of this object and other nominal values: numbers in their units, or "240 mm"."""
         nominal = normal_keys("with_nominal", nominal)
         if not isinstance(nominal, Mapping) or not self._nominal.keys() <= nominal.keys():
             names = ", ".join(self._nominal)
-            raise DeclarationError(f"with_nominal: expected numbers by the names {names}, got {shown(nominal)}.")
+            raise DeclarationError(f"with_nominal: expected numbers for {names}, got {shown(nominal)}.")
         owner, own = "with_nominal", self._units
         return self._with({n: number_in(f"{owner}: {n}", n, nominal[n], own.get(n, "")) for n in self._nominal})
 
     def _with(self, nominal: dict[str, float], more: Sequence[Symbol] = ()) -> "Parameters":
-        """Parameters with the symbols of these, other nominal values, and more symbols behind them."""
+        """Parameters with the symbols of this object, followed by more symbols, and other nominal values."""
         other = object.__new__(Parameters)
         other._nominal, other._units, other._records = nominal, self._units, (*self._records, *more)
         symbols = [symbol.sx for symbol in more]
@@ -102,12 +103,12 @@ class Parameters(Mapping[str, float]):
     def __getattr__(self, name: str) -> ca.SX:
         names, name = list(self.__dict__.get("_nominal", ())), normal(name)
         if name not in names:
-            raise AttributeError(f"no parameter {name!r}; declared are: {', '.join(names) or 'none'}.")
+            raise AttributeError(f"no parameter {name!r}. Declared parameters: {', '.join(names) or 'none'}.")
         return self._quantities[names.index(name)]
 
     @property
     def symbols(self) -> ca.SX:
-        """All symbols as one vector, (n_p,), in the order of declaration. They stand for numbers in units."""
+        """All symbols as one vector (n_p,), in the order of declaration. They are numbers in the parameters' units."""
         return self._symbols
 
     @property
@@ -137,13 +138,13 @@ class Parameters(Mapping[str, float]):
 
 
 def _quantities(symbols: ca.SX, names: Iterable[str], units: Mapping[str, str]) -> ca.SX:
-    """The quantities in SI units (n_p,) of symbols, which stand for numbers in units."""
+    """The quantities (n_p,) in SI units of symbols, which are numbers in the units of the parameters."""
     ratios = (unit_of(name, units.get(name, "")) for name in names)
     return ca.vertcat(ca.SX(0, 1), *(scaled(symbols[i], ratio) for i, ratio in enumerate(ratios))) if units else symbols
 
 
 def with_si_symbols(parameters: Parameters, expression: ca.SX) -> ca.SX:
-    """An expression whose symbols of parameters stand for quantities in SI units, as it is written in textbooks."""
+    """An expression with symbols of parameters that are quantities in SI units, as in textbooks."""
     units, symbols = units_of_parameters(parameters), parameters.symbols
     ratios = [unit_of(name, units.get(name, "")) for name in parameters]
     numbers = [scaled(symbols[i], ratio, inverse=True) for i, ratio in enumerate(ratios)]

@@ -1,8 +1,8 @@
-"""The poses of bodies: coordinates, velocities and the frame that they determine.
+"""The poses of bodies: coordinates, velocities, and the frame that depends on them.
 
-All poses give the same kinematics: position r (3,), rotation R (3, 3), body to world, and the twist
-(r', omega) in R^6 = S v, with r' in world axes, omega in body axes and S a selection of velocities. A planar pose is
-a spatial one with structural zeros. A flexible body has modal coordinates after those of its floating frame.
+All poses have the same kinematics: position r (3,), rotation R (3, 3) body to world, and the twist (r', omega) = S v,
+(6,), with r' in world axes, omega in body axes, and a matrix S that selects velocities. A planar pose is a spatial pose
+with structural zeros. A flexible body has the coordinates of its floating frame, followed by modal coordinates.
 """
 
 from abc import ABC, abstractmethod
@@ -26,16 +26,16 @@ from symmb.declare.symbolic import (
 )
 
 MOST_MODES = 1000
-"""Most modal coordinates of a body: the equations have the square of their number of terms."""
+"""Largest number of modal coordinates of a body: the number of terms in the equations grows with its square."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Coordinates of a body and a frame that they determine: that of the body, or of a node of a flexible body.
+    """The coordinates of a body and a frame that depends on them: the frame of the body, or of a flexible body's node.
 
-    q (n_q,), v (n_v,), rate q' = N v (n_q,), r (3,) [m], R (3, 3), twist (r', omega) = S v with S (6, n_v), the angle
-    about +z [rad] of a body that turns about z alone, and `rigid` (n_v, 6), which gives the velocities of a rigid
-    motion from the frame's twist. `records` hold the symbols.
+    Fields: q (n_q,), v (n_v,), rate q' = N v (n_q,), r (3,) [m], R (3, 3), S (6, n_v) with the twist (r', omega) = S v,
+    and the angle [rad] about +z of a body that turns about z only. `rigid` (n_v, 6) times a twist of the frame gives
+    the velocities of a rigid motion. `records` contain the symbols.
     """
 
     q: ca.SX
@@ -60,34 +60,34 @@ class Frame:
 
 
 class Pose(ABC):
-    """The pose of a body: its coordinates and the frame that they determine.
+    """The pose of a body: its coordinates, and the frame that depends on them.
 
     Parameters
     ----------
     modes : int
-        modal coordinates of a flexible body
+        number of modal coordinates of a flexible body
     """
 
     rigid_coordinates: ClassVar[tuple[str, ...]]
     rigid_velocities: ClassVar[tuple[str, ...]]
     _twist: ClassVar[tuple[int, ...]]
-    """Numbers of the rigid velocities in the twist."""
+    """Indices of the rigid velocities in the twist."""
 
     def __init__(self, modes: int = 0) -> None:
         self.modes = whole(type(self).__name__, "modes", modes, 0, MOST_MODES)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates, those of modes last."""
+        """Names of the coordinates. Modal coordinates come last."""
         return (*self.rigid_coordinates, *(f"eta{j + 1}" for j in range(self.modes)))
 
     @property
     def velocities(self) -> tuple[str, ...]:
-        """Names of the velocities, those of modes last."""
+        """Names of the velocities. Rates of modal coordinates come last."""
         return (*self.rigid_velocities, *(f"eta{j + 1}_dot" for j in range(self.modes)))
 
     def frame(self, name: str) -> Frame:
-        """The frame of the body of that name, in new symbols `name.x`, ..."""
+        """The frame of a body of this name, with new symbols `name.x`, ..."""
         q_names, v_names = ([f"{name}.{x}" for x in names] for names in (self.coordinates, self.velocities))
         q, v = (ca.vertcat(ca.SX(0, 1), *map(ca.SX.sym, names)) for names in (q_names, v_names))
         S = np.zeros((6, len(v_names)))
@@ -99,10 +99,10 @@ class Pose(ABC):
 
     @abstractmethod
     def _placed(self, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """Rates of the coordinates, position (3,), rotation (3, 3) and angle about z."""
+        """Rates of the coordinates (n_q,), position (3,), rotation (3, 3) and angle about z."""
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        """q after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the norm 1."""
+        """The coordinates q (n_q,) after a small displacement delta (n_v,). Quaternions have the norm 1."""
         return q + delta
 
     def __repr__(self) -> str:
@@ -182,5 +182,5 @@ class Fixed(Pose):
 
 
 def turns_about_z(pose: Pose) -> bool:
-    """Whether the body turns about z alone, so that its angle is a coordinate."""
+    """Whether a body of this pose turns about z only, so that its angle is a coordinate."""
     return isinstance(pose, Planar | Fixed)

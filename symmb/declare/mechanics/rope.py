@@ -1,4 +1,4 @@
-"""Ropes over fixed points and round pulleys."""
+"""Ropes over points and round pulleys."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,36 +19,35 @@ from symmb.declare.mechanics.pose import Spatial
 from symmb.declare.symbolic import SOFT, Kind, Symbol, Z, ddt, declare
 
 Wrap = Point | tuple[Point, Expr]
-"""A point, or a pulley with its signed radius."""
-_TOUCHING = SLIGHT
-"""Share of the square of a radius by which a rope that touches its pulley may be within it, by rounding."""
+"""A point, or the centre of a pulley with its signed radius."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rope(ForceElement):
-    """A rope that pulls k (l - length) + c (l' - length') if its way l is longer than its length, and never pushes.
+    """A rope that pulls k (l - length) + c (l' - length') if its path l is longer than its length, and never pushes.
 
-    It slides without friction over the points between its ends, and round pulleys in the xy plane. Its pull is the same
-    everywhere. A slack rope has no force. It leaves a pulley when it would have to pull the pulley, and is then
-    straight. It may wind round a pulley several times. Both are found as if it were always tight.
+    The rope slides without friction over the points between its ends, and round pulleys in the xy plane. The pull is
+    the same everywhere in the rope. A slack rope has no force. The rope leaves a pulley if contact would require the
+    rope to pull the pulley; it is then straight. The rope may be wound round a pulley several times. Its path is
+    computed as if the rope were always tight.
 
-    Each pulley has a first-order state, `rope.wrap1` for the second point of a rope of this name: the angle [rad] by
-    which the line through the points turns there, positive where the rope lies on the pulley. It counts whole turns,
-    and the start determines it.
+    Each pulley has a first-order state, such as `rope.wrap1` for the second point of a rope called `rope`. The state is
+    the angle [rad] by which the line through the points turns at the pulley. It is positive if the rope touches the
+    pulley, and it counts whole turns. The start determines the state.
 
     Parameters
     ----------
     name : str
     points : sequence
-        the ends and what the rope goes over, in order: points, or pulleys (centre, radius). A positive radius [m] is
-        one that the rope goes round anticlockwise, a negative one clockwise. At the start it lies on a pulley by less
-        than three quarters of a turn
+        all points of the rope from end to end: points, or pulleys (centre, radius). The rope goes round a pulley
+        anticlockwise if the radius [m] is positive, and clockwise if it is negative. At the start the rope turns by
+        less than three quarters of a turn at each pulley
     stiffness : Expr
-        k of the whole rope [N/m]
+        stiffness k of the whole rope [N/m]
     length : Expr
-        without load [m], with what lies on pulleys; of a winch an expression of `t` or of states
+        length without load [m], with the parts on pulleys. Use an expression of `t` or of states for a winch
     damping : Expr
-        c [N s/m]
+        damping c [N s/m]
 
     Examples
     --------
@@ -71,13 +70,13 @@ class Rope(ForceElement):
 
     @property
     def _wraps(self) -> list[tuple[Point, Expr | None]]:
-        """The points with the radii of pulleys; none if `points` is no sequence."""
+        """The points with the radii of pulleys; empty if `points` is not a sequence."""
         return [_parts(wrap) for wrap in self.points] if isinstance(self.points, list | tuple) else []
 
     def faults(self) -> Iterator[str]:
         wraps = self._wraps
         if len(wraps) < 2:
-            yield f"{self.title}: points {shown(self.points)} are no way. Give a list of two points or more."
+            yield f"{self.title}: points must be a list of at least two points, got {shown(self.points)}."
             return
         faults = list(point_faults(self.title, *(point for point, _ in wraps)))
         yield from faults
@@ -85,30 +84,34 @@ class Rope(ForceElement):
             return
         yield from pair_faults(self.title, tuple({id(body): body for body in self.bodies()}.values()))
         if len({id(body) for body in self.bodies()}) == 1:
-            yield f"{self.title}: all its points are on body {self.bodies()[0].name!r}, nothing is left to act on."
+            name = self.bodies()[0].name
+            yield f"{self.title}: all points are on body {name!r}, so the rope has no effect. Use points of two bodies."
         are_pulleys = [radius is not None for _, radius in wraps]
         if any(are_pulleys) and any(isinstance(body.pose, Spatial) for body in self.bodies()):
-            yield f"{self.title}: pulleys turn in the xy plane, which spatial bodies leave. Use pose=Planar()."
+            yield f"{self.title}: pulleys cannot be used with spatial bodies. Use pose=Planar()."
         if are_pulleys[0] or are_pulleys[-1]:
-            yield f"{self.title}: it begins or ends with a pulley. Give a point, where it is fixed."
+            yield f"{self.title}: the first or the last point is a pulley. Use points at both ends of the rope."
         yield from super().faults()
 
     def course(self, bind: Bind) -> "Course":
-        """The way that it takes."""
+        """The path of the rope, as if it were tight."""
         points = [point for point, _ in self._wraps]
         radii = [bind(0 if r is None else r, f"{self.title}: radius") for _, r in self._wraps]
         straights = self._straights(bind, points, radii)
         triples = [(i, j, k) for i, j in straights for h, k in straights if h == j and not radii[j].is_zero()]
         wraps = {
             (i, j, k): self._wrap(j, straights[i, j], straights[j, k], radii[j])
-            for i, j, k in sorted(triples, key=lambda triple: triple[2] - triple[0])  # first those between neighbours
+            for i, j, k in sorted(triples, key=lambda triple: triple[2] - triple[0])  # neighbours declare the states
         }
         return Course.taut([point.r for point in points], radii, straights, wraps)
 
     def _straights(
         self, bind: Bind, points: Sequence[Point], radii: Sequence[ca.SX]
     ) -> "dict[tuple[int, int], Straight]":
-        """The straight parts that it may have, by the numbers of two points: pulleys between these may be left."""
+        """All straight parts that the rope may have, by the numbers (i, j) of their two points.
+
+        The rope may leave the pulleys between points i and j.
+        """
         straights: dict[tuple[int, int], Straight] = {}
         for j in range(1, len(points)):
             for i in range(j - 1, -1, -1):
@@ -116,19 +119,21 @@ class Rope(ForceElement):
                 room = a.body is not b.body or float(ca.evalf(bind.nominal(_room(b.s - a.s, radii[i], radii[j]))))
                 if room < 0 and i == j - 1:
                     raise DeclarationError(
-                        f"{self.title}: two of its points are closer than the radius of their pulley."
+                        f"{self.title}: points {i} and {j} are closer to each other than their pulleys allow. Move the "
+                        "points apart, or use smaller radii."
                     )
-                if room > MEETING**2 or i == j - 1:  # coaxial pulleys have no straight part between them
+                if room > MEETING**2 or i == j - 1:  # there is no straight part between coaxial pulleys
                     straights[i, j] = Straight.between(a.r, b.r, radii[i], radii[j])
                 if radii[i].is_zero():
                     break
         return straights
 
     def _wrap(self, pulley: int, before: "Straight", behind: "Straight", radius: ca.SX) -> ca.SX:
-        """Angle by which a pulley turns the way between two straight parts [rad]: below 0 the rope has left it.
+        """Angle [rad] by which the path turns at a pulley between two straight parts; negative if the rope has left it.
 
-        Directions determine it up to whole turns. A first-order state named `name.wrap1`, by the pulley's place in the
-        rope, follows the angle between the lines to the centres of its neighbours. It only chooses the number of turns.
+        Directions determine the angle up to whole turns. A first-order state such as `name.wrap1` (1 is the number of
+        the pulley's point) follows the angle between the lines to the centres of its neighbours. The state only chooses
+        the number of turns.
         """
         side, (u, v) = ca.sign(radius), (before.direction, behind.direction)
         sine, cosine = side * (u[0] * v[1] - u[1] * v[0]), ca.dot(u, v)
@@ -139,12 +144,13 @@ class Rope(ForceElement):
             (state,) = declare([name], Kind.STATE, ca.SX.sym(name), rate, start - lean)
             self._turns[pulley] = state, state.sx + lean
         _, near = self._turns[pulley]
+        # The directions are turned back by `near` before atan2: the difference is far from the jump of atan2 at pi.
         s, c = ca.sin(near), ca.cos(near)
         return near + ca.atan2(sine * c - cosine * s, cosine * c + sine * s)
 
     @cached_property
     def _turns(self) -> dict[int, tuple[Symbol, ca.SX]]:
-        """The states of its pulleys, which live as long as the rope, and angles next to which wraps are."""
+        """The states of the pulleys, and for each an angle that differs from its wrap by less than half a turn."""
         return {}
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
@@ -156,15 +162,20 @@ class Rope(ForceElement):
             free -= course.shares[i, j] * part.length if has_load and bodies[i] is bodies[j] else 0
         yield (
             ca.vertcat(free, *rooms),
-            "it is wound up{}. A load is in its pulley, or it is shorter than its fixed part. Stop the winch before.",
+            "the rope is too short{}: an end has reached a pulley, or the rope is shorter than its fixed parts. Stop "
+            "the winch earlier.",
         )
-        yield ca.vertcat(ca.SX(0, 1), *course.far_sides), "it meets a pulley{} on the side where it does not lie."
+        yield (
+            ca.vertcat(ca.SX(0, 1), *course.far_sides),
+            "the rope meets a pulley{} from outside, and this contact is not modelled. Change the sign of the radius, "
+            "or add a point.",
+        )
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         points, course, length = [point for point, _ in self._wraps], self.course(bind), self.number(bind, "length")
 
         def loads(pull: ca.SX) -> tuple[Load, ...]:
-            """The pull of the straight parts on both sides of each point. Round a pulley it acts on the centre."""
+            """The loads of the straight parts at each point. The loads of a pulley act at its centre."""
             return tuple(force_at(p, pull * turn) for p, turn in zip(points, course.pulls, strict=True))
 
         law = bound(KelvinVoigt(self.stiffness, self.damping), bind, self.title)
@@ -172,34 +183,34 @@ class Rope(ForceElement):
 
 
 def _parts(wrap: Wrap) -> tuple[Point, Expr | None]:
-    """The point, or the centre of a pulley and its radius."""
+    """The point and None, or the centre and the radius of a pulley."""
     return (wrap[0], wrap[1]) if isinstance(wrap, tuple) and len(wrap) == 2 else (wrap, None)  # pyright: ignore
 
 
 def _room(d: ca.SX, r: ca.SX, s: ca.SX) -> ca.SX:
-    """Square of the length of a straight part between circles of signed radii whose centres are apart by d [m^2]."""
+    """Squared length [m^2] of a straight part between circles of signed radii r and s, with d between the centres."""
     return ca.sumsqr(d) - (s - r) ** 2
 
 
 @dataclass(frozen=True, eq=False)
 class Straight:
-    """A straight part that a rope may have between two of its points, which need not be neighbours."""
+    """A straight part that a rope may have between two of its points. Other points may be between the two."""
 
     ends: tuple[ca.SX, ca.SX]  # (3,) each, where it touches the two circles [m]
-    room: ca.SX  # square of its length, below 0 where one circle is within the other [m^2]
+    room: ca.SX  # squared length, negative if one circle is inside the other [m^2]
     length: ca.SX  # [m]
     direction: ca.SX  # (3,)
-    lean: ca.SX  # angle from the line of the centres to it [rad]
+    lean: ca.SX  # angle from the line of the centres to the straight part [rad]
     turning: ca.SX  # angular velocity of the line of the centres [rad/s]
 
     @classmethod
     def between(cls, a: ca.SX, b: ca.SX, r: ca.SX, s: ca.SX) -> "Straight":
-        """The straight part between circles of radii r and s about a and b (3,), whose centres are apart by d.
+        """The straight part between the circles of radii r and s about the centres a and b (3,).
 
-        It is turned from the line of the centres by an angle of sine (r - s) / |d|.
+        Its angle to the line of the centres has the sine (r - s) / |b - a|.
         """
         d, across = b - a, s - r
-        squared = ca.fmax(ca.sumsqr(d), MEETING**2 + across**2)  # in a pulley the straight part has no length
+        squared = ca.fmax(ca.sumsqr(d), MEETING**2 + across**2)  # inside a pulley the length stays real: it is 0
         length = ca.sqrt(squared - across**2)
         u = (length * d - across * ca.cross(Z, d)) / squared
         ends = a - r * ca.cross(Z, u), b - s * ca.cross(Z, u)
@@ -209,13 +220,13 @@ class Straight:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The way of a rope that is tight, or would be."""
+    """The path of a rope, as if the rope were tight."""
 
     length: ca.SX  # [m]
-    radii: Sequence[ca.SX]  # signed ones, 0 of points [m]
-    places: Sequence[ca.SX]  # (3,) each, of points and centres of pulleys [m]
-    straights: dict[tuple[int, int], Straight]  # the straight parts that it may have, by the numbers of two points
-    shares: dict[tuple[int, int], ca.SX]  # 1 of those that it has, 0 of the others
+    radii: Sequence[ca.SX]  # signed radii, 0 for points [m]
+    places: Sequence[ca.SX]  # positions (3,) of points and of centres of pulleys [m]
+    straights: dict[tuple[int, int], Straight]  # possible straight parts, by the numbers of two points
+    shares: dict[tuple[int, int], ca.SX]  # 1 for the straight parts of the path, 0 for the others
 
     @classmethod
     def taut(
@@ -225,10 +236,10 @@ class Course:
         straights: dict[tuple[int, int], Straight],
         wraps: dict[tuple[int, int, int], ca.SX],
     ) -> "Course":
-        """The way over places (3,) that leaves the pulleys that it need not touch.
+        """The path over `places` (3,) that touches only the pulleys that it must touch.
 
-        On this way no wrap is negative, and none would be positive of a pulley that it leaves out: there is one such
-        way. `faults` sum up by how much others fail, from the first point up to each straight part.
+        On this path no wrap is negative. A pulley that the path leaves out would have no positive wrap. There is one
+        such path. `faults` are sums of the violations of these conditions from the first point up to a straight part.
         """
         lengths = {pair: ca.SX.sym("length") for pair in straights}
         faults: dict[tuple[int, int], ca.SX] = {}
@@ -242,7 +253,7 @@ class Course:
             return best
 
         def arrivals(i: int, j: int = -1) -> list[tuple[ca.SX, ca.SX]]:
-            """What it costs to reach point i from its predecessors, and to go on to point j."""
+            """The violation and the length of paths to point i that continue to point j, for each predecessor of i."""
             found = []
             for h in range(i):
                 if (h, i) in straights:
@@ -250,11 +261,14 @@ class Course:
                     found.append((faults[h, i] + _above(-wrap), ways[h, i] + ca.fabs(radii[i]) * wrap))
             return found or [(ca.SX(0), ca.SX(0))]
 
+        # Dynamic programming: the best path to each straight part extends a best path to a part before it. The switches
+        # choose it during a run, so the expression holds for all sets of touched pulleys.
         for i, j in straights:
             left_out = [_above(wraps[i, m, j]) for m in range(i + 1, j) if (i, m, j) in wraps]
             fault, way = least(arrivals(i, j))
             faults[i, j], ways[i, j] = sum(left_out, fault), way + lengths[i, j]
         _, way = least(arrivals(len(places) - 1))
+        # The length is linear in the lengths of its straight parts, so that its gradient tells which of them it uses.
         symbols = ca.vertcat(*lengths.values())
         shares = dict(zip(straights, ca.vertsplit(ca.densify(ca.gradient(way, symbols))), strict=True))
         way = ca.substitute(way, symbols, ca.vertcat(*[part.length for part in straights.values()]))
@@ -262,7 +276,7 @@ class Course:
 
     @property
     def pulls(self) -> list[ca.SX]:
-        """The sum (3,) of the directions in which it leaves each point."""
+        """The sums (3,) of the directions of the straight parts away from each point."""
         sums = [ca.SX(3, 1) for _ in self.places]
         for (i, j), part in self.straights.items():
             sums[i] += self.shares[i, j] * part.direction
@@ -271,15 +285,15 @@ class Course:
 
     @property
     def far_sides(self) -> Iterator[ca.SX]:
-        """Squared distances of straight parts from the pulleys that they leave out, less squared radii [m^2]."""
+        """Squared distances of straight parts from the pulleys that they leave out, minus squared radii [m^2]."""
         for (i, j), part in self.straights.items():
             for m in range(i + 1, j):
                 start, _ = part.ends
                 along = ca.fmin(ca.fmax(ca.dot(self.places[m] - start, part.direction), 0), part.length)
                 beside = ca.sumsqr(start + along * part.direction - self.places[m])
-                yield self.shares[i, j] * (beside - (1 - _TOUCHING) * self.radii[m] ** 2)
+                yield self.shares[i, j] * (beside - (1 - SLIGHT) * self.radii[m] ** 2)
 
 
 def _above(wrap: ca.SX) -> ca.SX:
-    """A wrap where it is above 0, else 0."""
+    """The wrap if it is positive, else 0."""
     return ca.if_else(-wrap < -SOFT, wrap, 0)

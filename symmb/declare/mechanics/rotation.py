@@ -22,7 +22,7 @@ from symmb.declare.symbolic import (
 
 @dataclass(frozen=True, eq=False)
 class Rotation:
-    """A rotation; `A @ B` applies B first. quaternion (4,) scalar first."""
+    """A rotation as a unit quaternion (4,), scalar first. `A @ B` applies B first."""
 
     quaternion: ca.SX
 
@@ -32,7 +32,7 @@ class Rotation:
 
     @cached_property
     def matrix(self) -> ca.SX:
-        """The rotation matrix, body to world, (3, 3). Zeros and ones of a constant one are exact."""
+        """The rotation matrix (3, 3), body to world. Zeros and ones of a constant matrix are exact."""
         return without_rounding(rotation_matrix(self.quaternion))
 
 
@@ -54,7 +54,7 @@ def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:
     half, direction = scalar(angle, "rotation angle") / 2, vector(axis, "rotation axis")
     if has_irregular_constant(ca.vertcat(half, direction)) or is_zero(direction):
         raise DeclarationError(
-            f"rotation: angle {shown(angle)} and axis {shown(axis)} must be finite, and the axis not 0."
+            f"rotation: angle {shown(angle)} and axis {shown(axis)} must be finite, and the axis must not be zero."
         )
     direction = unit(direction)
     return Rotation(ca.densify(ca.vertcat(ca.cos(half), ca.sin(half) * direction)))

@@ -1,4 +1,4 @@
-"""Contacts of circles, slots, spheres and boxes, whose feet are known in closed form."""
+"""Contacts of circles, slots, spheres and boxes. Their contact points have closed forms."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -33,7 +33,8 @@ class ShapeContact(SurfaceContact):
     def round(self, bind: Bind, d: ca.SX, *fixed: ca.SX, inside: bool) -> Iterator[Action]:
         """Actions between round shapes whose centres are apart by d (3,) [m] in the axes of body a."""
         radius_a, radius_b = (self.number(bind, what) for what in ("radius_a", "radius_b"))
-        # Half way to the wall there is no force: the motion may stay where no direction leads to the wall.
+        # The centre has no direction to the wall. A lower limit of the distance at half the play, where no force acts
+        # yet, keeps derivatives finite there.
         distance, out = distance_and_direction(d, (radius_a - radius_b) / 2 if inside else 0.0)
         axis, height = (-out, radius_a - distance) if inside else (out, distance - radius_a)
         fixed = (self.point_a.s, self.point_b.s, radius_a, *fixed)
@@ -41,7 +42,7 @@ class ShapeContact(SurfaceContact):
 
 
 class RoundContact(ShapeContact):
-    """A contact with a round shape, which is beside the other one or in it."""
+    """A contact with a round shape, which is outside or inside the other shape."""
 
     radius_a: Expr
     radius_b: Expr
@@ -51,14 +52,14 @@ class RoundContact(ShapeContact):
         yield from super().faults()
         if self.inside is True and is_real(self.radius_a) and is_real(self.radius_b):
             if not self.radius_b < self.radius_a:
-                yield f"{self.title}: radius_b is not below radius_a, so that it does not fit inside."
+                yield f"{self.title}: with inside=True, radius_b must be below radius_a. Use a smaller radius_b."
 
 
 @dataclass(frozen=True, eq=False)
 class CircleContact(RoundContact):
-    """Two circles in the xy plane of point_a's body: one beside the other, or one in the other.
+    """Two circles in the xy plane of point_a's body: one outside or inside the other.
 
-    In space they are cylinders along the z axis of that body.
+    With spatial bodies, the circles are cylinders along the z axis of point_a's body.
 
     Parameters
     ----------
@@ -68,9 +69,9 @@ class CircleContact(RoundContact):
     radius_a, radius_b : Expr
         [m]
     law, friction
-        as of `Contact`
+        see `Contact`
     inside : bool
-        circle b is in circle a
+        whether circle b is inside circle a
 
     Examples
     --------
@@ -99,12 +100,12 @@ class CircleContact(RoundContact):
 
 @dataclass(frozen=True, eq=False)
 class SphereContact(CircleContact):
-    """Two spheres: one beside the other, or one in the other.
+    """Two spheres: one outside or inside the other.
 
     Parameters
     ----------
     name, point_a, point_b, radius_a, radius_b, law, friction, inside
-        as of `CircleContact`
+        see `CircleContact`
 
     Examples
     --------
@@ -132,15 +133,15 @@ class SlotContact(RoundContact):
     point_b : Point
         centre of the pin
     axis : tuple
-        from the first to the second end, in the axes of point_a's body
+        direction from the first to the second end, in the axes of point_a's body
     length : Expr
-        between the centres of the ends [m]
+        distance between the centres of the ends [m]
     radius_a, radius_b : Expr
         half the width of the slot, and radius of the pin [m]
     law, friction
-        as of `Contact`
+        see `Contact`
     inside : bool
-        False: the shape with round ends is solid, and the circle about point_b is beside it
+        False if the shape with round ends is solid, and the circle about point_b is outside
 
     Examples
     --------
@@ -172,23 +173,23 @@ class SlotContact(RoundContact):
 
 @dataclass(frozen=True, eq=False)
 class BoxContact(ShapeContact):
-    """A box against a sphere, or its corners against a plane.
+    """A box against a sphere, or the corners of a box against a plane.
 
     Parameters
     ----------
     name : str
     point_a : Point
-        centre of the box, whose sides lie along the axes of its body
+        centre of the box. Its sides are parallel to the axes of point_a's body
     sides : tuple
-        of the box (x, y, z), or (x, y) of a rectangle [m]
+        side lengths (x, y, z) of the box, or (x, y) of a rectangle [m]
     point_b : Point
-        centre of the sphere, or anywhere on the plane
+        centre of the sphere, or any point of the plane
     law, friction
-        as of `Contact`; of each corner on a plane
+        see `Contact`; on a plane they hold for each corner
     radius : Expr
-        of the sphere [m]; 0 is a point
+        radius of the sphere [m]; 0 is a point
     normal : tuple
-        of the plane, out of its body, in the axes of point_b's body; None: a sphere
+        outward normal of the plane, in the axes of point_b's body; None for a sphere
 
     Examples
     --------
@@ -213,18 +214,18 @@ class BoxContact(ShapeContact):
         yield from super().faults()
         sides = components(self.sides) or []
         if len(sides) not in (2, 3):
-            yield f"{self.title}: sides {shown(self.sides)} are no lengths. Give (x, y) or (x, y, z)."
+            yield f"{self.title}: sides must be (x, y) or (x, y, z), got {shown(self.sides)}."
         elif any(is_real(side) and not side > 0 for side in sides):
-            yield f"{self.title}: sides {shown(self.sides)} must be above 0."
+            yield f"{self.title}: sides {shown(self.sides)} must be positive."
         elif len(sides) == 3 and any(isinstance(body.pose, Planar) for body in self.bodies()):
-            yield f"{self.title}: a box on a planar body is a rectangle. Give sides (x, y) or use pose=Spatial()."
+            yield f"{self.title}: a box on a planar body has two sides. Pass sides (x, y) or use pose=Spatial()."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         half = [bind(side, f"{self.title}: sides") / 2 for side in components(self.sides) or ()]
         yield from self._on_sphere(bind, half) if self.normal is None else self._on_plane(bind, half)
 
     def _on_plane(self, bind: Bind, half: Sequence[ca.SX]) -> Iterator[Action]:
-        """Actions of every corner, which is a point."""
+        """Actions of all corners on the plane. Each corner is a point."""
         a, b, axis = self.point_a.body, self.point_b.body, unit(vector(self.normal))
         for signs in product((-1, 1), repeat=len(half)):
             arm = ca.vertcat(*[sign * h for sign, h in zip(signs, half, strict=True)], *[0] * (3 - len(half)))
@@ -234,7 +235,7 @@ class BoxContact(ShapeContact):
             yield from touch(self, bind, b, corner, ca.SX(0), axis, height, corner.s, self.point_b.s, axis, name=name)
 
     def _on_sphere(self, bind: Bind, half: Sequence[ca.SX]) -> Iterator[Action]:
-        """Actions at the point of the box next to the centre: on a face, an edge or a corner, also from inside."""
+        """Actions at the point of the box's surface that is nearest to the centre of the sphere."""
         d, n = self.offset, len(half)
         radius, sizes, flat = self.number(bind, "radius"), ca.vertcat(*half), [0] * (3 - n)
         beside = d[:n] - ca.fmin(ca.fmax(d[:n], -sizes), sizes)

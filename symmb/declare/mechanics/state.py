@@ -1,12 +1,13 @@
-"""First-order states of the user's own: filters, integrals, hydraulics, heat."""
+"""States that users declare, sampled values, and inputs from other programs."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb._options import shown
+from symmb._options import is_real, shown
 from symmb._types import Expr
 from symmb.declare.mechanics.element import Element, law_value
 from symmb.declare.symbolic import Kind, Symbol, declare, scalar
@@ -14,14 +15,14 @@ from symmb.declare.symbolic import Kind, Symbol, declare, scalar
 
 @dataclass(frozen=True, eq=False)
 class OwnState(Element):
-    """An element that has first-order states of its own; the first one is its value."""
+    """An element with first-order states. The first state is its value."""
 
     name: str
     symbols: tuple[Symbol, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
-            raise DeclarationError(f"{type(self).__name__}: the name is a text, got {shown(self.name)}.")
+            raise DeclarationError(f"{type(self).__name__}: the name must be a text, got {shown(self.name)}.")
 
     @property
     def value(self) -> ca.SX:
@@ -31,17 +32,17 @@ class OwnState(Element):
 
 @dataclass(frozen=True, eq=False)
 class State(OwnState):
-    """A first-order state z with z' = rate. It is an element of the System, and laws and outputs take its `value`.
+    """A first-order state z with z' = rate. It is an element of the System. Laws and outputs use its `value`.
 
-    It starts at 0, or where `Scene(start={"z": 0.5})` says.
+    The state starts at 0, or at the value in `Scene(start={"z": 0.5})`.
 
     Parameters
     ----------
     name : str
         without dots
     rate : callable
-        of the value z, SX, that returns z' as an expression of z, coordinates, velocities, other states, parameters and
-        `t`; it is called once. An expression without z needs no function
+        function of the value z, SX, that returns z' as an expression of z, coordinates, velocities, other states,
+        parameters and `t`. The function is called once. `rate` may also be an expression without z
 
     Examples
     --------
@@ -62,3 +63,89 @@ class State(OwnState):
         rate = scalar(law_value(self.rate, title, value) if callable(self.rate) else self.rate, title)
         object.__setattr__(self, "rate", rate)
         object.__setattr__(self, "symbols", declare([self.name], Kind.STATE, value, rate, ca.SX(0), self.title))
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled(OwnState):
+    """A value that is computed at sampling instants and held between them (zero-order hold).
+
+    Sampling instants are the start of the scene's times and every `period` after it. Steps of solvers end at these
+    instants. Values are computed in the order of declaration, so a law sees the new values of elements that are
+    declared before it. At an instant, outputs have the new value.
+
+    Parameters
+    ----------
+    name : str
+        without dots
+    period : float
+        a number [s]
+    law : Expr
+        expression of coordinates, velocities, states, parameters and `t`; or a function of the held value, SX, that
+        returns such an expression and is called once. The held value is 0 before the start, or the value in
+        `Scene(start=...)`
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> cart = mb.Body("cart", mass=1.0, pose=mb.Particle())
+    >>> brake = Sampled("brake", period=0.5, law=-cart.vx)
+    >>> push = mb.Force("push", cart.point(0, 0), (brake.value, 0))
+    >>> scene = mb.Scene(mb.System(cart, brake, push), {"cart.vx": 8.0}, [0.0, 1.0], {"v": cart.vx})
+    >>> float(mb.simulate(scene)["v"][-1].round(9))
+    2.0
+    """
+
+    period: float
+    law: Callable[[ca.SX], Expr] | Expr
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        states = ca.vertcat(ca.SX.sym(self.name), ca.SX.sym(f"{self.name}.count"))
+        names, zero = [self.name, f"{self.name}.count"], ca.SX.zeros(2, 1)
+        object.__setattr__(self, "symbols", declare(names, Kind.STATE, states, zero, zero, self.title))
+        if callable(self.law):
+            object.__setattr__(self, "law", law_value(self.law, f"{self.title}: law", self.value))
+
+    def faults(self) -> Iterator[str]:
+        yield from super().faults()
+        if not is_real(self.period):
+            yield f"{self.title}: period {shown(self.period)} is not a number. Pass a number, without parameters."
+        elif not 0 < self.period < math.inf:
+            yield f"{self.title}: period {self.period!r} must be positive and finite."
+
+
+@dataclass(frozen=True, eq=False)
+class Input(Element):
+    """A value that another program sets during a run. It is an element of the System. Laws use its `value`.
+
+    The value is 0 in runs of symmb. It is an input of FMUs that `save_fmu` writes, and `linearize(inputs=...)` accepts
+    its name.
+
+    Parameters
+    ----------
+    name : str
+        without dots
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> cart = mb.Body("cart", mass=2.0, pose=mb.Particle())
+    >>> u = mb.Input("u")
+    >>> system = mb.System(cart, u, mb.Force("motor", cart.point(0, 0), (8 * u.value - cart.vx, 0)))
+    >>> mb.linearize(mb.Scene(system), inputs=["u"], outputs=["cart.vx"]).B.ravel()
+    array([0., 4.])
+    """
+
+    name: str
+    symbol: Symbol = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise DeclarationError(f"Input: the name must be a text, got {shown(self.name)}.")
+        (symbol,) = declare([self.name], Kind.PARAMETER, ca.SX.sym(self.name), owner=self.title)
+        object.__setattr__(self, "symbol", symbol)
+
+    @property
+    def value(self) -> ca.SX:
+        """The value in expressions."""
+        return self.symbol.sx

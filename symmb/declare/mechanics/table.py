@@ -1,4 +1,4 @@
-"""Curves through points: smooth interpolants as expressions."""
+"""Curves through points, as expressions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,24 +17,25 @@ from symmb.declare.symbolic import Kind, Pieces, Sides, given, records_in
 class Table:
     """A curve through points (x, y): cubic pieces with continuous slopes, and no overshoot between the points.
 
-    The curve is monotone between points, and constant between equal ones. A spline of continuous curvature would
-    oscillate beside a steep front, and an area could become negative. Beyond the first and the last point the value is
-    constant.
+    The curve is monotone between points, and constant between points of equal y. A spline with continuous curvature
+    would oscillate beside a steep front, and a positive quantity could become negative. The value is constant before
+    the first point and after the last point.
 
-    A bisection finds the piece: a value of 100,000 points costs little more than one of ten. Over time steps of solvers
-    end at each point; over the state they end at points where the slope changes by half or more.
+    Bisection finds the piece, so a table of 100,000 points costs little more than a table of ten. If x is time, steps
+    of solvers end at each point. If x depends on the state, steps end at points where the slope changes by half or
+    more.
 
     Parameters
     ----------
     x : sequence
-        n >= 2 places, increasing, at most 1,000,000
+        n increasing values, n from 2 to 1,000,000
     y : sequence
         n values
 
     Raises
     ------
     DeclarationError
-        If the points make no curve
+        If x does not increase, if a number is not finite, or if the lengths of x and y differ
 
     References
     ----------
@@ -62,49 +63,45 @@ class Table:
             slope = np.diff(y) / h
             m = _slopes(h, slope)
             c, d = (3 * slope - 2 * m[:-1] - m[1:]) / h, (m[:-1] + m[1:] - 2 * slope) / h**2
+            # Bounds the terms of all pieces, so that no evaluation inside a piece can overflow.
             largest = np.abs(slope) + np.abs(m[:-1]) + h * (np.abs(c) + h * np.abs(d))
         if not np.isfinite(8 * h * largest).all() or not np.isfinite([slope, c, d]).all():
             raise DeclarationError(
-                "Table: points so far from each other, or so close, that their slopes are no numbers. Use other units."
+                "Table: slopes between the points exceed the range of floating-point numbers. Use other units."
             )
-        zero = np.zeros(1)
         begins = np.concatenate([x[:1], x])
-        columns = [
-            begins,
-            [y[0], *y],
-            [0.0, *m[:-1], 0.0],
-            np.concatenate([zero, c, zero]),
-            np.concatenate([zero, d, zero]),
-        ]
+        columns = [begins, [y[0], *y], *(np.pad(part, 1) for part in (m[:-1], c, d))]
         object.__setattr__(self, "_pieces", Pieces(np.zeros(len(begins)), begins, np.column_stack(columns)))
 
     def _points(self) -> tuple[Array, Array]:
-        """The places and the values as arrays; DeclarationError if they make no curve."""
+        """The arrays x and y; DeclarationError if they are not valid points of a curve."""
         x, y = numbers_of(self.x), numbers_of(self.y)
         if any(isinstance(entry, ca.SX) for entry in (*_entries(self.x), *_entries(self.y))):
-            raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
+            raise DeclarationError("Table: x and y must be numbers. Multiply the table by parameters instead.")
         points = len(self.x) if isinstance(self.x, Sequence) else 0 if x is None else x.size
-        if points > _MOST_POINTS:  # perhaps too many for an array of them
-            raise DeclarationError(
-                f"Table: {points} points, at most {_MOST_POINTS}. Leave out points that are not needed."
-            )
+        if points > _MOST_POINTS:
+            raise DeclarationError(f"Table: {points} points are too many. Pass at most {_MOST_POINTS} points.")
         if x is None or y is None:
             raise DeclarationError("Table: x and y must be lists of numbers.")
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
-            raise DeclarationError(f"Table: x {x.shape} and y {y.shape} must be lists of one length, at least 2.")
+            raise DeclarationError(
+                f"Table: x has the shape {x.shape} and y has {y.shape}. Pass two lists of one length, at least 2."
+            )
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
             raise DeclarationError("Table: x and y must be finite numbers.")
         falls = x[1:] <= x[:-1]
         if falls.any():
             at = int(np.argmax(falls)) + 1
-            raise DeclarationError(f"Table: x must increase, but x[{at}] = {x[at]:g} follows {x[at - 1]:g}. Sort it.")
+            raise DeclarationError(
+                f"Table: x must increase, but x[{at}] = {x[at]:g} follows {x[at - 1]:g}. Sort the points."
+            )
         return x, y
 
     def __call__(self, at: Expr) -> ca.SX:
         """The curve at a number or an expression, such as `mb.t`, a position or a velocity."""
         at, value = given(at), at
         if at is None:
-            raise DeclarationError(f"Table: {value!r} is no number and no CasADi SX expression.")
+            raise DeclarationError(f"Table: expected a number or a CasADi SX expression, got {value!r}.")
         if at.is_constant():
             places = np.array(ca.DM(ca.densify(at)), dtype=float)
             if not np.isfinite(places).all():
@@ -116,7 +113,7 @@ class Table:
         return ca.reshape(ca.vertcat(*values), *at.shape)
 
     def _value(self, at: ca.SX, over_state: bool) -> ca.SX:
-        """The curve at a place. Between points that bend, over the state, a step keeps to the pieces of its side."""
+        """The value of the curve at an expression. If it depends on the state, steps end at points of large bends."""
         pieces, group = self._pieces, ca.SX(0)
         if over_state:
             sides, pieces = self._grouped
@@ -127,30 +124,32 @@ class Table:
 
     @cached_property
     def _grouped(self) -> tuple[Sides, Pieces]:
-        """The sides of the points that bend, and the pieces in groups between these.
+        """The points at which the slope changes much, and the pieces in groups between these points.
 
-        A front, a pulse or the table itself begins or ends there, and a step might otherwise pass over it.
+        A front, a pulse or the table itself starts or ends at such a point. A step of a solver could otherwise pass
+        over it.
         """
         x, y = np.array(self.x, dtype=float), np.array(self.y, dtype=float)
         slope = np.diff(y) / np.diff(x)
         steeper = np.maximum(np.abs(slope[1:]), np.abs(slope[:-1]))
-        bends = np.concatenate([[True], np.abs(np.diff(slope)) > _BEND * steeper, [True]])
+        bends = np.concatenate([[True], np.abs(np.diff(slope)) > _LARGE_BEND * steeper, [True]])
         data = self._pieces.data
         return Sides.of(x[bends]), Pieces(np.concatenate([[0], np.cumsum(bends)]), data[1], data[2:-1].T)
 
 
 def _entries(values: object) -> Sequence[object]:
+    """The entries of a list or a tuple; another value as the only entry."""
     return values if isinstance(values, list | tuple) else [values]
 
 
 _MOST_POINTS = 1_000_000
-"""Points that take 100 MB, and some seconds to declare."""
-_BEND = 0.5
-"""Change of the slope at a point, over the steeper of both slopes, from which on steps over the state end there."""
+"""Largest number of points. They take 100 MB, and some seconds to declare."""
+_LARGE_BEND = 0.5
+"""Change of the slope at a point over the steeper of both slopes: steps end at points with larger changes."""
 
 
 def _slopes(h: Array, slope: Array) -> Array:
-    """Slopes at the points: harmonic means of those on both sides, 0 at extremes, those of parabolas at the ends."""
+    """Slopes of the curve at all points: weighted harmonic means of the slopes on both sides, and 0 at extrema."""
     if len(h) == 1:
         return np.array([slope[0], slope[0]])
     w1, w2 = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
@@ -162,7 +161,7 @@ def _slopes(h: Array, slope: Array) -> Array:
 
 
 def _end(h: float, h_next: float, slope: float, slope_next: float) -> float:
-    """Slope at an outer point of the parabola through three points, limited so that the curve does not overshoot."""
+    """Slope at an end: that of the parabola through three points, limited so that the curve does not overshoot."""
     m = ((2 * h + h_next) * slope - h * slope_next) / (h + h_next)
     if m * slope <= 0:
         return 0.0

@@ -1,4 +1,4 @@
-"""Machines from files: what URDF and MJCF files say, and the bodies and joints made of it."""
+"""Machines from URDF and MJCF files: the content of the files, and the bodies and joints that it describes."""
 
 from symmb.declare.mechanics.robots.mjcf_file import load_mjcf
 from symmb.declare.mechanics.robots.robot import LinkFrame, Robot

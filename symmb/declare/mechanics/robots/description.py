@@ -1,10 +1,10 @@
-"""What a file says about a machine: its links, its joints, and every number by name. Nothing is built from it here."""
+"""The content of a file of a machine: links, joints, and all numbers by name."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,9 +20,9 @@ Form = Literal["box", "cylinder", "sphere", "mesh"]
 
 @dataclass(frozen=True, eq=False)
 class ShapeData:
-    """A shape of a link, drawn at `xyz` [m] and turned by `rpy` [rad] in its axes.
+    """A shape of a link at the position `xyz` [m] with the angles `rpy` [rad], in axes of the link.
 
-    `size` [m] has the sides of a box, radius and length of a cylinder, the radius of a sphere, or the scale of a mesh.
+    `size` [m] contains the sides of a box, radius and length of a cylinder, radius of a sphere, or scale of a mesh.
     """
 
     form: Form
@@ -34,21 +34,23 @@ class ShapeData:
 
 @dataclass(frozen=True, eq=False)
 class LinkData:
-    """A link, and the shapes in which it is drawn."""
+    """A link and its shapes in drawings, with its XML element for messages."""
 
     name: str
     shapes: tuple[ShapeData, ...]
+    tag: Any = None
 
 
 @dataclass(frozen=True, eq=False)
 class JointData:
-    """A joint; `mimic` is the joint that it follows."""
+    """A joint, with its XML element for messages. `mimic` is the name of the joint that it follows, or None."""
 
     name: str
     kind: str
     parent: str
     child: str
     mimic: str | None
+    tag: Any = None
 
     @property
     def moves(self) -> bool:
@@ -58,7 +60,7 @@ class JointData:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """A file: its links and joints by name, joints in an order in which each one follows that of its parent."""
+    """A file: its links and joints by name. A joint comes after the joint that carries its parent."""
 
     name: str
     path: Path
@@ -69,7 +71,7 @@ class Description:
 
     @cached_property
     def tops(self) -> dict[str, str]:
-        """Each link, after its parent, and the one that carries it by fixed joints: itself if no fixed joint does."""
+        """For each link the link that represents its body: fixed joints hold the two together. Parents come first."""
         tops = {self.root: self.root}
         for joint in self.joints.values():
             tops[joint.child] = tops[joint.parent] if joint.kind == "fixed" else joint.child
@@ -77,26 +79,26 @@ class Description:
 
 
 def named(prefix: str, names: tuple[str, ...], values: tuple[float, ...]) -> dict[str, float]:
-    """Numbers by their names, such as "elbow.axis.x"."""
+    """The values by names `prefix.name`, such as "elbow.axis.x"."""
     return {f"{prefix}.{name}": value for name, value in zip(names, values, strict=True)}
 
 
 def full_matrix(moments: tuple[float, ...]) -> Array:
-    """The symmetric matrix (3, 3) of its entries xx, xy, xz, yy, yz, zz."""
+    """The symmetric matrix (3, 3) with the entries xx, xy, xz, yy, yz, zz."""
     xx, xy, xz, yy, yz, zz = moments
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def inertia_fault(moments: tuple[float, ...]) -> str:
-    """Why no body has these entries xx, xy, xz, yy, yz, zz of its inertia matrix; empty if one has."""
+    """A sentence if an inertia matrix with entries xx, xy, xz, yy, yz, zz is impossible; else empty."""
     low, middle, high = np.linalg.eigvalsh(full_matrix(moments)).tolist()
     total = low + middle + high
     diagonal = min(moments[0], moments[3], moments[5])
     if low < -TRIANGLE * abs(total) or diagonal < 0:  # `Body` takes no diagonal below 0, however small
-        return f"a principal moment of inertia is {min(low, diagonal):.3g}, below 0; check the entries and their signs."
+        return f"a moment of inertia is negative: {min(low, diagonal):.3g}. Check the entries and their signs."
     if high - middle - low > TRIANGLE * total:
         return (
-            f"the largest principal moment of inertia {high:.4g} exceeds the sum of the others, {low + middle:.4g}, "
-            "which is impossible: check the entries and their signs."
+            f"the largest principal moment of inertia, {high:.4g}, must not exceed the sum of the others, "
+            f"{low + middle:.4g}. Check the entries and their signs."
         )
     return ""

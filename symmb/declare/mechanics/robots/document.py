@@ -1,4 +1,4 @@
-"""XML elements with the lines on which they stand. Entities are refused: they can make a small file a huge one."""
+"""XML elements with their line numbers. Entities are refused, because they can expand a small file to a huge one."""
 
 import math
 import re
@@ -10,10 +10,7 @@ from xml.parsers import expat
 
 from symmb._errors import DeclarationError
 from symmb._magnitudes import LARGEST
-from symmb._names import name_fault
-
-_CLOSE = 0.75
-"""Similarity from which an unknown name is a misspelt one. Less similar names are those of extensions."""
+from symmb._names import counted, name_fault
 
 _NOT_IN_NAMES = ".[] "
 
@@ -29,11 +26,11 @@ class Tag:
     inside: list["Tag"] = field(default_factory=list)
     parent: "Tag | None" = None
     passed: dict[str, list["Tag"]] | None = None
-    """Places of what does not matter in the file, by what it is; None if the file is read strictly."""
+    """Elements with harmless faults, by the kind of the fault; None if the file is read strictly."""
 
     @property
     def title(self) -> str:
-        """The element with its own name, or with that of the element around it that has one."""
+        """The element with its name, or else with the name of the closest enclosing element that has a name."""
         own = self.attributes.get("name", "").strip()
         if own:
             return f"<{self.name} name={own!r}>"
@@ -47,55 +44,55 @@ class Tag:
         return DeclarationError(f"{self.file}, line {self.line}, {self.title}: {text}")
 
     def pass_over(self, what: str, fault: DeclarationError) -> None:
-        """Note what does not matter. Its fault is raised if the file is read strictly."""
+        """Record a harmless fault of the kind `what`. If the file is read strictly, the fault is raised."""
         if self.passed is None:
             raise fault
         self.passed.setdefault(what, []).append(self)
 
     def all(self, name: str) -> Iterator["Tag"]:
-        """The elements of that name right inside."""
+        """The direct children with this name."""
         return (tag for tag in self.inside if tag.name == name)
 
     def one(self, name: str) -> "Tag | None":
-        """The only element of that name right inside, None if there is none."""
+        """The only direct child with this name, or None. A second child with the name is an error."""
         found = [*self.all(name)]
         if len(found) > 1:
-            raise found[1].fault(f"this is the second <{name}>, where one is allowed; remove one of them.")
+            raise found[1].fault(f"this is the second <{name}>, but only one is allowed. Remove one of the two.")
         return found[0] if found else None
 
     def needed(self, name: str) -> "Tag":
-        """The element of that name right inside, which must be there."""
+        """The only direct child with this name. A missing child is an error."""
         found = self.one(name)
         if found is None:
-            raise self.fault(f"it has no <{name}>; add one.")
+            raise self.fault(f"this element has no <{name}>. Add a <{name}>.")
         return found
 
     def text(self, attribute: str) -> str:
-        """An attribute, which must be there and hold a text."""
+        """The text of an attribute. A missing or empty attribute is an error."""
         value = self.attributes.get(attribute)
         if value is None:
-            raise self.fault(f"it has no attribute {attribute!r}; add {attribute}='...'.")
+            raise self.fault(f"this element has no attribute {attribute!r}. Add {attribute}='...'.")
         if not value.strip():
-            raise self.fault(f"the attribute {attribute!r} is empty; give it a value.")
+            raise self.fault(f"the attribute {attribute!r} is empty. Write a value.")
         return value.strip()
 
     def own_name(self) -> str:
-        """The attribute `name`, as a name that symmb allows."""
+        """The attribute `name`, changed to a name that symmb allows."""
         name = self.text("name")
         fault = name_fault(name, without=_NOT_IN_NAMES)
         if fault:
-            error = self.fault(f"the name {name!r} cannot be used, as {fault.rstrip('.')}; rename it.")
+            error = self.fault(f"the name {name!r} cannot be used, because {fault.rstrip('.')}. Rename the element.")
             if name_fault(self.reference("name")):
                 raise error
-            self.pass_over("dots, brackets and spaces in names, which are _ now", error)
+            self.pass_over("dots, brackets and spaces in names, which are replaced by _", error)
         return self.reference("name")
 
     def reference(self, attribute: str) -> str:
-        """The name in an attribute, as `own_name` has it."""
+        """The name in an attribute, with the same replacements as in `own_name`."""
         return re.sub(f"[{re.escape(_NOT_IN_NAMES)}]", "_", self.text(attribute))
 
     def numbers(self, attribute: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """The numbers of an attribute, as many as the default has, which stands for an attribute that is not there."""
+        """The numbers of an attribute, as many as the default has. A missing attribute has the default."""
         if attribute not in self.attributes:
             return default
         text, values, count = self.attributes[attribute], [], len(default)
@@ -103,77 +100,78 @@ class Tag:
             try:
                 values.append(float(word if "_" not in word else ""))  # Python takes 1_0 for 10
             except ValueError:
-                hint = "; run the file through xacro first" if "$" in word else ""
-                raise self.fault(f"{attribute}={text!r} holds {word!r}, which is no number{hint}.") from None
+                hint = " Run the file through xacro first." if "$" in word else ""
+                raise self.fault(f"{attribute}={text!r} contains {word!r}, which is not a number.{hint}") from None
         if len(values) != count:
-            expected = "one number" if count == 1 else f"{count} numbers"
-            raise self.fault(f"{attribute}={text!r} holds {len(values)} numbers, where {expected} must stand.")
+            raise self.fault(f"{attribute}={text!r} contains {counted(len(values), 'number')}. Write {count}.")
         if not all(map(math.isfinite, values)):
-            raise self.fault(f"{attribute}={text!r} is not finite; give a number that is.")
-        if self.name != "limit" and max(map(abs, values)) > LARGEST:  # limits may be as good as infinite
-            raise self.fault(f"{attribute}={text!r} is beyond {LARGEST:g}; give it in SI units.")
+            raise self.fault(f"{attribute}={text!r} is not finite. Write finite numbers.")
+        if self.name != "limit" and max(map(abs, values)) > LARGEST:  # files write huge limits for "no limit"
+            raise self.fault(f"{attribute}={text!r} exceeds {LARGEST:g}. Use SI units.")
         return tuple(values)
 
     def number(self, attribute: str, default: float | None = None) -> float:
-        """The number of an attribute, which must be there if there is no default."""
+        """The number of an attribute. A missing attribute has the default; without a default it is an error."""
         if default is None:
             self.text(attribute)
         return self.numbers(attribute, (default or 0.0,))[0]
 
     def not_negative(self, attribute: str, default: float | None = None, what: str = "") -> float:
-        """The number of an attribute, which must be 0 or more."""
+        """The number of an attribute. A negative number is an error."""
         value = self.number(attribute, default)
         if value < 0:
-            raise self.fault(f"{what or attribute} {value:g} is negative; give 0 or more.")
+            raise self.fault(f"{what or attribute} {value:g} is negative. Write 0 or a positive number.")
         return value
 
     def check(self, elements: Collection[str], attributes: Collection[str]) -> None:
-        """Raise if the name of an element inside, or of an attribute, is nearly one of those that are known.
+        """Raise an error if the name of a direct child or of an attribute is a misspelt known name.
 
-        Other unknown names are those of extensions, which have no meaning here.
+        Other unknown names belong to extensions and are ignored.
         """
         for tag in self.inside:
             if tag.name.startswith("xacro:"):
-                raise tag.fault("xacro has not expanded this file; run it through the program xacro first.")
+                raise tag.fault("this file contains xacro macros. Run it through the program xacro first.")
             meant = "" if ":" in tag.name else _meant(tag.name, elements)
             if meant:
-                raise tag.fault(f"this element is not known; did you mean <{meant}>?")
+                raise tag.fault(f"this element is not known. Did you mean <{meant}>?")
         for name in self.attributes:
             meant = _meant(name, attributes)
             if meant:
-                error = self.fault(f"the attribute {name!r} is not known; did you mean {meant!r}?")
+                error = self.fault(f"the attribute {name!r} is not known. Did you mean {meant!r}?")
                 if meant not in self.attributes:
                     raise error
                 self.pass_over(f"the attribute {name!r} of <{self.name}>", error)
 
     def check_exactly(self, attributes: Collection[str], *, others_matter: bool = False) -> None:
-        """Raise or pass over if there is an attribute that is not known and has no prefix, which extensions have."""
+        """Raise an error or record a harmless fault for each unknown attribute. Attributes with a prefix are ignored,
+        because they belong to extensions."""
         self.check((), attributes)
         for name in self.attributes:
             if name not in attributes and ":" not in name and not _meant(name, attributes):
-                error = self.fault(f"the attribute {name!r} is not known; known are {', '.join(attributes)}.")
+                error = self.fault(f"the attribute {name!r} is not known. Known attributes: {', '.join(attributes)}.")
                 if others_matter:
                     raise error
                 self.pass_over(f"the attribute {name!r} of <{self.name}>", error)
 
 
-def _meant(name: str, known: Collection[str]) -> str:
-    """The known name that a misspelt one is close to; empty if it is known, or if none is close."""
-    close = () if name in known else get_close_matches(name.lower(), known, n=1, cutoff=_CLOSE)
+def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
+    """The known name that is closest to a misspelt name. It is empty if the name is known, or if no name is close."""
+    # Names of extensions are less similar to known names than misspelt names are.
+    close = () if name in known else get_close_matches(name.lower(), known, n=1, cutoff=similarity)
     return close[0] if close else ""
 
 
 def told(passed: dict[str, list[Tag]]) -> list[str]:
-    """One sentence that lists what is passed over, with the first line and the count of each; empty if nothing is."""
+    """One sentence that lists the harmless faults, with the first line and the count of each kind; empty if none."""
     kinds = []
     for what, tags in passed.items():
         more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""
         kinds.append(f"{what} (line {tags[0].line}{more})")
-    return [f"Passed over are: {'; '.join(kinds)}. With strict=True they are errors."] if kinds else []
+    return [f"Ignored: {'; '.join(kinds)}. With strict=True these faults are errors."] if kinds else []
 
 
 def read_document(path: Path, passed: dict[str, list[Tag]] | None) -> Tag:
-    """The outermost element of an XML file, which must be well-formed and declare no entities."""
+    """The root element of an XML file. A file that is not well-formed or declares entities is an error."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -185,25 +183,27 @@ def read_document(path: Path, passed: dict[str, list[Tag]] | None) -> Tag:
         name = reading.open[-1].title if reading.open else "the document"
         reason = expat.errors.messages.get(error.code, "unknown") if error.code else "unknown"
         raise DeclarationError(
-            f"{path.name}, line {error.lineno}, {name}: this is not well-formed XML ({reason})."
+            f"{path.name}, line {error.lineno}, {name}: the file is not well-formed XML ({reason})."
         ) from None
-    except DeclarationError:  # a ValueError, of an entity
+    except DeclarationError:  # of an entity; DeclarationError is a ValueError, too
         raise
     except (ValueError, LookupError) as error:  # an encoding that Python does not know
         line = reading.parser.CurrentLineNumber
-        raise DeclarationError(f"{path.name}, line {line}, the document: it cannot be decoded ({error}).") from None
-    assert reading.root is not None  # else the parser had found no element
+        raise DeclarationError(
+            f"{path.name}, line {line}, the document: the file cannot be decoded ({error})."
+        ) from None
+    assert reading.root is not None  # a document without an element is not well-formed
     return reading.root
 
 
 class _Reading:
-    """A parser and the elements that it has found so far."""
+    """A parser, and the elements that have been parsed so far."""
 
     def __init__(self, file: str, passed: dict[str, list[Tag]] | None) -> None:
         self.file, self.passed = file, passed
         self.root: Tag | None = None
         self.prefix = ""
-        """Of the namespace of the outermost element, such as "urdf:". Elements with others are those of extensions."""
+        """The namespace prefix of the root element, such as "urdf:". Other prefixes belong to extensions."""
         self.open: list[Tag] = []
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
@@ -214,14 +214,8 @@ class _Reading:
         parent = self.open[-1] if self.open else None
         if parent is None:
             self.prefix = name[: name.rfind(":") + 1]
-        tag = Tag(
-            name.removeprefix(self.prefix),
-            attributes,
-            self.file,
-            self.parser.CurrentLineNumber,
-            parent=parent,
-            passed=self.passed,
-        )
+        name, line = name.removeprefix(self.prefix), self.parser.CurrentLineNumber
+        tag = Tag(name, attributes, self.file, line, parent=parent, passed=self.passed)
         if parent is None:
             self.root = tag
         else:
@@ -230,6 +224,6 @@ class _Reading:
 
     def _entity(self, name: str, *_: object) -> None:
         raise DeclarationError(
-            f"{self.file}, line {self.parser.CurrentLineNumber}, <!ENTITY {name}>: entities are not read: write the "
-            "text of this one itself."
+            f"{self.file}, line {self.parser.CurrentLineNumber}, <!ENTITY {name}>: entities are not supported. Write "
+            f"the text in place of &{name};."
         )

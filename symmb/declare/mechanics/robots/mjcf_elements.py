@@ -1,4 +1,4 @@
-"""What acts between bodies of an MJCF file: gravity, tendons, actuators, and equality constraints."""
+"""Elements between bodies of an MJCF file: gravity, tendons, actuators, and equality constraints."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,28 +24,26 @@ from symmb.declare.symbolic import ddt
 
 _GAIN, _BIAS = "gain", "bias"
 _AFFINE = ("", ".length", ".velocity")
-"""Endings of the names of the three numbers of an affine law."""
-_TORQUE_SCALE = 10
-"""Place of a weld's torquescale in its data. With 0 the weld leaves the bodies free to turn."""
+"""Suffixes of the names of the three numbers of an affine law."""
 _COEFFICIENTS = tuple(f"polycoef.{k}" for k in range(5))
 
 
 def tendon_fault(source: MjcfModel, tendon: int) -> str:
-    """Why a tendon is left out; empty if it is not."""
+    """The reason why a tendon is left out; empty if it is not left out."""
     kinds = {kind for kind, _, _ in _way(source, tendon)}
-    return "" if kinds in ({"JOINT"}, {"SITE"}) else "its way leads round geoms or over pulleys"
+    return "" if kinds in ({"JOINT"}, {"SITE"}) else "the tendon leads around geoms or over pulleys"
 
 
 def actuator_fault(source: MjcfModel, actuator: int) -> str:
-    """Why an actuator is left out; empty if it is not."""
+    """The reason why an actuator is left out; empty if it is not left out."""
     m = source.model
     transmission, target = source.kind("mjtTrn", m.actuator_trntype[actuator]), int(m.actuator_trnid[actuator, 0])
     if transmission not in ("JOINT", "JOINTINPARENT", "TENDON"):
-        return "it acts on neither a joint nor a tendon"
+        return "they act on neither a joint nor a tendon"
     if transmission == "TENDON" and tendon_fault(source, target):
-        return "its tendon is left out"
+        return "the tendon is left out"
     if transmission != "TENDON" and source.kind("mjtJoint", m.jnt_type[target]) not in ("HINGE", "SLIDE"):
-        return "its joint has several coordinates"
+        return "the joint has several coordinates"
     laws = {
         "dyntype": ("mjtDyn", m.actuator_dyntype, ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT")),
         "gaintype": ("mjtGain", m.actuator_gaintype, ("FIXED", "AFFINE")),
@@ -53,28 +51,28 @@ def actuator_fault(source: MjcfModel, actuator: int) -> str:
     }
     for what, (enum, kinds, known) in laws.items():
         if (kind := source.kind(enum, kinds[actuator])) not in known:
-            return f"its {what} is {kind.lower()}"
+            return f"{what} is {kind.lower()}"
     if source.kind("mjtDyn", m.actuator_dyntype[actuator]).startswith("FILTER") and m.actuator_dynprm[actuator, 0] <= 0:
-        return "its time constant is not above 0"
+        return "the time constant is not positive"
     if int(m.opt.disableactuator) >> int(m.actuator_group[actuator]) & 1 or not source.acts("ACTUATION"):
-        return "it is switched off"
+        return "they are switched off"
     return ""
 
 
 def equality_fault(source: MjcfModel, equality: int) -> str:
-    """Why an equality constraint is left out; empty if it is not."""
+    """The reason why an equality constraint is left out; empty if it is not left out."""
     m, kind = source.model, source.kind("mjtEq", source.model.eq_type[equality])
     if not m.eq_active0[equality] or not source.acts("EQUALITY"):
-        return "it is switched off"
+        return "they are switched off"
     if kind not in ("CONNECT", "WELD", "JOINT", "TENDON"):
-        return f"it is a {kind.lower()}"
+        return f"the type is {kind.lower()}"
     ends = [int(end) for end in (m.eq_obj1id[equality], m.eq_obj2id[equality]) if end >= 0]
     if kind == "TENDON" and any(tendon_fault(source, end) for end in ends):
-        return "its tendon is left out"
+        return "the tendon is left out"
     if kind == "JOINT" and any(source.kind("mjtJoint", m.jnt_type[end]) in ("FREE", "BALL") for end in ends):
-        return "its joint has several coordinates"
+        return "the joint has several coordinates"
     if kind in ("CONNECT", "WELD") and len({int(m.body_weldid[body]) for body in _bodies(source, equality)}) == 1:
-        return "its bodies are fixed to each other"
+        return "the bodies are fixed to each other"
     return ""
 
 
@@ -86,12 +84,12 @@ def _bodies(source: MjcfModel, equality: int) -> list[int]:
 
 
 def _at_sites(source: MjcfModel, equality: int) -> bool:
-    """Whether an equality constraint connects sites, else it connects bodies."""
+    """Whether an equality constraint connects sites. Otherwise it connects bodies."""
     return source.kind("mjtObj", source.model.eq_objtype[equality]) == "SITE"
 
 
 def element_numbers(source: MjcfModel) -> dict[str, float]:
-    """Numbers of gravity, and of the tendons, actuators and equality constraints that are not left out."""
+    """The numbers of gravity, and of the tendons, actuators and equality constraints that are not left out."""
     m = source.model
     numbers = named("gravity", XYZ, values_of(m.opt.gravity))
     for k, name in enumerate(source.tendons):
@@ -139,7 +137,7 @@ def _equality_numbers(source: MjcfModel, equality: int, name: str) -> dict[str, 
 
 
 def _way(source: MjcfModel, tendon: int) -> list[tuple[str, int, float]]:
-    """What a tendon passes: kind, number, and the coefficient of a joint."""
+    """The joints or sites of a tendon: kind, number, and the coefficient of a joint."""
     m, first = source.model, int(source.model.tendon_adr[tendon])
     return [
         (source.kind("mjtWrap", m.wrap_type[k]), int(m.wrap_objid[k]), float(m.wrap_prm[k]))
@@ -149,7 +147,7 @@ def _way(source: MjcfModel, tendon: int) -> list[tuple[str, int, float]]:
 
 @dataclass(frozen=True, eq=False)
 class _Length:
-    """A length that forces change: the value of a joint, or the length of a tendon; `push` exerts a force along it."""
+    """The value of a joint, or the length of a tendon, with its rate. `push` returns elements of a force along it."""
 
     value: ca.SX
     rate: ca.SX
@@ -157,14 +155,17 @@ class _Length:
 
 
 class MjcfElements:
-    """Elements of a file beside its bodies, joints, and forces in joints. `led` has the joints that equalities lead."""
+    """Elements of a file other than bodies, joints, and forces in joints.
+
+    `led` has the names of joints that follow other joints by equality constraints.
+    """
 
     def __init__(self, source: MjcfModel, building: Building, joints: Mapping[str, Any]) -> None:
         self.source, self.building, self.joints = source, building, joints
         self.values, self.led = building.values, set[str]()
 
     def all(self) -> Iterator[Element]:
-        """All elements of the file, once."""
+        """All elements of the file. Call this method once."""
         source = self.source
         if source.acts("GRAVITY"):
             yield from self._weights()
@@ -179,7 +180,7 @@ class MjcfElements:
                 yield self._equality(k, name)
 
     def _weights(self) -> Iterator[Element]:
-        """Gravity, and the forces that compensate for it."""
+        """Gravity, and the forces that compensate gravity."""
         gravity = self.building.vector("gravity")
         yield Gravity(*gravity, name="gravity:field")
         for body, share in zip(self.source.bodies, self.source.model.body_gravcomp.tolist(), strict=True):
@@ -246,7 +247,7 @@ class MjcfElements:
         yield from target.push(f"{name}:actuator", gear * (gain * given + bias))
 
     def _affine(self, name: str, length: ca.SX, velocity: ca.SX) -> Scalar:
-        """The value of an affine law, 0 if there is none."""
+        """The value of an affine law; 0 if the file has no such law."""
         total: Scalar = 0.0
         for end, factor in zip(_AFFINE, (1.0, length, velocity), strict=True):
             share = self.values.get(name + end, 0.0)
@@ -261,7 +262,8 @@ class MjcfElements:
             return self._led(kind, name, *ends)
         frames = [self.building.frames[self.source.bodies[body]] for body in _bodies(self.source, equality)]
         a, b = (f.point(*self.building.vector(f"{name}.body{k}")) for k, f in enumerate(frames, 1))
-        if kind == "CONNECT" or not m.eq_data[equality, _TORQUE_SCALE]:
+        # A weld with torquescale (index 10 of its data) 0 leaves the bodies free to turn.
+        if kind == "CONNECT" or not m.eq_data[equality, 10]:
             return Spherical(name, a, b)
         if _at_sites(self.source, equality):
             turn = one_after(values_of(m.site_quat[ends[0]]), conjugate(values_of(m.site_quat[ends[1]])))
@@ -271,7 +273,7 @@ class MjcfElements:
         return Weld(name, a, b, zero=rotation(zero))
 
     def _led(self, kind: str, name: str, first: int, second: int) -> Element:
-        """A row that makes one joint or tendon follow a polynomial of another one, both from where they are drawn."""
+        """A constraint: the change of one joint or tendon from the file's pose is a polynomial of that of another."""
         m = self.source.model
         moves = []
         for end in (first, second):

@@ -1,4 +1,4 @@
-"""Machines from MJCF files, which the package mujoco reads and compiles: their bodies and joints."""
+"""Machines from MJCF files: `load_mjcf`, and bodies and joints of the model that the package mujoco compiles."""
 
 import math
 import re
@@ -34,9 +34,7 @@ from symmb.declare.mechanics.robots.repair import nearest_possible, repaired
 from symmb.declare.mechanics.robots.robot import Building, Robot, checked_path, replaced
 
 _JOINTS = {"FREE": "floating", "BALL": "ball", "SLIDE": "prismatic", "HINGE": "revolute"}
-"""Kinds of joints by the names of MuJoCo's mjtJoint."""
-_DRAWN = 3
-"""Groups of shapes that MuJoCo's viewer shows; those from this one on are for contacts alone, by custom."""
+"""The kind of a joint in a `Description`, by the last word of its mjtJoint."""
 _UNNAMED = "MuJoCo Model"
 """The name that MuJoCo gives a model without a name."""
 
@@ -48,29 +46,29 @@ def load_mjcf(
     stop: ContactLaw | float | None = None,
     strict: bool = False,
 ) -> Robot:
-    """A machine from an MJCF file of MuJoCo, which the package mujoco must be installed to read.
+    """A machine from an MJCF file of MuJoCo. The package mujoco must be installed.
 
-    Bodies become bodies in space, and those without joints become one with their parent. Hinges and slides become
-    `Revolute` and `Prismatic`, ball joints `Spherical`, and a free joint leaves its body free. Several joints of one
-    body have bodies without mass between them. Armature is a disc on the ground that turns at the rate of the joint.
-    Equality constraints become rigid joints and rows, where MuJoCo has stiff springs. Springs, damping, tendons through
-    sites, actuators, weight compensation and gravity are elements. A SymmbWarning names what is left out, such
-    as contacts.
+    Bodies become bodies in space. A body without joints and its parent become one body. Hinges and slides become
+    `Revolute` and `Prismatic`, ball joints `Spherical`, and a free joint leaves its body free. If a body has several
+    joints, bodies without mass are inserted between the joints. Armature becomes a disc on the ground that turns at the
+    rate of the joint. Equality constraints become rigid joints and constraints, although MuJoCo uses stiff springs.
+    Springs, damping, tendons through sites, actuators, weight compensation and gravity become elements. A SymmbWarning
+    names all parts of the file that are left out, such as contacts.
 
     Parameters
     ----------
     path : str or Path
     replace : mapping
-        name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are those of `load_urdf`,
-        where "elbow.origin.x" is the place of the body in its parent, and "elbow.pos.x" (.y .z), "elbow.ref",
+        name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are those of `load_urdf`
+        ("elbow.origin.x" is the position of the body in its parent), and "elbow.pos.x" (.y .z), "elbow.ref",
         "elbow.stiffness", "elbow.springref", "elbow.armature", "gravity.x" (.y .z), "motor.ctrl", "motor.gear",
         "motor.gain" (.gain.length .gain.velocity), "motor.bias" (.bias.length .bias.velocity), "motor.timeconst",
         "tendon.stiffness", "tendon.damping", "tendon.springlength.lower" (.upper), "loop.body1.x" (.y .z),
         "loop.body2.x", "loop.polycoef.0" (.1 ... .4)
-    stop : ContactLaw
-        as of `load_urdf`
+    stop : ContactLaw or float
+        see `load_urdf`
     strict : bool
-        whether an inertia that no body has is an error. By default it is repaired as in `load_urdf`
+        whether an inertia that no body can have is an error. By default it is repaired as in `load_urdf`
 
     Returns
     -------
@@ -79,9 +77,9 @@ def load_mjcf(
     Raises
     ------
     DeclarationError
-        if MuJoCo refuses the file, a name cannot be used, or `replace` has unknown names
+        If MuJoCo refuses the file, if a name cannot be used, or if `replace` contains unknown names
     ImportError
-        if the package mujoco is not installed
+        If the package mujoco is not installed
 
     Examples
     --------
@@ -99,31 +97,25 @@ def load_mjcf(
     path = checked_path("load_mjcf", path, stop, strict=strict)
     try:
         with Block():
-            robot, doubts = _machine(path, replace, stop, strict)
+            source, name, said = _compiled(path, strict)
+            description = _description(source, name)
+            values = replaced(description, replace, stop, "Add a joint to this body in the file.")
+            building, repairs = repaired(Building(description, values, True, stop))
+            robot = building.robot()
+            more = MjcfElements(source, building, robot.joints)
+            elements = (*robot.elements, *more.all())
+            # Joints that follow others must not be started on their own: their constraints determine them.
+            start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
+            remarks = [*left_out(source, stop is not None), *said, *repairs]
     except UnicodeDecodeError:
-        raise DeclarationError(f"{path}: its names are not in UTF-8. Save the file in this encoding.") from None
-    declared(*robot.elements)
-    warn_of(doubts, f"load_mjcf {path}")
-    return robot
-
-
-def _machine(
-    path: Path, replace: Mapping[str, Expr] | None, stop: ContactLaw | float | None, strict: bool
-) -> tuple[Robot, list[str]]:
-    """The machine of a file, and what is doubtful about it."""
-    source, name, said = _compiled(path, strict)
-    description = _description(source, name)
-    values = replaced(description, replace, stop, "Give it a joint in the file.")
-    building, repairs = repaired(Building(description, values, True, stop))
-    robot = building.robot()
-    more = MjcfElements(source, building, robot.joints)
-    elements = (*robot.elements, *more.all())
-    start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
-    return with_changes(robot, elements=elements, start=start), [*left_out(source, stop is not None), *said, *repairs]
+        raise DeclarationError(f"{path}: names in this file are not UTF-8. Save the file in UTF-8.") from None
+    declared(*elements)
+    warn_of(remarks, f"load_mjcf {path}")
+    return with_changes(robot, elements=elements, start=start)
 
 
 def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
-    """MuJoCo's model of a file, its name, and what MuJoCo warns of."""
+    """MuJoCo's model of a file, the name of the model, and MuJoCo's warnings."""
     mujoco = optional_package("mujoco", "load_mjcf", "mjcf")
     is_urdf = path.suffix.lower() == ".urdf"
     if not path.is_file() and not is_urdf:
@@ -141,23 +133,26 @@ def _compiled(path: Path, strict: bool) -> tuple[MjcfModel, str, list[str]]:
             spec, moments = mujoco.MjSpec.from_file(str(path)), {}
             try:
                 model = spec.compile()
-            except ValueError:
+            except ValueError:  # perhaps of an impossible inertia, which MuJoCo refuses at the first body
                 moments = {} if strict else dict(_impossible(spec))
                 if not moments:
                     raise
                 model = spec.compile()
-        except Exception as error:  # of a parser and a compiler in C++
+        except Exception as error:  # MuJoCo's parser and compiler raise errors of several classes
             raise DeclarationError(f"{path}: MuJoCo cannot read this file ({_line(error)}).") from None
     name = path.stem if spec.modelname == _UNNAMED else spec.modelname
     return (
         MjcfModel(model, mujoco, path, moments),
         name,
-        [f"MuJoCo says: {_line(warning.message)}." for warning in caught],
+        [f"MuJoCo's warning: {_line(warning.message)}." for warning in caught],
     )
 
 
 def _impossible(spec: Any) -> Iterator[tuple[int, tuple[float, ...]]]:
-    """Bodies whose inertia MuJoCo refuses, and its entries xx, xy, xz, yy, yz, zz. That of a ball stands for it."""
+    """The bodies with an impossible inertia, and the entries xx, xy, xz, yy, yz, zz of this inertia.
+
+    In `spec` the inertia of a sphere replaces each impossible inertia, so that MuJoCo can compile the model.
+    """
     for k, body in enumerate(spec.bodies):
         is_full = math.isfinite(body.fullinertia[0])
         xx, yy, zz, xy, xz, yz = map(float, body.fullinertia if is_full else (*body.inertia, 0, 0, 0))
@@ -168,12 +163,12 @@ def _impossible(spec: Any) -> Iterator[tuple[int, tuple[float, ...]]]:
 
 
 def _line(text: object) -> str:
-    """What MuJoCo says in several lines, in one."""
+    """A text of several lines in one line."""
     return ", ".join(line.strip(" .") for line in str(text).splitlines() if line.strip())
 
 
 def _description(source: MjcfModel, name: str) -> Description:
-    """Bodies, joints and numbers of a model."""
+    """The description of a model: bodies, joints and numbers."""
     numbers: dict[str, float] = {}
     joints: dict[str, JointData] = {}
     for body in range(source.model.nbody):
@@ -181,7 +176,7 @@ def _description(source: MjcfModel, name: str) -> Description:
         if body:
             joints |= {joint.name: joint for joint in _joints(source, body, numbers)}
     links = {link: LinkData(link, tuple(_shapes(source, body))) for body, link in enumerate(source.bodies)}
-    for joint in joints.values():  # those between the joints of one body
+    for joint in joints.values():  # links without mass between several joints of one body
         if joint.child not in links:
             links[joint.child] = LinkData(joint.child, ())
             numbers |= _weightless(joint.child)
@@ -197,13 +192,13 @@ def _mass(source: MjcfModel, body: int) -> dict[str, float]:
 
 
 def _weightless(name: str) -> dict[str, float]:
-    """The numbers of the mass of a body that has none."""
+    """The numbers of the mass, centre and inertia of a body without mass: zeros."""
     zeros = named(f"{name}.com", (*XYZ, *RPY), (0.0,) * 6) | named(f"{name}.inertia", ENTRIES, (0.0,) * 6)
     return {f"{name}.mass": 0.0} | zeros
 
 
 def _joints(source: MjcfModel, body: int, numbers: dict[str, float]) -> Iterator[JointData]:
-    """The joints that carry a body, one after the other, and a fixed one if there is none."""
+    """The joints that carry a body, from its parent outward. A body without joints has one fixed joint."""
     m = source.model
     parent, child = source.bodies[m.body_parentid[body]], source.bodies[body]
     place = _placed(m.body_pos[body], m.body_quat[body])
@@ -246,7 +241,7 @@ def _shapes(source: MjcfModel, body: int) -> Iterator[ShapeData]:
     for geom in range(first, first + int(m.body_geomnum[body])):
         kind = source.kind("mjtGeom", m.geom_type[geom])
         at, e, (a, b, c) = (values_of(of[geom]) for of in (m.geom_pos, m.geom_quat, m.geom_size))
-        if m.geom_group[geom] >= _DRAWN:
+        if m.geom_group[geom] > 2:  # by convention for contacts only: MuJoCo's viewer hides these groups
             continue
         if kind == "BOX":
             yield ShapeData("box", at, angles(e), (2 * a, 2 * b, 2 * c))
@@ -261,17 +256,17 @@ def _shapes(source: MjcfModel, body: int) -> Iterator[ShapeData]:
 
 
 def _mesh(source: MjcfModel, mesh: int, file: str, at: tuple[float, ...], e: Vector) -> ShapeData:
-    """A mesh in the axes of its file. MuJoCo has moved its origin to the centre, its axes to the principal ones."""
+    """A mesh in the axes of its file. MuJoCo has moved the mesh to its centre and its principal axes."""
     turn = one_after(e, conjugate(values_of(source.model.mesh_quat[mesh])))
     at = _moved(at, turn, values_of(-source.model.mesh_pos[mesh]))
     return ShapeData("mesh", at, angles(turn), values_of(source.model.mesh_scale[mesh]), file)
 
 
 def _moved(at: tuple[float, ...], e: Vector, way: Vector) -> tuple[float, ...]:
-    """The place at the end of a way from a place, in turned axes."""
+    """The position `at` plus the vector `way`, whose components are in axes turned by the quaternion e."""
     return tuple(map(float, add(at, turned(matrix(e), way))))
 
 
 def _placed(at: Any, quaternion: Any) -> tuple[float, ...]:
-    """x, y, z, roll, pitch, yaw."""
+    """The numbers x, y, z, roll, pitch, yaw of a position and a quaternion."""
     return (*values_of(at), *angles(values_of(quaternion)))

@@ -1,4 +1,4 @@
-"""What an MJCF file says and symmb leaves out, by name."""
+"""Parts of an MJCF file that symmb leaves out."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -8,22 +8,19 @@ import numpy as np
 from symmb.declare.mechanics.robots.mjcf_elements import actuator_fault, equality_fault, tendon_fault
 from symmb.declare.mechanics.robots.mjcf_model import MjcfModel
 
-_MOST = 6
-"""Names that are listed of one kind; robots have dozens of joints."""
-
 
 def left_out(source: MjcfModel, has_stops: bool) -> list[str]:
-    """One sentence that lists it; empty if nothing is left out."""
+    """One sentence that lists the parts that symmb leaves out; empty if there are none."""
     found = [*_of_joints(source, has_stops), *_of_tendons(source), *_of_actuators(source), *_of_the_rest(source)]
     return [f"Left out are: {'; '.join(found)}."] if found else []
 
 
-def _listed(what: str, names: list[str], where: Iterable[Any]) -> Iterator[str]:
-    """A kind of thing and the names for which it is not zero."""
+def _listed(what: str, names: list[str], where: Iterable[Any], most: int = 6) -> Iterator[str]:
+    """The text `what` with the names for which `where` is not zero; nothing if there are none."""
     hit = [name for name, value in zip(names, where, strict=True) if np.any(value)]
     if hit:
-        more = f" and {len(hit) - _MOST} more" if len(hit) > _MOST else ""
-        yield f"{what} ({', '.join(hit[:_MOST])}{more})"
+        more = f" and {len(hit) - most} more" if len(hit) > most else ""
+        yield f"{what} ({', '.join(hit[:most])}{more})"
 
 
 def _of_joints(source: MjcfModel, has_stops: bool) -> Iterator[str]:
@@ -31,7 +28,7 @@ def _of_joints(source: MjcfModel, has_stops: bool) -> Iterator[str]:
     several = np.array([source.kind("mjtJoint", kind) in ("FREE", "BALL") for kind in m.jnt_type], dtype=bool)
     if source.acts("LIMIT"):
         limited = (m.jnt_limited != 0) & (several | (not has_stops))
-        yield from _listed("limits of joints, as stop=... is not given", names, limited)
+        yield from _listed("limits of joints, because stop=... is missing", names, limited)
     yield from _listed("springs of ball and free joints", names, several & (m.jnt_stiffness != 0))
     of_dofs = m.dof_jntid
     for what, values in (("armature", m.dof_armature), ("friction loss", m.dof_frictionloss)):
@@ -45,14 +42,14 @@ def _of_joints(source: MjcfModel, has_stops: bool) -> Iterator[str]:
 
 
 def _parts(m: Any, name: str, count: int) -> Any:
-    """An array (count, k) of a model; zeros if this version of MuJoCo has none."""
+    """The array (count, k) of a model; zeros if this version of MuJoCo does not have the array."""
     return np.reshape(getattr(m, name, np.zeros(count)), (count, -1) if count else (0, 1))
 
 
 def _of_tendons(source: MjcfModel) -> Iterator[str]:
     m, names = source.model, source.tendons
     yield from _listed(
-        "tendons round geoms or over pulleys", names, [tendon_fault(source, k) for k in range(m.ntendon)]
+        "tendons around geoms or over pulleys", names, [tendon_fault(source, k) for k in range(m.ntendon)]
     )
     for what, array in (
         ("limits", "tendon_limited"), ("friction loss", "tendon_frictionloss"), ("armature", "tendon_armature"),
@@ -66,7 +63,7 @@ def _of_actuators(source: MjcfModel) -> Iterator[str]:
     m, names = source.model, source.actuators
     faults = [actuator_fault(source, k) for k in range(len(names))]
     for fault in dict.fromkeys(filter(None, faults)):
-        yield from _listed(f"actuators, as {fault}", names, [own == fault for own in faults])
+        yield from _listed(f"actuators, because {fault}", names, [own == fault for own in faults])
     for what, array in (
         ("ranges of controls", "actuator_ctrllimited"), ("ranges of forces", "actuator_forcelimited"),
         ("ranges of activations", "actuator_actlimited"), ("damping", "actuator_damping"),
@@ -81,7 +78,9 @@ def _of_the_rest(source: MjcfModel) -> Iterator[str]:
     m = source.model
     faults = [equality_fault(source, k) for k in range(m.neq)]
     for fault in dict.fromkeys(filter(None, faults)):
-        yield from _listed(f"equality constraints, as {fault}", source.equalities, [own == fault for own in faults])
+        yield from _listed(
+            f"equality constraints, because {fault}", source.equalities, [own == fault for own in faults]
+        )
     if source.acts("CONTACT") and (_may_touch(source) or m.npair):
         yield "contacts"
     if m.opt.density or m.opt.viscosity:
@@ -94,7 +93,7 @@ def _of_the_rest(source: MjcfModel) -> Iterator[str]:
 
 
 def _may_touch(source: MjcfModel) -> bool:
-    """Whether MuJoCo looks for contacts of two bodies: not of one with its parent, unless that is the world."""
+    """Whether MuJoCo would search contacts of two bodies. It ignores contacts of a body with its parent."""
     m = source.model
     body = m.body_weldid[m.geom_bodyid]
     parent = m.body_weldid[m.body_parentid[body]]

@@ -1,4 +1,4 @@
-"""A model of MuJoCo: names of its parts, which may be missing in the file, and what is switched off."""
+"""A model of MuJoCo: names of its parts, and the parts of the physics that are switched off."""
 
 import re
 from collections.abc import Mapping
@@ -11,17 +11,17 @@ from symmb._errors import DeclarationError
 from symmb._names import name_fault
 
 _CONSTRAINTS = "CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT"
-"""Parts of the physics that MuJoCo's solver of constraints computes."""
+"""Parts of the physics that MuJoCo's constraint solver computes."""
 
 
 def values_of(array: Any) -> tuple[Any, ...]:
-    """An array of NumPy as a tuple of Python's numbers."""
+    """A NumPy array as a tuple of Python numbers."""
     return tuple(array.tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class MjcfModel:
-    """A compiled `mujoco.MjModel`, the package, the file, and by body the moments of inertia that MuJoCo refuses."""
+    """A compiled `mujoco.MjModel`, the package mujoco, the file, and the impossible moments of inertia by body."""
 
     model: Any
     mujoco: Any
@@ -29,13 +29,13 @@ class MjcfModel:
     moments: Mapping[int, tuple[float, ...]]
 
     def acts(self, what: str) -> bool:
-        """Whether a part of the physics is switched on, by its name in mjtDisableBit."""
+        """Whether a part of the physics is switched on. `what` is its name in mjtDisableBit."""
         bits = [what, "CONSTRAINT"] if what in _CONSTRAINTS else [what]
         off = sum(int(getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{bit}")) for bit in bits)
         return not self.model.opt.disableflags & off
 
     def kind(self, enum: str, value: Any) -> str:
-        """A value of an enumeration by its last word: "JOINT" of mjTRN_JOINT."""
+        """The last word of the name of a value of an enumeration, such as "JOINT" for mjTRN_JOINT."""
         return getattr(self.mujoco, enum)(int(value)).name.rpartition("_")[2]
 
     @cached_property
@@ -66,27 +66,27 @@ class MjcfModel:
         return self._free_names("equality", self.model.neq, taken)
 
     def _names(self, kind: str, count: int) -> list[str]:
-        """Names of the parts of a kind, "joint2" of one without a name; no space, dot or bracket stands in them."""
+        """Unique names of the parts of a kind. Spaces, dots and brackets become _. A nameless part is "joint2"."""
         own = [re.sub(r"[\s.\[\]]", "_", getattr(self.model, kind)(k).name) for k in range(count)]
         for name in filter(None, own):
             if fault := name_fault(name):
-                raise DeclarationError(f"{self.path}: {name!r} is no name of a {kind}, as {fault}")
+                raise DeclarationError(f"{self.path}: the {kind} name {name!r} cannot be used, because {fault}")
         taken: set[str] = set()
         given = [name and _free(name, "_", taken) for name in own]
         return [name or _free(f"{kind}{k}", "_", taken) for k, name in enumerate(given)]
 
     def _free_names(self, kind: str, count: int, taken: set[str]) -> list[str]:
-        """Names of the parts of a kind, with the kind added where another part has the name."""
+        """Names of the parts of a kind. The kind is added to a name that another part has."""
         return [_free(name, f"_{kind}", taken) for name in self._names(kind, count)]
 
     def mesh_file(self, mesh: int) -> str:
-        """The file of a mesh from the folder of the model, empty if its corners stand in the model."""
+        """The path of a mesh's file relative to the model's folder; empty if the model itself contains the mesh."""
         start = int(self.model.mesh_pathadr[mesh])
         return "" if start < 0 else self.model.paths[start:].split(b"\0", 1)[0].decode()
 
 
 def _free(name: str, end: str, taken: set[str]) -> str:
-    """A name that is not taken, with an end if need be; it is taken from now on."""
+    """The name with as many endings as make it unique. It is added to `taken`."""
     while name in taken:
         name += end
     taken.add(name)

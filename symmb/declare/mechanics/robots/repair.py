@@ -1,4 +1,4 @@
-"""Moments of inertia that no body has: the nearest possible ones, and what they change."""
+"""Impossible moments of inertia: their replacement by the nearest possible moments, and its effect on the motion."""
 
 from dataclasses import replace
 from itertools import product
@@ -9,22 +9,19 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._magnitudes import ROUNDING
 from symmb._types import Array
-from symmb.declare.mechanics.robots.algebra import matrix
+from symmb.declare.mechanics.robots.algebra import matrix, united
 from symmb.declare.mechanics.robots.description import ENTRIES, SLIDING, TURNING, XYZ, full_matrix, inertia_fault, named
-from symmb.declare.mechanics.robots.inertia import united
 from symmb.declare.mechanics.robots.robot import ORIGIN, Building
 
-_MOST, _RIDGE = 0.5, ROUNDING
-"""Change of the energy of a motion, over this energy, up to which an inertia is repaired: the nearest possible one is
-closer to the true one than that of the file, but beyond this it makes the motion. What stands for the energy of a link
-without mass, over its squared rate."""
+_LARGEST_CHANGE = 0.5
+"""Largest relative change of the kinetic energy of a motion by a repair: more would dominate the motion."""
 
 
 def repaired(building: Building) -> tuple[Building, list[str]]:
-    """A machine whose bodies all have possible inertias, and a sentence on what is repaired.
+    """The building with possible inertias of all bodies, and a sentence about the repaired links.
 
-    A link on the base, or on a body that is possible as a whole, keeps its inertia. DeclarationError if a repair would
-    change the motion much.
+    A link on the fixed base, or on a body with a possible total inertia, keeps its inertia. DeclarationError if a
+    repair would change the motion much.
     """
     description, values = building.description, building.values
     numbers = {name: description.numbers[name] if isinstance(x, ca.SX) else x for name, x in values.items()}
@@ -32,6 +29,7 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
     for link, top in description.tops.items():
         moments = tuple(x for x in building.vector(f"{link}.inertia", ENTRIES) if not isinstance(x, ca.SX))
         is_base = building.fixed_base and top == description.root
+        # A part of a body may be impossible if the whole body is possible: only the whole moves.
         if not is_base and len(moments) == len(ENTRIES) and inertia_fault(moments):
             parts = [before.mass(part, before.places[part]) for part, own in description.tops.items() if own == top]
             if inertia_fault(tuple(np.array(united(parts).inertia)[np.triu_indices(3)])):
@@ -40,24 +38,28 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
         return building, []
     M, after = _mass_matrix(before), _mass_matrix(replace(before, values=numbers | better))
     size = np.sqrt(np.maximum(np.diag(after), np.finfo(float).tiny))
-    root = np.linalg.inv(np.linalg.cholesky(after / size / size[:, None] + _RIDGE * np.eye(len(M)))) / size
+    # The scaled mass matrix is singular for links without mass: a small multiple of the identity makes it definite.
+    root = np.linalg.inv(np.linalg.cholesky(after / size / size[:, None] + ROUNDING * np.eye(len(M)))) / size
     share = float(np.abs(np.linalg.eigvalsh(root @ (after - M) @ root.T)).max(initial=0.0))
     names = ", ".join(repr(name.removesuffix(".inertia.xx")) for name in better if name.endswith(".inertia.xx"))
-    if not share <= _MOST:
+    if not share <= _LARGEST_CHANGE:
         raise DeclarationError(
-            f"{description.path}: no body has the inertia of {names}. The nearest possible one would change the energy "
-            f"of a motion by {min(share, 10):.0%}. Correct the file."
+            f"{description.path}: the inertia of {names} is impossible. The nearest possible inertia would change the "
+            f"kinetic energy of a motion by {min(share, 10):.0%}. Correct the file."
         )
-    said = f"symmb takes the nearest possible inertia for {names}; it changes the energy of no motion by more than "
+    said = f"The inertia of {names} is impossible. The nearest possible one is used; it changes the energy "
     description = replace(description, numbers=description.numbers | better)
-    return replace(building, description=description, values={**values, **better}), [f"{said}{share:.1g} of itself."]
+    changed = replace(building, description=description, values={**values, **better})
+    return changed, [f"{said}of a motion by at most {100 * share:.1g} %."]
 
 
 def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
-    """Entries xx, xy, xz, yy, yz, zz of the nearest inertia matrix that a body may have, in the Frobenius norm.
+    """Entries xx, xy, xz, yy, yz, zz of the nearest possible inertia matrix in the Frobenius norm.
 
     Each principal moment is the sum of two of three second moments of mass, and none of these is negative.
     """
+    # A projection onto a cone with three edges: for each subset of edges the least squares solution is a candidate if
+    # its coefficients are not negative, and the nearest candidate is the projection.
     principal, axes = np.linalg.eigh(full_matrix(moments))
     found = [np.zeros(3)]
     for used in product((False, True), repeat=3):
@@ -69,7 +71,7 @@ def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _mass_matrix(building: Building) -> Array:
-    """Mass matrix (n, n) of a tree where the file draws it, by rates of its joints; planar ones count as free."""
+    """Mass matrix (n, n) of a tree at the pose of the file, in joint rates. Planar joints count as free joints."""
     root, values = building.description.root, building.values
     places, screws = {root: ORIGIN}, {root: np.eye(6)[:, : 0 if building.fixed_base else 6]}
     count = screws[root].shape[1]

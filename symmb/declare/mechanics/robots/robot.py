@@ -1,4 +1,4 @@
-"""Bodies, joints and forces of a machine that stands in a file."""
+"""Bodies, joints and forces of a machine from a file."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from symmb.declare.mechanics.geometry import Box3, Cylinder, Geometry, Mesh, Sph
 from symmb.declare.mechanics.joint import PlanarJoint, Prismatic, Revolute, Spherical
 from symmb.declare.mechanics.pose import Spatial
 from symmb.declare.mechanics.robots.algebra import (
-    NO_TURN,
+    Mass,
     Scalar,
     Vector,
     about,
@@ -40,6 +40,7 @@ from symmb.declare.mechanics.robots.algebra import (
     transposed,
     turned,
     unit,
+    united,
 )
 from symmb.declare.mechanics.robots.description import (
     ENTRIES,
@@ -51,7 +52,6 @@ from symmb.declare.mechanics.robots.description import (
     JointData,
     inertia_fault,
 )
-from symmb.declare.mechanics.robots.inertia import Mass, united
 from symmb.declare.symbolic import is_sympy, scalar, vector
 
 _TRANSITION = 0.01
@@ -59,13 +59,13 @@ _TRANSITION = 0.01
 to Coulomb's law, and stiffer."""
 Place: TypeAlias = "tuple[Vector, Vector]"
 """Origin (3,) [m] and quaternion (4,) of a frame."""
-ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
+ORIGIN: Place = (0.0, 0.0, 0.0), by_angles((0.0, 0.0, 0.0))
 _JOINTS: dict[str, type[AxisJoint]] = dict.fromkeys(TURNING, Revolute)
 _JOINTS |= dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
 
 
 class _LinkMesh(Mesh):
-    """The mesh of a link, whose file need not be there: it is read when it is drawn."""
+    """The mesh of a link. The file is read only for drawings, so it may be missing."""
 
     def __post_init__(self) -> None:
         pass
@@ -73,14 +73,14 @@ class _LinkMesh(Mesh):
 
 @dataclass(frozen=True, eq=False)
 class LinkFrame:
-    """A link that fixed joints hold on another one. Together they are one `body`, named after the one that carries.
+    """A link that fixed joints hold on another link. The links are one `body`, named after the link nearest the base.
 
     Attributes
     ----------
     name : str
     body : Body or Ground
-    origin : (3,)          the origin of the link, from that of the body's points in axes of the body [m]
-    quaternion : (4,)      of the rotation link to body, scalar first
+    origin : (3,)          origin of the link relative to the origin of the body's points, in body axes [m]
+    quaternion : (4,)      rotation link to body, scalar first
     """
 
     name: str
@@ -89,17 +89,17 @@ class LinkFrame:
     quaternion: Vector
 
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> Point:
-        """Point of the body at (x, y, z) [m] in axes of the link, from its origin."""
+        """Point of the body at (x, y, z) [m] in axes of the link, from the link's origin."""
         return self.body.point(*add(self.origin, self.direction(x, y, z)))
 
     def direction(self, x: Expr, y: Expr, z: Expr = 0) -> Vector:
-        """A vector (3,) of the link in axes of the body, as the axis of a joint on `point`."""
+        """A vector (3,) in body axes, from its components in axes of the link. Use it for axes of joints."""
         own = ca.vertsplit(vector([x, y, z], f"direction of {self.name!r}"))
         return turned(matrix(self.quaternion), tuple(map(plain, own)))
 
 
 class _ByName(dict[str, Any]):
-    """Parts by name. A name that is not there is an error with near misses."""
+    """Parts by name. An unknown name is an error that suggests similar names."""
 
     def __init__(self, robot: str, what: str) -> None:
         super().__init__()
@@ -116,13 +116,13 @@ class Robot:
     Attributes
     ----------
     name : str
-    numbers : dict         every number of the file by name, in SI units
+    numbers : dict         all numbers of the file by name, in SI units
     bodies : dict          link -> `Body`, `Ground`, or `LinkFrame` of a link that fixed joints hold; `.point(x, y, z)`
-                           counts from the link's origin in its axes
-    joints : dict          joint -> `Revolute`, `Prismatic`, `PlanarJoint` or `Spherical`. Its angle or displacement is
-                           the one of the file
-    elements : tuple       all that goes into a `System`: bodies, joints, forces and whatever else the file says
-    start : dict           the pose in which the file draws the machine, for `Scene(start=...)` or `guess=`
+                           uses the origin and the axes of the link
+    joints : dict          joint -> `Revolute`, `Prismatic`, `PlanarJoint` or `Spherical`. Angles and displacements
+                           have the zero and the sign of the file
+    elements : tuple       all elements for a `System`: bodies, joints, forces and other elements of the file
+    start : dict           the pose of the machine in the file, for `Scene(start=...)` or `guess=`
     """
 
     name: str
@@ -140,12 +140,12 @@ class Robot:
         stops = kinds.get("Stop", 0)
         text = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
         of_joints = "the limits of one joint" if limits == 1 else f"the limits of {limits} joints"
-        idle = f"; {of_joints} do not act, give stop=..." if limits and not stops else ""
+        idle = f"; {of_joints} have no effect without stop=..." if limits and not stops else ""
         return f"Robot({self.name!r}: {text}{idle})"
 
 
 def checked_path(owner: str, path: object, stop: object, **truths: object) -> Path:
-    """The path of a file; DeclarationError unless stop is None, a contact law or one number, and truths are."""
+    """The path of a file. DeclarationError for an invalid path, an invalid stop, or options that are not booleans."""
     if not isinstance(path, str | Path):
         raise DeclarationError(f"{owner}: expected the path of a file, got {shown(path)}.")
     for name, value in truths.items():
@@ -158,11 +158,12 @@ def checked_path(owner: str, path: object, stop: object, **truths: object) -> Pa
 def replaced(
     description: Description, replace: Mapping[str, Expr] | None, stop: object, fixed: str | None
 ) -> dict[str, Scalar]:
-    """All numbers of a file, some of which are replaced. `fixed` is what moves a base that stands still."""
+    """All numbers of a file, after replacements. `fixed` is the remedy for replacements of a fixed base, or None."""
     replace = {} if replace is None else replace
     if not isinstance(replace, Mapping):
         raise DeclarationError(
-            f'replace: expected {{"forearm.mass": p.m}}, expressions by names, got {shown(replace)}.'
+            f'replace: expected a mapping from names to expressions, such as {{"forearm.mass": p.m}}, got '
+            f"{shown(replace)}."
         )
     faults = Faults()
     values: dict[str, Scalar] = dict(description.numbers)
@@ -183,21 +184,21 @@ def replaced(
 
 
 def _idle_fault(description: Description, name: str, stop: object, fixed: str | None) -> str:
-    """Why nothing would depend on a number, or empty."""
+    """A sentence if a replaced number would have no effect; else empty."""
     if name not in description.numbers:
         return f"{description.name!r} has no number {name!r}.{did_you_mean(name, description.numbers)}"
     owner, what = name.split(".")[:2]
     if name.endswith((".effort", ".velocity")):
-        return f"nothing depends on {name!r}."
+        return f"{name!r} has no effect, because symmb does not use limits of forces and velocities. Omit it."
     if what == "limit" and stop is None:
-        return f"nothing depends on {name!r}. Give stop=..., by which limits act."
+        return f"{name!r} has no effect without stop=.... Pass stop=...."
     if fixed is not None and description.tops.get(owner) == description.root and what in ("mass", "com", "inertia"):
-        return f"nothing depends on {name!r}, as the base is fixed. {fixed}"
+        return f"{name!r} has no effect, because the base is fixed. {fixed}"
     return ""
 
 
 def _value_fault(name: str, value: Any) -> str:
-    """Why a number cannot be the one of a name, or empty."""
+    """A sentence if a number is not finite, or negative where the name does not allow this; else empty."""
     if not is_real(value):
         return ""
     if not is_finite_number(value):
@@ -208,7 +209,7 @@ def _value_fault(name: str, value: Any) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Building:
-    """A description on its way to a robot. `values` has its numbers, some of which are replaced by expressions."""
+    """Builds a robot from a description. `values` has the numbers of the description after replacements."""
 
     description: Description
     values: Mapping[str, Scalar]
@@ -216,22 +217,22 @@ class Building:
     stop: ContactLaw | Expr | None
 
     def vector(self, name: str, parts: tuple[str, ...] = XYZ) -> Vector:
-        """Numbers or expressions of one name."""
+        """The numbers or expressions `name.x`, `name.y`, ... for the given parts."""
         return tuple(self.values[f"{name}.{part}"] for part in parts)
 
     def quaternion(self, name: str) -> Vector:
-        """The rotation by roll, pitch and yaw of one name."""
+        """The quaternion (4,) of `name.roll`, `name.pitch` and `name.yaw`."""
         return by_angles(self.vector(name, RPY))
 
     def carried(self, joint: JointData, place: Place) -> Place:
-        """The place of the child of a joint at zero, from that of its parent."""
+        """The origin and quaternion of a joint's child at joint value 0, from those of its parent."""
         at, e = place
         origin = add(at, turned(matrix(e), self.vector(f"{joint.name}.origin")))
         return origin, one_after(e, self.quaternion(f"{joint.name}.origin"))
 
     @cached_property
     def places(self) -> dict[str, Place]:
-        """All links on their bodies."""
+        """The origins and quaternions of all links on their bodies."""
         places: dict[str, Place] = {}
         joints = {joint.child: joint for joint in self.description.joints.values()}
         for link, top in self.description.tops.items():
@@ -240,7 +241,7 @@ class Building:
 
     @cached_property
     def frames(self) -> dict[str, LinkFrame]:
-        """All links, with the bodies to which they belong."""
+        """The frames of all links, with the bodies to which they belong."""
         tops = self.description.tops
         held: dict[str, list[Mass]] = {top: [] for top in tops.values()}
         for link, top in tops.items():
@@ -249,7 +250,7 @@ class Building:
         return {link: LinkFrame(link, bodies[top], *self.places[link]) for link, top in tops.items()}
 
     def mass(self, link: str, place: Place) -> Mass:
-        """The mass of a link at a place."""
+        """The mass of a link, with its centre and inertia in the axes in which the place of the link is given."""
         origin, e = place
         xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ENTRIES)
         R = matrix(one_after(e, self.quaternion(f"{link}.com")))
@@ -262,17 +263,17 @@ class Building:
         whole = united(masses)
         if top == self.description.root and is_nought(whole.mass):
             raise DeclarationError(
-                f"load_urdf: the free base {top!r} has no mass, so that nothing determines its acceleration. Give the "
-                "link an <inertial> with mass and inertia, or fixed_base=True."
+                f"load_urdf: the free base {top!r} has no mass, so its acceleration is not determined. Add an "
+                "<inertial> with mass and inertia to this link, or use fixed_base=True."
             )
         name = f"{top}_link" if top in self.description.joints else top
         J = whole.inertia
-        if not any(isinstance(x, ca.SX) for row in J for x in row):  # the moment of a turned rod is below 0 by rounding
+        if not any(isinstance(x, ca.SX) for row in J for x in row):  # rounding may make a moment of a rod negative
             J = tuple(tuple(max(x, 0.0) if i == k else x for k, x in enumerate(row)) for i, row in enumerate(J))
         return Link(name, whole.mass, J, Spatial(), whole.com, tuple(self._shapes(top)))
 
     def robot(self) -> Robot:
-        """The machine."""
+        """The robot with its bodies, joints, forces and start."""
         description, frames = self.description, self.frames
         bodies, joints = _ByName(description.name, "link"), _ByName(description.name, "joint")
         for link, top in description.tops.items():
@@ -304,7 +305,7 @@ class Building:
         return _JOINTS[joint.kind](name, base.point(*at), point_b, axis, zero=rotation(e))
 
     def _damping(self, data: JointData, joints: Mapping[str, Any]) -> Iterator[Element]:
-        """The damping of a body that turns freely about a point, or moves freely."""
+        """The damping of a ball joint or a free joint, if it has one."""
         damping = self.values.get(f"{data.name}.damping", 0.0)
         if not is_nought(damping):
             if data.kind == "ball":
@@ -314,7 +315,7 @@ class Building:
             yield Bushing(f"{data.name}:damping", *points, 0.0, damping, 0.0, damping)
 
     def _joint_forces(self, data: JointData, joints: Mapping[str, AxisJoint]) -> Iterator[Body | Element]:
-        """Damping, friction, spring, the inertia of the drive, the row of a mimic joint, and a stop."""
+        """Elements of a joint with one coordinate: damping, friction, spring, armature, mimic constraint and stop."""
         name, joint = data.name, joints[data.name]
         damping, friction = self.values[f"{name}.damping"], self.values[f"{name}.friction"]
         rate = getattr(joint, f"{joint.coordinate}_rate")
@@ -328,7 +329,8 @@ class Building:
             value = getattr(joint, str(joint.coordinate))
             yield Actuator(f"{name}:spring", joint, -stiffness * (value - self.values[f"{name}.springref"]))
         if not is_nought(armature):
-            # A disc on the ground that turns at the rate of the joint, so that its inertia acts on that alone.
+            # A disc on the ground turns at the rate of the joint. Its inertia then has no effect on other motions, as
+            # it would have on a body of the mechanism.
             rotor = Flywheel(f"{name}:rotor", armature, (armature,) * 3, Spatial())
             yield rotor
             yield Revolute(f"{name}:bearing", Ground().point(0, 0, 0), rotor.point(0, 0, 0))
@@ -340,7 +342,7 @@ class Building:
         yield from self._stop(data, joint)
 
     def _stop(self, data: JointData, joint: AxisJoint) -> Iterator[Element]:
-        """The stop at the limits of a joint, unless they are equal."""
+        """The stop at the limits of a joint, if the limits differ."""
         lower, upper = (self.values.get(f"{data.name}.limit.{end}") for end in ("lower", "upper"))
         if self.stop is None or data.kind == "continuous" or lower is None or upper is None:
             return
@@ -349,7 +351,7 @@ class Building:
             yield Stop(f"{data.name}:stop", joint, lower, upper, law=law, restitution=None if law else self.stop)
 
     def _shapes(self, top: str) -> Iterator[Geometry]:
-        """The shapes of the links of one body."""
+        """The shapes of all links that form the body of the link `top`."""
         for link, data in self.description.links.items():
             origin, e = self.places[link]
             for shape in data.shapes if self.description.tops[link] == top else ():
@@ -364,7 +366,7 @@ class Building:
                     yield _LinkMesh(_mesh_path(shape.mesh, self.description.path), shape.size, at, rotation(turn))
 
     def _free_start(self) -> dict[str, Any]:
-        """The pose of bodies that no joint carries, and the orientation of those on ball joints."""
+        """The start of free bodies, and the orientations of bodies on ball joints."""
         kinds = {joint.child: joint.kind for joint in self.description.joints.values()}
         places: dict[str, Place] = {self.description.root: ORIGIN}
         start: dict[str, Any] = {}
@@ -382,15 +384,14 @@ class Building:
 
 
 def _mesh_path(name: str, urdf: Path) -> Path:
-    """The file that a URDF names, relative to the folder of the URDF.
+    """The path of a mesh that a URDF file names, relative to the folder of the URDF file.
 
-    "package://arm/meshes/a.stl" is searched in the folders above the URDF: as `arm/meshes/a.stl` below one of them, or
-    as `meshes/a.stl` in one that is called `arm`.
+    The mesh "package://arm/meshes/a.stl" is `arm/meshes/a.stl` in one of the folders above the URDF file.
     """
     folder = urdf.resolve().parent
     try:
         address = urlsplit(name)
-    except ValueError:  # no address: a file of this name
+    except ValueError:  # not a valid URL: the name of a file
         return folder / name
     if address.scheme not in ("package", "model"):
         return folder / (unquote(address.path) if address.scheme == "file" else name)

@@ -1,7 +1,7 @@
-"""Machines from URDF files: what such a file says."""
+"""Machines from URDF files: `load_urdf`, and the reader of these files."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from symmb._errors import Faults, warn_of
@@ -36,20 +36,6 @@ _IN_LINK = ("inertial", "visual", "collision", "contact", "sensor", "gazebo")
 _IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller")
 
 
-@dataclass(frozen=True, eq=False)
-class _Link(LinkData):
-    """A link, and where it stands in the file."""
-
-    tag: Tag
-
-
-@dataclass(frozen=True, eq=False)
-class _Joint(JointData):
-    """A joint, and where it stands in the file."""
-
-    tag: Tag
-
-
 def load_urdf(
     path: str | Path,
     *,
@@ -60,10 +46,10 @@ def load_urdf(
 ) -> Robot:
     """A machine from a URDF file.
 
-    Links become bodies in space, and those that fixed joints hold together become one. Revolute, continuous, prismatic
+    Links become bodies in space. Links that fixed joints hold together become one body. Revolute, continuous, prismatic
     and planar joints become `Revolute`, `Prismatic` and `PlanarJoint`; a floating joint leaves its link free. Damping
-    is linear. Dry friction is Coulomb's law, smooth below a rate of 0.01 rad/s or m/s. A mimic joint is a row between
-    two joint values. Gravity is not in the file: put a `Gravity` beside the elements.
+    is linear. Dry friction is Coulomb's law, smooth below a rate of 0.01 rad/s or m/s. A mimic joint becomes a
+    constraint between two joint values. URDF files do not contain gravity: add a `Gravity` to the elements.
 
     Parameters
     ----------
@@ -74,14 +60,14 @@ def load_urdf(
         .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper), "elbow.damping", "elbow.friction", "elbow.mimic.multiplier"
         (.offset)
     fixed_base : bool
-        whether the link that carries the others stands still; else it moves freely
-    stop : ContactLaw
-        or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each; None: limits do not
-        act. Equal lower and upper limits do not act either
+        whether the base link is fixed to the ground; otherwise it moves freely
+    stop : ContactLaw or float
+        contact law or coefficient of restitution of a `Stop` at the limits of each joint. With None, limits have no
+        effect. Equal lower and upper limits have no effect either
     strict : bool
         whether all faults are errors. By default one SymmbWarning names harmless faults: attributes of other programs,
-        <mimic> of joints that cannot follow, dots in names, and inertias that no body has. The nearest possible one
-        stands for such an inertia, unless it changes the motion much
+        <mimic> of joints that cannot follow, dots in names, and inertias that no body can have. Such an inertia is
+        replaced by the nearest possible inertia, unless this changes the motion much
 
     Returns
     -------
@@ -90,7 +76,8 @@ def load_urdf(
     Raises
     ------
     DeclarationError
-        for each fault of the file a sentence that names line and element; unknown names in `replace`
+        If the file has faults: the message has one sentence for each fault, with its line and element. If `replace`
+        contains unknown names
 
     Examples
     --------
@@ -111,7 +98,7 @@ def load_urdf(
     path = checked_path("load_urdf", path, stop, fixed_base=fixed_base, strict=strict)
     passed = None if strict else {}
     description = _read_description(path, passed)
-    values = replaced(description, replace, stop, "Give fixed_base=False." if fixed_base else None)
+    values = replaced(description, replace, stop, "Use fixed_base=False." if fixed_base else None)
     with Block():
         building, repairs = repaired(Building(description, values, fixed_base, stop))
         robot = building.robot()
@@ -121,15 +108,15 @@ def load_urdf(
 
 
 def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Description:
-    """What a URDF file says. All faults of links and joints are told at once, each with line and element."""
+    """The content of a URDF file. All faults of links and joints are reported at once, each with line and element."""
     top = read_document(path, passed)
     if top.name != "robot":
-        raise top.fault("the outermost element of a URDF file must be <robot>.")
+        raise top.fault("the root element of a URDF file must be <robot>.")
     top.check(_IN_ROBOT, ("name", "version"))
     faults = Faults()
     numbers: dict[str, float] = {}
-    links: dict[str, _Link] = {}
-    joints: dict[str, _Joint] = {}
+    links: dict[str, LinkData] = {}
+    joints: dict[str, JointData] = {}
     for tag in top.inside:
         with faults.noted():
             if tag.name == "link":
@@ -137,7 +124,7 @@ def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Descri
             elif tag.name == "joint":
                 _add(joints, _joint(tag, numbers))
             elif tag.name in {*_IN_LINK, *_IN_JOINT} - {*_IN_ROBOT}:
-                raise tag.fault("this element stands right in <robot>; move it into its link or joint.")
+                raise tag.fault("this element is a direct child of <robot>. Move it into a link or a joint.")
     if not faults:
         faults += _reference_faults(links, joints)
     for joint in [*joints.values()] * (not faults):
@@ -145,19 +132,19 @@ def _read_description(path: Path, passed: dict[str, list[Tag]] | None) -> Descri
             _free_mimic(joint, joints)
     faults.raise_any()
     if not links:
-        raise top.fault("it has no <link>; add one.")
+        raise top.fault("this robot has no <link>. Add a <link>.")
     root, order = _tree(top, links, joints)
     return Description(top.text("name") if "name" in top.attributes else path.stem, path, links, order, root, numbers)
 
 
-def _add(known: dict, new: _Link | _Joint) -> None:
+def _add(known: dict, new: LinkData | JointData) -> None:
     if new.name in known:
-        raise new.tag.fault(f"the name is used twice, first in line {known[new.name].tag.line}; rename one of them.")
+        raise new.tag.fault(f"line {known[new.name].tag.line} uses this name, too. Rename one of the two.")
     known[new.name] = new
 
 
 def _origin(tag: Tag) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Position [m] and angles [rad] of the <origin> of an element; zeros if it has none."""
+    """Position [m] and angles [rad] of the <origin> of an element; zeros without <origin>."""
     origin = tag.one("origin")
     if origin is None:
         return (0.0,) * 3, (0.0,) * 3
@@ -165,7 +152,7 @@ def _origin(tag: Tag) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return origin.numbers("xyz", (0.0,) * 3), origin.numbers("rpy", (0.0,) * 3)
 
 
-def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
+def _link(tag: Tag, numbers: dict[str, float]) -> LinkData:
     name = tag.own_name()
     tag.check(_IN_LINK, ("name", "type"))
     inertial = tag.one("inertial")
@@ -181,21 +168,21 @@ def _link(tag: Tag, numbers: dict[str, float]) -> _Link:
         moments = tuple(of_inertia.number(entry) for entry in _INERTIA)
         fault = inertia_fault(moments)
         if fault:
-            of_inertia.pass_over("inertias that no body has", of_inertia.fault(fault))
+            of_inertia.pass_over("inertias that no body can have", of_inertia.fault(fault))
     numbers |= {f"{name}.mass": mass} | named(f"{name}.com", (*XYZ, *RPY), (*xyz, *rpy))
     numbers |= named(f"{name}.inertia", tuple(entry[1:] for entry in _INERTIA), moments)
     visual, collision = ([shape for t in tag.all(kind) if (shape := _shape(t))] for kind in ("visual", "collision"))
-    return _Link(name, tuple(visual or collision), tag)
+    return LinkData(name, tuple(visual or collision), tag)
 
 
 def _shape(tag: Tag) -> ShapeData | None:
-    """The shape of a <visual> or <collision>; None of one that other programs have invented."""
+    """The shape of a <visual> or <collision>; None for shapes that URDF does not define."""
     tag.check(("origin", "geometry", "material"), ("name",))
     xyz, rpy = _origin(tag)
     geometry = tag.needed("geometry")
     geometry.check((*_SIZES,), ())
     if not geometry.inside:
-        raise geometry.fault(f"it is empty; add one of {', '.join(_SIZES)}.")
+        raise geometry.fault(f"this element is empty. Add one of {', '.join(_SIZES)}.")
     shape = geometry.inside[0]
     if shape.name not in _SIZES:
         return None
@@ -208,16 +195,16 @@ def _shape(tag: Tag) -> ShapeData | None:
     else:
         size = tuple(shape.number(attribute) for attribute in _SIZES[shape.name])
     if min(size) <= 0:
-        raise shape.fault(f"the size {min(size):g} is not positive; give one above 0.")
+        raise shape.fault(f"the size {min(size):g} is not positive. Write a positive size.")
     return ShapeData(shape.name, xyz, rpy, size)  # pyright: ignore[reportArgumentType]
 
 
-def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
+def _joint(tag: Tag, numbers: dict[str, float]) -> JointData:
     name = tag.own_name()
     tag.check(_IN_JOINT, ("name", "type"))
     kind = tag.text("type")
     if kind not in _TYPES:
-        raise tag.fault(f"its type {kind!r} is not known; it must be one of {', '.join(_TYPES)}.")
+        raise tag.fault(f"the type {kind!r} is not known. Use one of {', '.join(_TYPES)}.")
     ends = []
     for end in ("parent", "child"):
         of_end = tag.needed(end)
@@ -234,8 +221,11 @@ def _joint(tag: Tag, numbers: dict[str, float]) -> _Joint:
             numbers[f"{name}.mimic.multiplier"] = mimic.number("multiplier", 1.0)
             numbers[f"{name}.mimic.offset"] = mimic.number("offset", 0.0)
     elif kind != "fixed" and any(_dynamics(tag, name).values()):
-        raise tag.needed("dynamics").fault(f"a {kind} joint has no single rate to damp; declare its forces in Python.")
-    return _Joint(name, kind, *ends, mimic=None if mimic is None else mimic.reference("joint"), tag=tag)
+        raise tag.needed("dynamics").fault(
+            f"<dynamics> cannot be used, because a {kind} joint has several rates. Declare forces of this joint in "
+            "Python."
+        )
+    return JointData(name, kind, *ends, mimic=None if mimic is None else mimic.reference("joint"), tag=tag)
 
 
 def _axis(tag: Tag) -> tuple[float, ...]:
@@ -246,7 +236,7 @@ def _axis(tag: Tag) -> tuple[float, ...]:
     axis.text("xyz")
     values = axis.numbers("xyz", (1.0, 0.0, 0.0))
     if not any(values):
-        raise axis.fault("the axis 0 0 0 has no direction; give a vector that is not zero.")
+        raise axis.fault("the axis 0 0 0 has no direction. Write a vector that is not zero.")
     return values
 
 
@@ -255,12 +245,12 @@ def _limits(tag: Tag, name: str, kind: str) -> dict[str, float]:
     if limit is None:
         if kind in _LIMITED:
             instead = ", or make the joint continuous" if kind == "revolute" else ""
-            raise tag.fault(f"a {kind} joint must have limits; add <limit lower='...' upper='...'/>{instead}.")
+            raise tag.fault(f"a {kind} joint must have limits. Add <limit lower='...' upper='...'/>{instead}.")
         return {}
     limit.check((), ("lower", "upper", "effort", "velocity"))
     values = {end: limit.number(end, 0.0) for end in ("lower", "upper")}
     if values["lower"] > values["upper"]:
-        raise limit.fault(f"lower {values['lower']:g} is above upper {values['upper']:g}; exchange them.")
+        raise limit.fault(f"lower {values['lower']:g} exceeds upper {values['upper']:g}. Exchange the two values.")
     values |= {what: limit.not_negative(what, 0.0) for what in ("effort", "velocity")}
     return {f"{name}.limit.{end}": value for end, value in values.items()}
 
@@ -273,33 +263,37 @@ def _dynamics(tag: Tag, name: str) -> dict[str, float]:
     return {f"{name}.{what}": dynamics.not_negative(what, 0.0) for what in kinds}
 
 
-def _reference_faults(links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> Iterator[str]:
+def _reference_faults(links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> Iterator[str]:
     """Faults of the names by which joints refer to links and to each other."""
-    carried: dict[str, _Joint] = {}
+    carried: dict[str, JointData] = {}
     for joint in joints.values():
         for end, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
                 yield str(joint.tag.needed(end).fault(f"{_none('link', link, links)}."))
         if joint.parent == joint.child:
-            yield str(joint.tag.fault(f"its parent and its child are both {joint.child!r}; name two links."))
+            yield str(joint.tag.fault(f"parent and child are both {joint.child!r}. Use two different links."))
         elif joint.child in carried:
             other = carried[joint.child]
             yield str(
                 joint.tag.needed("child").fault(
-                    f"joint {other.name!r} in line {other.tag.line} carries the link {joint.child!r} already; "
-                    "close loops by joints in Python."
+                    f"joint {other.name!r} in line {other.tag.line} already carries the link {joint.child!r}. Close "
+                    "loops by joints in Python."
                 )
             )
         carried.setdefault(joint.child, joint)
 
 
 def _none(what: str, name: str | None, known: Mapping[str, object]) -> str:
+    """The message that there is no link or joint of a name, with similar names if there are any."""
     close = did_you_mean(name, known).strip().rstrip(".")
     return f"there is no {what} {name!r}" + (f"; {close[0].lower()}{close[1:]}" if close else "")
 
 
-def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
-    """Pass over the <mimic> of a joint without a value, or that follows no value: then it moves freely."""
+def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
+    """Record a <mimic> that cannot act as a harmless fault: a joint has no value, or follows itself. A joint with a
+    value then moves freely."""
+    # Follow the leaders until one is missing or repeats. Only the first joint of a circle is freed: the others then
+    # follow it.
     row, leader = [joint.name], joint.mimic
     while leader in joints and leader not in row:
         row.append(leader)
@@ -307,32 +301,32 @@ def _free_mimic(joint: _Joint, joints: dict[str, _Joint]) -> None:
     if joint.mimic is None:
         return
     if not joint.moves:
-        what, why = f"{joint.kind} joints", f"a {joint.kind} joint has no value that could follow another one"
+        what, why = f"{joint.kind} joints", f"a {joint.kind} joint has no single value and cannot follow another joint"
     elif joint.mimic not in joints:
-        what, why = "joints that are not there", _none("joint", joint.mimic, joints)
+        what, why = "joints that do not exist", _none("joint", joint.mimic, joints)
     elif leader == joint.name:
-        what, why = "joints that follow themselves", f"joint {joint.name!r} follows itself; name another joint"
+        what, why = "joints that follow themselves", f"joint {joint.name!r} follows itself. Use another joint"
     elif not joints[joint.mimic].moves:
         kind = joints[joint.mimic].kind
-        what, why = f"a {kind} joint", f"the {kind} joint {joint.mimic!r} has no value; name another joint"
+        what, why = f"a {kind} joint", f"the {kind} joint {joint.mimic!r} has no single value. Use another joint"
     else:
         return
-    mimic, free = joint.tag.needed("mimic"), ", so that the followers move freely" * joint.moves
+    mimic, free = joint.tag.needed("mimic"), ", so the followers move freely" * joint.moves
     mimic.pass_over(f"<mimic> of {what}{free}", mimic.fault(f"{why}."))
     joints[joint.name] = replace(joint, mimic=None)
 
 
-def _tree(top: Tag, links: Mapping[str, _Link], joints: Mapping[str, _Joint]) -> tuple[str, dict[str, _Joint]]:
-    """The link that carries all others, and the joints in an order in which each one follows that of its parent."""
+def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> tuple[str, dict[str, JointData]]:
+    """The base link, and the joints in an order from the base outward: a joint comes after the joint of its parent."""
     carrier = {joint.child: joint for joint in joints.values()}
     roots = [name for name in links if name not in carrier]
     if not roots:
-        raise top.fault("its joints carry each other in a circle, so that no link is the base; close loops in Python.")
+        raise top.fault("the joints form a closed loop, so no link is the base. Close loops by joints in Python.")
     if len(roots) > 1:
         raise links[roots[1]].tag.fault(
-            f"no joint connects this link with {roots[0]!r}, which no joint carries either; add one."
+            f"no joint carries this link, and no joint carries {roots[0]!r}. Connect the two by a joint."
         )
-    by_parent: dict[str, list[_Joint]] = {}
+    by_parent: dict[str, list[JointData]] = {}
     for joint in joints.values():
         by_parent.setdefault(joint.parent, []).append(joint)
     order, reached = {}, [roots[0]]
@@ -342,5 +336,5 @@ def _tree(top: Tag, links: Mapping[str, _Link], joints: Mapping[str, _Joint]) ->
             reached.append(joint.child)
     if len(order) < len(joints):
         lost = next(joint for joint in joints.values() if joint.name not in order)
-        raise lost.tag.fault("the joints that carry it form a circle; close loops by joints in Python.")
+        raise lost.tag.fault("the joints that carry this joint form a closed loop. Close loops by joints in Python.")
     return roots[0], order
