@@ -31,14 +31,14 @@ from symmb.equations.model.spanning_tree import Carrying, Link, spanning_tree
 
 
 class JointSpace:
-    """A spanning tree of joints, whose coordinates determine those of the bodies.
+    """A spanning tree of joints. The joint coordinates determine the coordinates of the bodies.
 
-    Bodies that no joint carries, flexible bodies and particles keep their own coordinates.
+    Bodies without a carrying joint, flexible bodies and particles keep their own coordinates.
 
     Parameters
     ----------
     c : Collected              the equations in coordinates of the bodies
-    elements : sequence        of which the joints may carry bodies
+        elements : sequence        the elements of the system; their joints may carry bodies
     turns : mapping            name -> whole turns of body b relative to body a in planar joints without an angle
     """
 
@@ -46,11 +46,11 @@ class JointSpace:
         self, c: Collected, elements: Sequence[Body | Element], turns: Mapping[str, int] = MappingProxyType({})
     ) -> None:
         self._bodies = c
-        self._turned: list[int] = []  # bodies whose quaternions have the opposite sign
+        self._turned: list[int] = []  # bodies with quaternions of the opposite sign
         rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
         counts = {name: where.stop - where.start for name, where in c.rows.items()}
         joints = [e for e in elements if isinstance(e, Joint)]
-        # The rigid bodies, each one after its carrier, and the numbers of the rows that are left.
+        # The rigid bodies in an order with carriers first, and the indices of the remaining rows.
         self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind, turns))
         self.tree = ArticulatedBodies(c.bodies, self.links)
         carrying = {link.carrying.joint.name for link in self.links if link.carrying is not None}
@@ -58,20 +58,22 @@ class JointSpace:
         self._others = [k for k in range(len(c.bodies)) if k not in rigid]
 
     def expression(self, of_bodies: ca.SX) -> ca.SX:
-        """An expression of coordinates of bodies in coordinates of joints. Multipliers and accelerations stay."""
+        """Convert an expression from body coordinates to joint coordinates. Multipliers and accelerations stay."""
         nodes, old, new = self._replacements
         e = ca.vertcat(ca.SX(0, 1), *[self._bodies.bodies[k].frame.q[3:7] for k in self._turned])
         return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
 
     def expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
-        """Expressions of coordinates of bodies in those of joints. Each substitution passes over all coordinates."""
+        """Convert expressions from body to joint coordinates. One call is faster, because each substitution visits all
+        coordinates."""
         entries = [e.nz[:] for e in of_bodies]
         ends = np.cumsum([0, *[e.numel() for e in entries]]).tolist()
         parts = ca.vertsplit(self.expression(ca.vertcat(ca.SX(0, 1), *entries)), ends)
         return [ca.SX(e.sparsity(), part) for e, part in zip(of_bodies, parts, strict=True)]
 
     def with_signs(self, found: Array, wanted: Array) -> "JointSpace":
-        """A copy whose quaternions have the signs of `wanted` (n_q,) where these give `found` (n_q,)."""
+        """A copy with the signs of the quaternions in `wanted` (n_q,). `found` (n_q,) are the coordinates of this
+        object."""
         own = {link.body: self._bodies.slices[link.body][0] for link in self.links if link.carrying is not None}
         spatial = {k: at for k, at in own.items() if isinstance(self._bodies.bodies[k].pose, Spatial)}
         turned = [k for k, at in spatial.items() if found[at][3:7] @ wanted[at][3:7] < 0]
@@ -81,7 +83,7 @@ class JointSpace:
         return other
 
     def whole_turns(self, q: Array) -> dict[str, int]:
-        """Whole turns at coordinates q (n_q,) of the bodies, by the planar joints that have no angle to count them."""
+        """Whole turns of planar joints without an angle, by name, at body coordinates q (n_q,)."""
         bodies, excess = self._bodies.bodies, {}
         for link in self.links:
             by, body = link.carrying, bodies[link.body]
@@ -139,7 +141,7 @@ class JointSpace:
 
     @cached_property
     def _coordinates(self) -> list[Coordinates]:
-        """The coordinates of each link, then of each other body."""
+        """The coordinates of each link, followed by the coordinates of each other body."""
         return [self._coordinates_of(link) for link in self.links] + [self._own_coordinates(k) for k in self._others]
 
     def _coordinates_of(self, link: Link) -> Coordinates:
@@ -177,7 +179,8 @@ class JointSpace:
         )
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        """q (n_q,) after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the norm 1."""
+        """Coordinates (n_q,) after the small displacement delta (n_v,), the product of a velocity and a time.
+        Quaternions keep norm 1."""
         moved, at_q, at_v = [], 0, 0
         for part, body in zip(self._coordinates, self._owners, strict=True):
             n_q, n_v = part.q.numel(), part.v.numel()
@@ -196,7 +199,7 @@ class JointSpace:
 
     @property
     def _owners(self) -> list[Body | None]:
-        """The bodies that own coordinates; None for joints."""
+        """The owner of each set of coordinates: a body, or None for a joint."""
         bodies = self._bodies.bodies
         own = [bodies[link.body] if link.carrying is None else None for link in self.links]
         return own + [bodies[k] for k in self._others]
@@ -213,12 +216,12 @@ class JointSpace:
 
     @property
     def power(self) -> ca.SX:
-        """Power of forces without potential, and of mass that joins or leaves [W]."""
+        """Power of forces without potential, and of added or removed mass [W]."""
         return self.expression(self._bodies.power)
 
     @cached_property
     def M(self) -> ca.SX:
-        """Mass matrix (n_v, n_v). A long chain does without its many entries."""
+        """Mass matrix (n_v, n_v). Solvers do not form the full matrix of a long chain."""
         return ca.diagcat(self.loads.M, self._inertia_of_others)
 
     @cached_property
@@ -233,7 +236,7 @@ class JointSpace:
         return ca.vertcat(self.loads.inertial(a[:n]), *others)
 
     def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """M^-1 f (n_v,) of a system without rows, and no multipliers."""
+        """Accelerations M^-1 f (n_v,) of a system without rows, and an empty vector of multipliers."""
         n = self.tree.n_v
         return ca.vertcat(self.loads.solve(f[:n]), self._of_others(f[n:])), g
 
@@ -248,14 +251,14 @@ class JointSpace:
 
     @cached_property
     def of_bodies(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Coordinates, velocities and first-order states of bodies as expressions of those of joints."""
+        """Coordinates, velocities and states in body coordinates, as expressions of joint coordinates."""
         c = self._bodies
         s = ca.vertcat(*[state.sx for state in c.states]) if c.states else ca.SX(0, 1)
         return self.expression(c.q), self.expression(c.v), self.expression(s)
 
     @cached_property
     def of_joints(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Coordinates, velocities and first-order states of joints as expressions of those of bodies."""
+        """Coordinates, velocities and states in joint coordinates, as expressions of body coordinates."""
         measured = [self._measured(link) for link in self.links] + [self._own_coordinates(k)[:2] for k in self._others]
         q, v = ([of[k] for of in measured] for k in range(2))
         return stacked(q), stacked(v), stacked([state.sx for state in self.collected.states])
@@ -267,7 +270,7 @@ class JointSpace:
 
 
 def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
-    """Links in an order in which those of one tree follow each other, each one after its carrier."""
+    """Links ordered by tree. In each tree, a link follows its carrier."""
     root: dict[int | None, int | None] = {None: None}
     for link in links:
         carrier = None if link.carrying is None else link.carrying.carrier
@@ -277,11 +280,12 @@ def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
 
 
 def _handles(joint: Joint, motion: JointMotion) -> dict[int, ca.SX]:
-    """The coordinates and velocities in the place of what a joint says of the motion of the bodies, by its hash."""
+    """Joint coordinates and velocities by the hashes of the joint's handles. They replace the handles in
+    expressions."""
     nodes: dict[int, ca.SX] = {}
     names, values = (*motion.q_names, *motion.u_names), ca.vertsplit(ca.vertcat(motion.q, motion.u))
     for name, value in zip(names, values, strict=True):
-        node = vars(joint).get(name.rpartition(".")[2])  # a property, if anything uses it
+        node = vars(joint).get(name.rpartition(".")[2])  # a cached property, present only after its first use
         if node is not None:
             nodes[node.element_hash()] = value
             if node.op() == ca.OP_NEG:  # CasADi simplifies a - (-b)
@@ -290,14 +294,14 @@ def _handles(joint: Joint, motion: JointMotion) -> dict[int, ca.SX]:
 
 
 def _of_body(body: Body, here: Placed) -> tuple[ca.SX, ca.SX]:
-    """Coordinates and velocities of a body from its place."""
+    """Coordinates and velocities of a body from its position and motion."""
     if isinstance(body.pose, Planar):
         return ca.vertcat(here.r[:2], here.angle), ca.vertcat(here.r_dot[:2], here.omega[2])
     return ca.vertcat(here.r, here.quaternion), ca.vertcat(here.r_dot, here.omega)
 
 
 def _measured(bodies: Sequence[Body], link: Link, by: Carrying, counts_turns: bool) -> tuple[ca.SX, ca.SX]:
-    """Coordinates and velocities of a joint, as expressions of those of the bodies that it connects."""
+    """Coordinates and velocities of a joint, as expressions of the coordinates of the connected bodies."""
     motion, follower = by.motion, bodies[link.body].frame
     carrier = Ground().frame if by.carrier is None else bodies[by.carrier].frame
     A, B = carrier.R @ motion.carrier, follower.R @ motion.follower

@@ -1,4 +1,4 @@
-"""What must be above 0 for all parameters: masses, moments of inertia, lengths."""
+"""Expressions that must be above 0 for all parameters: masses, moments of inertia, lengths."""
 
 from collections.abc import Iterator, Sequence
 
@@ -31,10 +31,10 @@ def positive(
 
 
 def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:
-    """Three numbers that are positive if no principal moment of a spatial body exceeds the sum of the others.
+    """Three expressions that are positive if no principal moment of a spatial body exceeds the sum of the others.
 
-    They are the leading minors of tr(J) / 2 - J, the second moments of the mass, with an allowance. The first is half a
-    sum of two moments less the third.
+    They are the leading minors of tr(J) / 2 - J, which are the second moments of the mass, with an allowance for
+    rounding. The first minor is half of the sum of two moments minus the third moment.
     """
     if not isinstance(body.pose, Spatial) or is_zero(J):
         return []
