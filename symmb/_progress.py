@@ -148,7 +148,7 @@ class _CellLine:
             self._handle.update(data, raw=True)
 
     def flush(self) -> None:
-        """Nothing waits."""
+        """Do nothing, because no text is buffered."""
 
 
 def _in_notebook() -> bool:

@@ -1,4 +1,4 @@
-"""The lowest natural modes of a structure by inverse iteration, which stiff parts do not disturb."""
+"""The lowest natural modes of a structure by inverse iteration, a method that stiff parts do not disturb."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,23 +11,23 @@ from symmb._types import Array, Indices
 from symmb.declare.structures.mass_samples import Sparse
 
 DENSE = 400
-"""Degrees of freedom up to which the computation of all modes takes less time than inverse iteration."""
+"""With at most this number of degrees of freedom, computing all modes takes less time than inverse iteration."""
 SPARE = 6
-"""Modes computed beyond those that are asked for: they show that no lower one was missed."""
+"""Number of modes that are computed in addition to the requested modes, to detect missed lower modes."""
 MASSLESS = FACTORS
-"""Share of the largest flexibility below which a mode has no mass but for rounding."""
+"""The mass of a mode is rounding if its flexibility is below this fraction of the largest flexibility."""
 SINGULAR = FACTORS
-"""Scaled pivot below which a matrix is singular but for rounding."""
+"""A matrix is singular except for rounding if a scaled pivot is below this value."""
 
 MECHANISM = (
-    "has motions without strain energy besides the rigid ones. Fix loose parts, or choose interfaces (a clamped node) "
-    "that hold the body: one node with rotations, or three nodes off a line."
+    "has motions without strain energy other than rigid motions. Fix loose parts, or choose interfaces (a clamped "
+    "node) that hold the body: one node with rotations, or three nodes that are not on a line."
 )
-INDEFINITE = "the mass matrix is not positive. Check its signs and the order of its rows."
+INDEFINITE = "the mass matrix is not positive definite. Check its signs and the order of its rows."
 
 
 def factorized(K: Sparse) -> Callable[[Array], Array]:
-    """x = K⁻¹ f for a sparse K and f (d,) or (d, m); DeclarationError unless K is positive definite."""
+    """The function f -> K⁻¹ f for a sparse K and f (d,) or (d, m); DeclarationError unless K is positive definite."""
     scale = stiffness_scale(K)
     lu, pivots = _pivots(K, scale)
     if lu is None or pivots.min(initial=1.0) <= SINGULAR:
@@ -41,7 +41,7 @@ def factorized(K: Sparse) -> Callable[[Array], Array]:
 
 
 def definite(M: Sparse, K: Sparse) -> bool:
-    """Whether M is positive on the least stiff displacements of K, up to rounding."""
+    """Whether M is positive for the most flexible displacements of K, up to rounding."""
     scale = stiffness_scale(K)
     stiff = (K.multiply(scale[:, None])).multiply(scale)
     massive = (M.multiply(scale[:, None])).multiply(scale)
@@ -50,13 +50,14 @@ def definite(M: Sparse, K: Sparse) -> bool:
 
 
 def stiffness_scale(K: Sparse) -> Array:
-    """Units in which the degrees of freedom are about equally stiff, 1 for those without stiffness."""
+    """Units (d,) in which the degrees of freedom have similar stiffness; 1 for degrees of freedom without stiffness."""
     stiffness = K.diagonal()
     return 1 / np.sqrt(np.maximum(stiffness, ROUNDING * stiffness.max(initial=NOTHING)))
 
 
 def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
-    """The factorization of the scaled A, and its pivots. Pivots stay on the diagonal: their signs show definiteness."""
+    """The factorization of the scaled A, and its pivots. Without row exchanges, the signs of the pivots show
+    definiteness."""
     from scipy.sparse import csc_array, diags_array
     from scipy.sparse.linalg import splu
 
@@ -71,11 +72,11 @@ def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
 def lowest(
     K: Sparse, M: Sparse, axes: Sparse, rigid: Array, count: int | None = None, below: float = np.inf
 ) -> tuple[Array, Array]:
-    """The lowest elastic modes of K x = λ M x: λ (n,) ascending and X (d, n) with Xᵀ M X = 1.
+    """The lowest elastic modes of K x = λ M x: ascending λ (n,) and X (d, n) with Xᵀ M X = 1.
 
     K and M (d, d) are sparse or dense; K is singular for the rigid motions (d, r) only. Modes of equal frequency are
-    combined into eigenvectors of `axes` (d, d), which tells the axes apart: modes along single axes where such exist.
-    Without a count all modes below `below` are found.
+    combined into eigenvectors of `axes` (d, d), a matrix with a different value for each axis. The combinations are
+    modes along single axes if such modes exist. Without a count, all λ below `below` are found.
     """
     d = K.shape[0]
     few = isinstance(K, np.ndarray) or d <= DENSE or (count is not None and count + SPARE > d // 4)
@@ -86,7 +87,7 @@ def lowest(
 
 
 def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
-    """All elastic modes of small matrices."""
+    """All elastic modes of a small structure."""
     from scipy.linalg import LinAlgError, eigh
 
     scale = stiffness_scale(K)
@@ -108,9 +109,10 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
 
 
 def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -> tuple[Array, Array]:
-    """Modes of large matrices in batches, each orthogonal to those before it, until one is above the requested ones.
+    """Modes of a large structure in batches. Each batch is orthogonal to earlier batches, until a mode is above the
+    request.
 
-    Lanczos' method finds one mode of a multiple frequency at a time. The next batch finds the others.
+    Lanczos' method may find only one mode of a multiple frequency. The next batch then finds the other modes.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -121,7 +123,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     shapes, values = _mass_orthonormal(rigid, M), np.zeros(0)
 
     def flexibility(f: Array) -> Array:
-        # Loads in equilibrium need no support: any statically determinate one gives the elastic displacements.
+        # For loads in equilibrium, any statically determinate support gives the elastic displacements.
         f = f - M @ (shapes @ (shapes.T @ f))
         x = np.zeros(d)
         x[free] = solve(f[free])
@@ -141,7 +143,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
 
 
 def _mass_orthonormal(X: Array, M: Sparse) -> Array:
-    """Gram-Schmidt's method in the metric of M, from the first column on."""
+    """The columns of X, orthonormalised in the metric of M from the first column on."""
     from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
     for _ in range(2 if X.shape[1] else 0):
@@ -154,7 +156,7 @@ def _mass_orthonormal(X: Array, M: Sparse) -> Array:
 
 
 def determinate(rigid: Array) -> Indices:
-    """Degrees of freedom whose support prevents the rigid motions and nothing else."""
+    """Degrees of freedom of a statically determinate support: fixing them prevents only the rigid motions."""
     from scipy.linalg import qr
 
     if not rigid.size:
@@ -164,7 +166,7 @@ def determinate(rigid: Array) -> Indices:
 
 
 def _aligned(values: Array, X: Array, axes: Sparse) -> Array:
-    """Modes of equal frequency combined into modes along single axes, where that is possible."""
+    """Modes in which modes of equal frequency are combined into modes along single axes, if possible."""
     X = X.copy()
     starts = np.flatnonzero(np.diff(values, prepend=-np.inf) > 1e-7 * values)
     for group in np.split(np.arange(len(values)), starts[1:]):

@@ -239,7 +239,7 @@ def plane_faults(title: str, action: Action) -> list[str]:
     particle = next((load.body.name for load in action.loads if _is_particle(load.body)), None)
     remedy = "Leave it out or use pose=Spatial()."
     if particle is not None:
-        remedy = f"Particle {particle!r} can leave the plane. Use pose=Planar() for the particle, or pose=Spatial() for both."
+        remedy = f"Particle {particle!r} can leave the plane. Use Planar() for it, or Spatial() for both."
     for load in action.loads:
         wrench = ca.vertcat(load.force, load.torque)
         S = load.body.frame.S

@@ -1,4 +1,4 @@
-"""Checks of a start: velocities and accelerations that do not contradict each other."""
+"""Checks of a start: velocities and accelerations must not contradict each other."""
 
 import casadi as ca
 import numpy as np
@@ -19,29 +19,31 @@ def check_velocities(start: Start, p0: Array) -> None:
     if not reason:
         return
     if "positive" in reason:
-        raise AssemblyError(f"Start at the nominal parameters: {reason}.")
+        raise AssemblyError(f"The start at the nominal parameters failed: {reason}.")
     q = start.q_nominal
     if dae.Phi_dot is None:
-        raise AssemblyError("Start could not be solved for at the nominal parameters.")
+        raise AssemblyError("The start at the nominal parameters could not be computed.")
     v = np.asarray(start.velocities(q, p0)).ravel()
     s = (rest_states(dae),) if dae.n_s else ()
     r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
     off = np.abs(start.joint_residuals(q, v, p0).full()).ravel() if start.joint_residuals is not None else np.zeros(1)
     listed = ", ".join(start.listed_velocities)
     opposed = f" {', '.join(map(repr, start.redundant))}" if start.redundant else ""
-    remedy = f"Leave one of {listed} free." if listed else f"None is listed in start: constraints{opposed} contradict."
+    remedy = f"Remove one of {listed} from start." if listed else f"The constraints{opposed} contradict each other."
     if off.max() > r.max():
         k = int(off.argmax())
         others = _determining(start, k, q, v, p0, s)
-        asked = f" from what {', '.join(map(repr, others))} ask{'s' * (len(others) == 1)} for" if others else ""
+        asked = (
+            f" from the value that {', '.join(map(repr, others))} require{'s' * (len(others) == 1)}" if others else ""
+        )
         what = f"{start.joint_values[k]} is off by {off.max():.2g}{asked}"
     else:
         what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
-    raise AssemblyError(f"Start velocities contradict the constraints: {what}. {remedy}")
+    raise AssemblyError(f"The start velocities contradict the constraints: {what}. {remedy}")
 
 
 def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Array, ...]) -> list[str]:
-    """The constraints whose rates determine the listed value of a joint of this number."""
+    """Names of the constraints with rates that determine the listed joint value number `k`."""
     dae, f = start.dae, start.joint_residuals
     if dae.G is None or f is None:
         return []
@@ -63,4 +65,4 @@ def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
     contradiction = np.abs(vanishing_combinations(G / sizes[:, None], start.ranks[0]).T @ gamma)
     if contradiction.max(initial=0.0) > VIOLATION * max(np.abs(gamma).max(initial=0.0), 1.0):
         names = ", ".join(map(repr, start.redundant))
-        raise AssemblyError(f"The accelerations that {names} ask for at the start contradict each other.")
+        raise AssemblyError(f"The accelerations that {names} require at the start contradict each other.")

@@ -1,4 +1,4 @@
-"""What is doubtful about a start: mechanisms that cannot move, and unstable equilibria."""
+"""Warnings about a start: mechanisms that cannot move, unstable equilibria, and undetermined reactions."""
 
 from collections.abc import Iterator
 
@@ -17,9 +17,9 @@ from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
 
 
 def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
-    """Doubts about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters.
+    """Warnings about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters.
 
-    `rows` are the numbers of independent rows of the constraints.
+    `rows` are the indices of independent constraint rows.
     """
     s = (dae.s_start(q, dae.p_nominal).full().ravel(),) if dae.s_start is not None else ()
     if dae.sampling is not None:
@@ -30,25 +30,27 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
         G = evaluated(dae.G, *map(np.atleast_1d, at)) * dae.displacement_scales
     yield from _open_outputs(scene, dae, at, G, len(rows))
     driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
-    gated = any(scene.system.collected.gated.values())  # a joint that holds the mechanism may open
+    gated = any(scene.system.collected.gated.values())  # a joint that locks the mechanism may open
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven or gated:
         return
     if len(rows) == dae.n_v:
         is_welded = all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint))
         if not scene.system.collected.decoupled and not is_welded:
             yield (
-                f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and nothing "
-                "drives them. Leave out a constraint if it should move."
+                f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities "
+                "free, and no drive "
+                "moves it. Remove a constraint if the mechanism should move."
             )
     elif _is_unstable(dae, at, G, rows):
         yield (
-            "The start is an unstable equilibrium: all forces balance there, and only rounding decides where the "
-            "system moves. Start away from it."
+            "The start is an unstable equilibrium: all forces are balanced, and only rounding decides in "
+            "which "
+            "direction the system moves. Start away from the equilibrium."
         )
 
 
 def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Array, rank: int) -> Iterator[str]:
-    """The doubt that outputs change as redundant rows of G (n_r, n_v) share their forces in another way."""
+    """The warning that outputs depend on how redundant rows of G (n_r, n_v) share their forces."""
     lam, y = ca.SX(scene.system.lam), scene.y
     if rank == len(G) or not any(ca.which_depends(y, lam, 1, True)):
         return
@@ -65,15 +67,16 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
         outputs = ", ".join(repr(name) for name, own in zip(scene.curve_names, is_open, strict=True) if own)
         names = ", ".join(map(repr, redundant_names(G / sizes, rank, dae.rows)))
         yield (
-            f"Outputs {outputs} depend on how the redundant constraints {names} share their load, which rigid bodies "
-            "do not determine. These reactions are the smallest ones. Put a Bushing instead of a joint that is "
-            "not stiff, "
-            "or a joint with fewer rows."
+            f"Outputs {outputs} depend on how the redundant constraints {names} share their load. Rigid "
+            "bodies do not "
+            "determine this, so the smallest reactions are used. Replace a joint that is not stiff by a Bushing, or "
+            "by a joint with fewer rows."
         )
 
 
 def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:
-    """Whether forces balance at rest, but displacements on the constraints lead to forces that enlarge them."""
+    """Whether forces are balanced at rest, but an admissible displacement causes forces that increase this
+    displacement."""
     scales = dae.displacement_scales
     forces = dae.Q(*at).full().ravel() * scales
     lam = _multipliers(G[rows], forces)
@@ -96,7 +99,7 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
 
 
 def _multipliers(G: Array, forces: Array) -> Array:
-    """Multipliers (n_r,) whose forces on the rows G (n_r, n_v) are closest to the given ones (n_v,)."""
+    """Multipliers (n_r,) of the rows G (n_r, n_v). Their forces G' lam are the closest to the given forces (n_v,)."""
     if (solve := normal_solver(G)) is None:
         return np.asarray(np.linalg.lstsq(G.T, forces, rcond=None)[0], dtype=np.float64) if len(G) else np.zeros(0)
     return solve(G @ forces)

@@ -1,4 +1,5 @@
-"""Singular positions of a motion, where constraint rows that are independent elsewhere depend on each other."""
+"""Singular positions of a motion. At these positions, constraint rows depend on each other that are otherwise
+independent."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -12,14 +13,16 @@ from symmb.declare.symbolic import evaluated, nonzeros, pattern, rotation_matrix
 from symmb.equations.model import DAE
 
 NEARLY_SINGULAR = 1e-2
-"""Least over largest singular value of unit rows below which a position counts as nearly singular."""
+"""A position counts as nearly singular if the ratio of the smallest to the largest singular value of unit rows is
+smaller."""
 _BLAMED = 0.1
-"""Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
+"""A message names a constraint if its part of a vanishing combination of unit rows is larger than this."""
 
 
 @dataclass(frozen=True)
 class Singularity:
-    """The time at which rows are closest to dependent [s], least over largest singular value, constraints."""
+    """The time of the nearly singular position [s], the ratio of smallest to largest singular value, and the
+    constraints."""
 
     time: float
     ratio: float
@@ -31,7 +34,7 @@ class Singularity:
 
 
 def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
-    """The position closest to a singular one among states X (m, n_x), if one is close.
+    """The position among states X (m, n_x) that is closest to singular; None if all positions are regular.
 
     Rows of joints that open and close do not count.
     """
@@ -56,8 +59,8 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
 def _unit_rows(dae: DAE, _: Array) -> tuple[ca.Function, Mask]:
     """The Jacobian (n_r, n_v) in scales of displacements, with rows of norm 1 and rotations about the world's axes.
 
-    Its singular values are those with rotations about axes of the bodies, but a wheel that spins does not change it.
-    A function of x, p and t computes its entries, which stand row by row in its pattern.
+    Rotations about body axes give the same singular values, but with world axes a spinning wheel does not change the
+    matrix. A function of x, p and t computes the entries row by row of its pattern.
     """
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     turned = ca.diag(ca.SX(ca.DM(dae.displacement_scales)))
@@ -72,11 +75,12 @@ def _unit_rows(dae: DAE, _: Array) -> tuple[ca.Function, Mask]:
 
 
 def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
-    """At which of the states X (m, n_x) unit rows are closest to dependent; None if they are nearly so nowhere.
+    """Index of the state in X (m, n_x) at which unit rows are closest to dependent; None if no position is nearly
+    singular.
 
-    Singular values change by no more than the matrix does (Weyl), which is no more than the root of the sum of squares
-    of its entries. So a matrix is left out that is too close to one whose singular values are known to have a ratio
-    below that of a singular position, and below the smallest one so far.
+    Singular values change at most by the norm of the change of the matrix (Weyl). The Frobenius norm is an upper bound
+    of this norm. A matrix is skipped if it is so close to a matrix with known singular values that its ratio cannot be
+    below the limit and below the smallest ratio so far.
     """
     rows, where = dae.remembered(_unit_rows)
     entries, rank = nonzeros(rows, X, p, times[:, None]).T, dae.rank + dae.lasting.size - dae.n_r  # (n, m)

@@ -1,4 +1,4 @@
-"""Rows of large scenes by sparse factors: which columns determine them, and least-norm solutions."""
+"""Sparse factors for the rows of large scenes: columns that determine the rows, and least-norm solutions."""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -11,19 +11,21 @@ from symmb._types import Array, Indices
 from symmb.equations.start.tolerances import SOLVED
 
 LARGE = 150
-"""Rows and columns from which on sparse factors take less time than dense ones. tests/benchmarks/scaling.py"""
+"""From this number of rows or columns on, sparse factors take less time than dense factors.
+tests/benchmarks/scaling.py"""
 _CLEAR = 1e-5
-"""Pivot of a row of norm 1, or its reciprocal, beyond which elimination leaves doubt about rank."""
+"""For a pivot of a unit row below this value or above its reciprocal, elimination does not decide the rank reliably."""
 _STRONG = 0.3
-"""Share of the largest entry of a row that a pivot has at least. Of such entries the one that fills fewest is taken."""
+"""A pivot has at least this fraction of the largest entry of its row. Among such entries, the one with the least
+fill-in is taken."""
 _REGULAR = 1e-11
-"""Ratio of pivots of A A' above which the rows of A count as independent."""
+"""The rows of A count as independent if the ratio of the pivots of A A' is above this value."""
 
 
 def determining_columns(A: Array) -> Indices | None:
-    """Numbers of as many columns of A (m, n), with rows of norm 1, as determine its rows, in rising order.
+    """Indices of m columns that determine the unit rows of A (m, n), in ascending order.
 
-    Gaussian elimination takes the row with fewest entries next. None unless all rows are independent beyond doubt.
+    Gaussian elimination takes the row with the fewest entries next. None if the rows are not reliably independent.
     """
     rows = {i: {int(k): float(row[k]) for k in np.flatnonzero(row)} for i, row in enumerate(A)}
     holders: dict[int, set[int]] = defaultdict(set)
@@ -59,7 +61,7 @@ def determining_columns(A: Array) -> Indices | None:
 
 
 def normal_solver(A: Array) -> Callable[[Array], Array] | None:
-    """Solver of A A' z = r for a large matrix A (m, n) with few entries; None unless its rows are independent."""
+    """Solver of A A' z = r for a large sparse matrix A (m, n); None if the rows are not independent."""
     if not LARGE < A.shape[0] <= A.shape[1]:
         return None
     i, k = np.nonzero(A)
@@ -78,7 +80,7 @@ def normal_solver(A: Array) -> Callable[[Array], Array] | None:
 
 
 def least_step(A: Array, r: Array) -> Array:
-    """The step (n,) of least norm with A step = r; of least residual where rows of A (m, n) depend on each other."""
+    """The least-norm step (n,) with A step = r; the least-squares step if rows of A (m, n) depend on each other."""
     if (solve := normal_solver(A)) is not None:
         return np.asarray(A.T @ solve(r), dtype=np.float64)
     return np.asarray(np.linalg.lstsq(A, r, rcond=SOLVED)[0], dtype=np.float64)
