@@ -159,7 +159,7 @@ class _Values:
         if bound.numel() != size:
             raise DeclarationError(f"{self._what} {name!r}: expected one number or expression, got {shown(value)}.")
         if not bind.has_parameters_alone(bound):
-            raise DeclarationError(f"{self._what} {name!r} must depend on parameters only.")
+            raise DeclarationError(f"{self._what} {name!r}: the value may depend on parameters only.")
         return bound
 
 

@@ -62,10 +62,10 @@ def _to_free(scene: Scene, near: list[str], others: list[str], tries: int, assem
 
     helpful = [key for key in (near or others)[:tries] if helps(key)]
     if helpful:
-        yield f"leave {'one of ' * (len(helpful) > 1)}{', '.join(helpful)} free"
+        yield f"remove {'one of ' * (len(helpful) > 1)}{', '.join(helpful)} from start"
         return
     pairs = islice(combinations([*near, *others], 2), tries)
-    yield from islice((f"leave {' and '.join(pair)} free" for pair in pairs if helps(*pair)), 1)
+    yield from islice((f"remove {' and '.join(pair)} from start" for pair in pairs if helps(*pair)), 1)
 
 
 def _guesses(dae: DAE, displacements: Iterable[int], size: float) -> Iterator[tuple[str, Expr, str]]:

@@ -33,9 +33,7 @@ def check_velocities(start: Start, p0: Array) -> None:
     if off.max() > r.max():
         k = int(off.argmax())
         others = _determining(start, k, q, v, p0, s)
-        asked = (
-            f" from the value that {', '.join(map(repr, others))} require{'s' * (len(others) == 1)}" if others else ""
-        )
+        asked = f" from the value of {', '.join(map(repr, others))}" if others else ""
         what = f"{start.joint_values[k]} is off by {off.max():.2g}{asked}"
     else:
         what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
