@@ -42,7 +42,8 @@ def test_a_body_in_the_place_of_a_point(kind, places):
 )
 def test_a_table_in_the_place_of_a_number_of_a_law(kind, law):
     refused(
-        "(stiffness|damping).* is not a number", lambda: mb.compile_dae(mb.System(BODY, ELEMENTS[kind](A, B, law(TABLE))))
+        "(stiffness|damping).* is not a number",
+        lambda: mb.compile_dae(mb.System(BODY, ELEMENTS[kind](A, B, law(TABLE)))),
     )
 
 

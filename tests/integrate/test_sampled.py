@@ -236,7 +236,10 @@ FAULTS = [
     (lambda: mb.Sampled("u", 0.1, ca.SX.sym("k")), r"Sampled 'u': law: symbol 'k' does not belong to a parameter"),
     (lambda: mb.Sampled("u", 0.1, lambda u: 1 / 0), r"Sampled 'u': law: the law raises ZeroDivisionError"),
     (lambda: mb.Force("f", BODY.point(0, 0), (U.value, 0)), r"Sampled 'u' is not part of the System. Add it"),
-    (lambda: (U, mb.Motion("m", BODY.x, U.value)), r"'m': the value of Sampled 'u' jumps, but a constraint must be continuous"),
+    (
+        lambda: (U, mb.Motion("m", BODY.x, U.value)),
+        r"'m': the value of Sampled 'u' jumps, but a constraint must be continuous",
+    ),
     (lambda: (U, mb.VelocityConstraint("c", (BODY.vx - U.value,))), r"'c': the value of Sampled 'u' jumps"),
 ]
 

@@ -183,7 +183,10 @@ FAULTS = [
     (lambda: mb.State("z", rate=lambda z: 1 / 0), r"State 'z': rate: the law raises ZeroDivisionError"),
     (lambda: mb.State("z", rate=lambda z: ca.SX.sym("a", 2)), r"State 'z': rate: expected one number"),
     (lambda: mb.State(3, rate=lambda z: -z), r"State: the name is a text, got 3"),
-    (lambda: mb.System(BODY, mb.State("z", rate=lambda z: ca.SX.sym("k"))), r"State 'z': rate: symbol 'k' does not belong to"),
+    (
+        lambda: mb.System(BODY, mb.State("z", rate=lambda z: ca.SX.sym("k"))),
+        r"State 'z': rate: symbol 'k' does not belong to",
+    ),
     (lambda: mb.System(BODY, mb.Force("f", BODY.point(0, 0), (Z.value, 0))), r"State 'z' is not part of the System"),
     (lambda: mb.System(BODY, mb.State("a", rate=lambda z: Z.value)), r"State 'z' is not part of the System. Add it"),
     (lambda: mb.Scene(mb.System(BODY), outputs={"z": Z.value}), r"output 'z': State 'z' is not part of the System"),

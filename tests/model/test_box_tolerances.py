@@ -65,8 +65,10 @@ def test_tolerances_of_every_kind_become_intervals():
     ("tolerance", "why"),
     [
         (-1e-5, "at least 0"), ((1e-5, -1e-5), "pair"), ((1, 2, 3), "pair"), (None, "pair"), (np.nan, "pair"),
-        ("-1%", "percentage"), ("100%", "percentage"), ("x%", "percentage"), ("H7", "is not a tolerance"), ("40 H17", "IT1 to IT16"),
-        ("600 H7", "up to 500"), ("40 Q7", "letters"), ("40 K9", "K up to the grade K8"), ("40 2768-x", "f, m, c and v"),
+        ("-1%", "percentage"), ("100%", "percentage"), ("x%", "percentage"), ("H7", "is not a tolerance"), ("40 H17",
+            "IT1 to IT16"),
+        ("600 H7", "up to 500"), ("40 Q7", "letters"), ("40 K9", "K up to the grade K8"), ("40 2768-x",
+            "f, m, c and v"),
         ("50 H7", "0.05 .in m. or 50 .in mm."), (True, "pair"), ("0 H7", "the size must be above 0"),
         ("2 2768-v", "class v .* above 3 to 4000"),
         ("3000 ISO 2768-f", "class f .* from 0.5 to 2000"), ("0.4 ISO 2768-m", "class m .* from 0.5 to 4000"),
@@ -74,7 +76,8 @@ def test_tolerances_of_every_kind_become_intervals():
         ("+1/-2 %", "is not a percentage. Write .1%. or .±1%.; both mean"),
         ("40 ±x", "'40 ±x' of 'bore' is not a tolerance. Write a size with its deviations"), ("40 ±0,1", "Use a point"),
         ("40 0.1/0.2", "is not a tolerance"), ("40 +0.1", "is not a tolerance"), ("400/-0.2", "is not a tolerance"),
-        ("40 ±-0.1", "is not a tolerance"), ("40 ±100%", "percentage '40 ±100%'"), ("41 ±0.1", "0.041 .in m. or 41 .in mm."),
+        ("40 ±-0.1", "is not a tolerance"), ("40 ±100%", "percentage '40 ±100%'"), ("41 ±0.1",
+            "0.041 .in m. or 41 .in mm."),
         ("0 ±0.1", "the unit of deviations from 0 may be m or mm"), ("±0.1", "is not a tolerance. Write a number"),
     ],
 )  # fmt: skip

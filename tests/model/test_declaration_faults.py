@@ -316,7 +316,9 @@ def test_faults_of_laws_masses_names_and_forgotten_parameters_come_together():
         mb.System(*elements, parameters=mb.Parameters())
     lines = str(error.value).split("\n")
     for name in "mkcge":
-        assert sum(f"symbol '{name}' belongs to Parameters that the System does not have" in line for line in lines) == 1
+        assert (
+            sum(f"symbol '{name}' belongs to Parameters that the System does not have" in line for line in lines) == 1
+        )
     for text in ("mass is negative", "has no direction", "contains NaN"):
         assert sum(text in line for line in lines) == 1
     assert len(lines) == 8

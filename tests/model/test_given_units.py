@@ -174,7 +174,8 @@ def test_tolerances_without_a_size(seed):
     [
         ("1°", "'°' does not fit parameter 'arm'"), ("-1 mm", "'arm': '-1 mm' is not a tolerance"),
         ("1,5 mm", "'arm'"), ("1,5%", "Use a point"), ("±1,5%", "Use a point"),
-        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "either both ends or neither must have a unit"), ((1, 2, "mmm"), "'mmm' is not a"),
+        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "either both ends or neither must have a unit"), ((1, 2, "mmm"),
+            "'mmm' is not a"),
         ((-1, "mm"), "at least 0"), ("-1%", "at least 0 % and"),
     ],
 )  # fmt: skip

@@ -60,9 +60,15 @@ def mixed():
 
 FAULTS = {
     "size": ((POSITIONS[:-1], K, M), r"K has the shape \(36, 36\), but 11 nodes have 3 or 6 .*: 33 or 66 rows"),
-    "sizes that differ": ((POSITIONS[:6], K, M[:18, :18]), r"K has the shape \(36, 36\), but M has the shape \(18, 18\)"),
+    "sizes that differ": (
+        (POSITIONS[:6], K, M[:18, :18]),
+        r"K has the shape \(36, 36\), but M has the shape \(18, 18\)",
+    ),
     "not symmetric": ((POSITIONS, unsymmetric(), M), "K is not symmetric. If only one triangle is stored"),
-    "supported": ((POSITIONS, grounded(), M), r"K has strain energy for a rigid translation along x \(row 0\).*without supports"),
+    "supported": (
+        (POSITIONS, grounded(), M),
+        r"K has strain energy for a rigid translation along x \(row 0\).*without supports",
+    ),
     "positions in other units": ((POSITIONS * [1, 2, 1], K, M), "K has strain energy for a rigid rotation about x"),
     "rotations first": ((TOWER.positions, mixed(), TOWER.M), "K has strain energy for a rigid translation"),
     "negative mass": ((POSITIONS, K, M - 1.5 * np.diag(np.arange(36) == 4)), "the mass matrix is not positive"),

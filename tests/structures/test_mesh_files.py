@@ -132,7 +132,10 @@ def test_positions_of_a_mesh(tmp_path):
 
 GOOD = "DMIG,K,0,6,2\nDMIG,K,1,1,,1,1,2.0\n"
 FAULTS = {
-    "no matrix": ("GRID,1,,0.,0.,0.\n", "no matrix DMIG. Exactly one name must start with K, or the file must have one matrix"),
+    "no matrix": (
+        "GRID,1,,0.,0.,0.\n",
+        "no matrix DMIG. Exactly one name must start with K, or the file must have one matrix",
+    ),
     "two matrices": (GOOD + GOOD.replace(",K,", ",KB,"), "the matrices K, KB. Exactly one name must start with K"),
     "no number": (GOOD + "DMIG,K,1,2,,1,2,two\n", "line 3, DMIG: an entry must be a number, got 'two'"),
     "infinite": (GOOD + "DMIG,K,1,2,,1,2,1e999\n", "line 3, DMIG: an entry must be finite, got '1e999'"),

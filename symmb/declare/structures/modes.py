@@ -284,7 +284,8 @@ class Modes:
         if arrays.keys() != SHAPES.keys():
             missing, unknown = sorted(SHAPES.keys() - arrays.keys()), sorted(arrays.keys() - SHAPES.keys())
             raise DeclarationError(
-                f"the arrays {missing} are missing, and the arrays {unknown} are unknown. The file must have one array for each of {', '.join(SHAPES)}."
+                f"the arrays {missing} are missing, and the arrays {unknown} are unknown. The file must have one array "
+                f"for each of {', '.join(SHAPES)}."
             )
         shapes = _shapes(arrays["stiffness"], arrays["positions"])
         values: dict[str, Any] = {name: record.array(name, *shapes[name]) for name in list(SHAPES)[1:]}
