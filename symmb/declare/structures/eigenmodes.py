@@ -10,10 +10,6 @@ from symmb._magnitudes import FACTORS, NOTHING, ROUNDING, SAME
 from symmb._types import Array, Indices
 from symmb.declare.structures.mass_samples import Sparse
 
-DENSE = 400
-"""With at most this number of degrees of freedom, computing all modes takes less time than inverse iteration."""
-SPARE = 6
-"""Number of modes that are computed in addition to the requested modes, to detect missed lower modes."""
 MASSLESS = FACTORS
 """The mass of a mode is rounding if its flexibility is below this fraction of the largest flexibility."""
 SINGULAR = FACTORS
@@ -79,7 +75,8 @@ def lowest(
     modes along single axes if such modes exist. Without a count, all λ below `below` are found.
     """
     d = K.shape[0]
-    few = isinstance(K, np.ndarray) or d <= DENSE or (count is not None and count + SPARE > d // 4)
+    # For few degrees of freedom, computing all modes takes less time than inverse iteration.
+    few = isinstance(K, np.ndarray) or d <= 400 or (count is not None and count + 6 > d // 4)
     values, X = _all(K, M, rigid) if few else _some(K, M, rigid, count, below)
     X = _aligned(values, X, axes)
     keep = int((values < below).sum()) if count is None else min(count, len(values))
@@ -131,14 +128,15 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
 
     start = np.random.default_rng(0).standard_normal(d)
     operator = LinearOperator((d, d), matvec=flexibility, dtype=float)  # type: ignore[call-arg]
-    batch = 2 * SPARE if count is None else count + SPARE
+    spare = 6  # additional modes, to detect missed lower modes
+    batch = 2 * spare if count is None else count + spare
     while shapes.shape[1] + batch < d // 2:
         more, X = eigsh(K, batch, M, sigma=0.0, OPinv=operator, v0=flexibility(M @ start))
         values, shapes = np.concatenate([values, more]), np.hstack([shapes, X])
         if more.min() > (below if count is None else np.sort(values)[count - 1] * (1 + 1e-8)):
             order = np.argsort(values)
             return values[order], _mass_orthonormal(shapes[:, r:][:, order], M)
-        batch = SPARE if count is not None else 2 * batch
+        batch = spare if count is not None else 2 * batch
     return _all(K, M, rigid)
 
 

@@ -39,11 +39,6 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "shapes2": ("k", 3, "n", "n"),
 }
 
-_END_OVER_CHORD = 1.5
-"""Ratio of the end rotation to the chord rotation of a cantilever under a load at its end."""
-_STILL = 1e-18
-"""A direction counts as still if its squared motion is below this fraction of the largest squared motion."""
-
 
 def nearest(positions: Array, point: tuple[float, float, float]) -> int:
     """Index of the position nearest to a point; the first index if several are equally near."""
@@ -238,7 +233,8 @@ class Modes:
         other = ends[np.linalg.norm(s[:, None] - s[ends], axis=2).argmax(axis=1)]
         line, moved = s[other] - s, self.shapes[other] - self.shapes
         squared = np.maximum((line**2).sum(axis=1), NOTHING)
-        return _END_OVER_CHORD * np.cross(line[:, :, None], moved, axis=1) / squared[:, None, None]
+        # The end of a cantilever under a load at its end rotates 1.5 times as far as its chord.
+        return 1.5 * np.cross(line[:, :, None], moved, axis=1) / squared[:, None, None]
 
     @cached_property
     def lively(self) -> Array:
@@ -246,7 +242,8 @@ class Modes:
         projection = np.zeros((6, 6))
         for shapes, at in ((self.shapes, slice(0, 3)), (self.rotations, slice(3, 6))):
             sizes, axes = np.linalg.eigh(np.einsum("kan,kbn->ab", shapes, shapes))
-            moving = axes[:, sizes > _STILL * sizes.max(initial=NOTHING)]
+            # Squared motions: the roots of smaller ones are rounding.
+            moving = axes[:, sizes > 1e-18 * sizes.max(initial=NOTHING)]
             projection[at, at] = moving @ moving.T
         return projection
 

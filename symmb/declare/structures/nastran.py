@@ -18,8 +18,6 @@ SUFFIXES = ".bdf", ".dat", ".nas", ".pch"
 """Suffixes of text files of Nastran."""
 _BARE_EXPONENT = re.compile(r"(?<=[\d.])(?=[+-])")
 """Position at which Nastran omits the letter of an exponent: 1.5-3 means 1.5e-3."""
-_SQUARE, _SYMMETRIC, _REAL = 1, 6, (1, 2)
-"""Values of DMIG's IFO and TIN that can be read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,14 +114,14 @@ def read_dmig(path: str | PathLike[str], letter: str) -> Matrix:
             "matrix."
         )
     header, *columns = cards[chosen[0]]
-    if header.text(1) != "0" or (form := header.whole(2, "the form")) not in (_SQUARE, _SYMMETRIC):
+    if header.text(1) != "0" or (form := header.whole(2, "the form")) not in (1, 6):
         raise header.fault(f"{chosen[0]} must start with a header of form 1 (square) or 6 (symmetric).")
-    if header.whole(3, "the type") not in _REAL:
+    if header.whole(3, "the type") not in (1, 2):
         raise header.fault(f"{chosen[0]} is complex. Export a real matrix.")
     entries = _entries(columns)
     if not entries:
         raise header.fault(f"{chosen[0]} has no entries.")
-    mirrored = {(column, row): value for (row, column), value in entries.items()} if form == _SYMMETRIC else {}
+    mirrored = {(column, row): value for (row, column), value in entries.items()} if form == 6 else {}
     return Matrix(mirrored | entries)
 
 

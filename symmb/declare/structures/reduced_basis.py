@@ -12,14 +12,6 @@ from symmb.declare.structures.mass_samples import Sparse
 TOLERANCE = 1e-5
 """Allowed error: the fraction of the strain energy of any mode in the box that the shapes do not represent (this is the
 error of deflections under loads at interfaces), and the relative excess of squared frequencies."""
-SAFETY = 2.0
-"""Ratio of the stated error to the largest error at the tried points."""
-_ADDED = 0.3
-"""A shape is added if its missing strain energy is above this fraction of the largest missing strain energy."""
-_NOISE = 1e-13
-"""Missing fraction of strain energy that is rounding."""
-_GROWTH = 4
-"""Maximum ratio of the number of shapes to the number of modes."""
 
 Solve = Callable[[Sparse, Sparse], tuple[Array, Array]]
 
@@ -40,7 +32,7 @@ def spanning(
     B = X / np.sqrt(values)
     others = zip(matrices[1:], places[1:], strict=True)
     wanted = [(values, B), *(_wanted(solve, pair, place) for pair, place in others)]
-    most = min(_GROWTH * B.shape[1], K.shape[0] - rigid.shape[1])
+    most = min(4 * B.shape[1], K.shape[0] - rigid.shape[1])
     while True:
         lost = [_lost(B, *some, pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
         error, directions = max(lost, key=lambda pair: pair[0])
@@ -48,7 +40,8 @@ def spanning(
             break
         B = _independent(np.hstack([B, _without(directions, rigid, M)]), K)
     values, Y = lowest(B.T @ (K @ B), B.T @ (M @ B), B.T @ (axes @ B), np.zeros((B.shape[1], 0)))
-    return values, B @ Y, SAFETY * error
+    # The error between the tried points may be larger, so the stated error is twice the largest one.
+    return values, B @ Y, 2.0 * error
 
 
 def _wanted(solve: Solve, matrices: tuple[Sparse, Sparse], place: str) -> tuple[Array, Array]:
@@ -77,7 +70,7 @@ def _lost(B: Array, values: Array, Y: Array, matrices: tuple[Sparse, Sparse], ri
     # Frequencies below the wanted ones are no error: they are closer to the frequencies of the full structure.
     found = eigh(B.T @ KB, B.T @ MB, eigvals_only=True)[: len(values)]
     excess = float((found / values[: len(found)] - 1).max())
-    return max(float(shares[-1]), excess), residual @ V[:, shares > max(_ADDED * shares[-1], _NOISE)]
+    return max(float(shares[-1]), excess), residual @ V[:, shares > max(0.3 * shares[-1], 1e-13)]
 
 
 def _without(X: Array, rigid: Array, M: Sparse) -> Array:

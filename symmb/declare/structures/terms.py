@@ -18,13 +18,11 @@ from symmb.declare.structures.validation import is_law
 from symmb.declare.symbolic import batch
 
 OWNER = "FiniteElements.modes"
-CORNERS, INNER = 32, 32
-"""Maximum number of corners of a box, and number of inner points, at which laws are evaluated."""
 _NEAR, _NEAR_ZERO = SMALL, SAME
 """Relative change of a parameter without an interval that shows its effects, and absolute change for the value 0."""
 _SAME = 1e-11
 """Relative difference of laws that is rounding."""
-_TOGETHER = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
+_PROPORTIONAL = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
 """Groups of laws of a beam with constant proportions along the beam and in each group. Element shapes depend on these
 proportions."""
 
@@ -59,17 +57,17 @@ class Ranges:
         near = {name: (_NEAR * abs(low) or _NEAR_ZERO) * (low == high) for name, (low, high) in self.intervals.items()}
         return Ranges({name: (low - near[name], high + near[name]) for name, (low, high) in self.intervals.items()})
 
-    def points(self, names: Iterable[str]) -> list[dict[str, float]]:
+    def points(self, names: Iterable[str], most_corners: int = 32, inner: int = 32) -> list[dict[str, float]]:
         """The middle, corners and inner points for the parameters with these names. Other parameters have their middle
         values."""
         middle = {name: low + 0.5 * (high - low) for name, (low, high) in self.intervals.items()}
         names, random = list(names), np.random.default_rng(0)
         if not names:
             return [middle]
-        few = 2 ** len(names) <= CORNERS
-        corners = list(product([0, 1], repeat=len(names))) if few else random.integers(0, 2, (CORNERS, len(names)))
+        few = 2 ** len(names) <= most_corners
+        corners = list(product([0, 1], repeat=len(names))) if few else random.integers(0, 2, (most_corners, len(names)))
         ends = np.array([self.intervals[name] for name in names])
-        shares = np.vstack([corners, random.random((INNER, len(names)))])
+        shares = np.vstack([corners, random.random((inner, len(names)))])
         places = ends[:, 0] * (1 - shares) + ends[:, 1] * shares
         return [middle, *(middle | dict(zip(names, place.tolist(), strict=True)) for place in places)]
 
@@ -178,7 +176,7 @@ def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh,
     tried = [_evaluated(beam, ranges.values(beam.numbers, points, owner), points) for beam in beams]
     nominal = [some[0] for some in tried]
     factors = [np.array([beam.laws() for beam in some]) / np.array(some[0].laws()) for some in tried]
-    if any(not _is_one_law(some[:, :, k]) for some in factors for k in _TOGETHER):
+    if any(not _is_one_law(some[:, :, k]) for some in factors for k in _PROPORTIONAL):
         raise DeclarationError(
             f"{owner}: parameters change the proportions along a beam, or the ratio of bending to shear "
             "stiffness. "

@@ -60,16 +60,11 @@ def positive_law(value: Any, owner: str, name: str) -> Any:
 
 
 def _items(value: npt.ArrayLike, depth: int = 0) -> list[object]:
-    if isinstance(value, list | tuple) and depth < _DEEPEST:
+    if isinstance(value, list | tuple) and depth < 3:  # no array has more axes, and lists may contain themselves
         return [inner for item in value for inner in _items(item, depth + 1)]
     if isinstance(value, np.ndarray) and value.dtype == object:
         return list(value.flat)
     return [value]
-
-
-_DEEPEST = 3
-"""Maximum depth of nested lists that are searched for symbols. No array has more axes, and lists may contain
-themselves."""
 
 
 def _fits(shape: tuple[int, ...], expected: Shape) -> bool:

@@ -73,14 +73,10 @@ def unit(axis: ca.SX) -> ca.SX:
     if axis.is_constant():
         values = np.asarray(ca.DM(axis)).ravel()
         largest = np.abs(values).max()
-        if not _SMALLEST < largest < 1 / _SMALLEST:  # its square may overflow or underflow
+        if not 1e-150 < largest < 1e150:  # otherwise its square overflows or underflows
             values = values / largest
         return ca.SX(values / np.linalg.norm(values))
     return axis / ca.norm_2(axis)
-
-
-_SMALLEST = 1e-150
-"""Smallest length with a square that has all digits."""
 
 
 def without_rounding(matrix: ca.SX) -> ca.SX:

@@ -19,8 +19,5 @@ def given(value: Any) -> ca.SX | None:
         parts = [part for part in parts if part is not None and part.is_scalar()]
         return ca.vertcat(*parts) if len(parts) == len(value) else None
     array = numbers_of(value)
-    return ca.SX(array) if array is not None and array.ndim <= 2 and array.size <= _MOST else None
-
-
-_MOST = 10_000_000
-"""Maximum number of entries of an array. CasADi converts this number within seconds."""
+    # CasADi converts this number of entries within seconds.
+    return ca.SX(array) if array is not None and array.ndim <= 2 and array.size <= 10_000_000 else None

@@ -14,8 +14,6 @@ HIGHEST_ORDER = 100
 _MOST_OPERATIONS = 4e6
 """Maximum number of operations of a coefficient. Coefficients of order 8 of a double pendulum have this number and
 compile in a minute."""
-_SETTLED = 3
-"""From this order on, the number of operations grows by a nearly constant factor."""
 
 
 def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
@@ -32,7 +30,8 @@ def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
         towards = ca.vertcat(*[(i + 1) * c[i + 1] for c in curve for i in range(j)])
         coefficients.append(ca.jtimes(coefficients[-1], at, towards) / j)
         sizes.append(float(ca.n_nodes(coefficients[-1])))
-        growth = sizes[-1] / sizes[-2] if j >= _SETTLED and sizes[-2] else 1.0
+        # From order 3 on, the number of operations grows by a nearly constant factor.
+        growth = sizes[-1] / sizes[-2] if j >= 3 and sizes[-2] else 1.0
         expected = math.log10(max(sizes[-1], 1.0)) + (order - j) * math.log10(max(growth, 1.0))
         if expected > math.log10(_MOST_OPERATIONS):
             raise PropagationError(

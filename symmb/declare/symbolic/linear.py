@@ -11,9 +11,6 @@ from symmb._types import Array
 from symmb.declare.symbolic.batch import pattern
 from symmb.declare.symbolic.geometry import is_zero
 
-_SMALL = 6
-"""Number of velocities of a rigid body. Larger blocks (flexible bodies) are factorised; smaller blocks are inverted."""
-
 
 class MassBlocks:
     """Inverse of a regular block-diagonal matrix, block by block.
@@ -30,7 +27,7 @@ class MassBlocks:
             if block.sparsity().is_diag():
                 inverse = ca.sparsify(ca.diag(1 / ca.diag(block)))
             else:
-                inverse = ca.sparsify(ca.inv_minor(block)) if n <= _SMALL else symmetric_solver(block)
+                inverse = ca.sparsify(ca.inv_minor(block)) if n <= 6 else symmetric_solver(block)
             self._blocks.append((slice(at, at + n), inverse))
             at += n
 
@@ -186,10 +183,6 @@ def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
     return lambda r: ca.densify(ca.qr_solve(ca.densify(r), *factors))
 
 
-_EXPLICIT = 3
-"""Matrices with at most this number of rows are inverted by their determinant."""
-
-
 class ExplicitSolver:
     """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
 
@@ -238,7 +231,7 @@ def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
     """The inverse of A (n, n) and its determinants. A large A is inverted by a part and the Schur complement of this
     part."""
     n = A.shape[0]
-    if n <= _EXPLICIT:
+    if n <= 3:  # small blocks are inverted by their determinant
         return ca.inv_minor(A), [ca.det(A)]
     k = n // 2
     a, b, c, d = A[:k, :k], A[:k, k:], A[k:, :k], A[k:, k:]

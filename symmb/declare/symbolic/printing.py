@@ -14,8 +14,6 @@ _ESCAPES = str.maketrans({c: rf"\{c}" for c in "_%&#${}"} | {"\\": r"\backslash{
 _LOCAL = re.compile(r"(?P<letters>[A-Za-z]+)_?(?P<rest>\w*)(?:\[(?P<index>\d+)\])?")
 _OF_JOINTS = {name + rate: "q" + rate for name in ("angle", "displacement") for rate in ("", "_rate")}
 """Handles of joints are printed as coordinates q. Rates have a dot."""
-_LARGEST_DENOMINATOR = 10_000
-"""Fractions with larger denominators are printed as decimals."""
 
 
 def typeset(name: str, is_full: bool = False) -> str:
@@ -103,7 +101,7 @@ def decimal(value: Any) -> Any:
     while rest % 5 == 0:
         rest //= 5
     is_decimal = rest == twos and (fraction.denominator > twos or abs(fraction) > 2)
-    if fraction.denominator > 1 and (is_decimal or fraction.denominator > _LARGEST_DENOMINATOR):
+    if fraction.denominator > 1 and (is_decimal or fraction.denominator > 10_000):
         return sympy.Float(float(fraction))
     return value
 

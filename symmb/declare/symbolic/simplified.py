@@ -14,8 +14,6 @@ _MOST_OPERATIONS, _MOST_TERMS = 800, 100
 All matrices of a system with three degrees of freedom take about a second. Larger limits take longer, and smaller
 limits leave long entries.
 """
-_MUCH = 1.25
-"""The derived form stays if other forms are longer by this factor, such as expanded products of sums."""
 
 
 def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
@@ -65,7 +63,8 @@ def _shortest(expression: Any) -> Any:
         form.xreplace({new: old for old, new in others.items()}) for s in sums for form in (s, _grouped(s, others))
     ]
     shortest = min(forms, key=lambda form: form.count_ops())
-    return shortest if shortest.count_ops() <= _MUCH * expression.count_ops() else expression
+    # Expanded products of sums are longer, but may still be easier to read.
+    return shortest if shortest.count_ops() <= 1.25 * expression.count_ops() else expression
 
 
 def _polynomial(expression: Any, others: dict[Any, Any]) -> Any:

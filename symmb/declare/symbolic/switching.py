@@ -15,8 +15,6 @@ from symmb.declare.symbolic.pieces import Entry, Pieces, Sides, applied, called
 
 T = TypeVar("T")
 
-_GUARD = 1e-20
-"""Bounds up to this size only prevent a zero denominator. They are not kinks of the motion."""
 SOFT = 1e-300
 """A number that marks a soft comparison a < -SOFT. Value and slope are continuous there, so steps need not end
 there."""
@@ -344,7 +342,7 @@ def _difference(value: ca.SX) -> tuple[int, int]:
 
 
 def _is_guard(value: ca.SX) -> bool:
-    return value.is_constant() and SOFT < abs(float(value)) <= _GUARD
+    return value.is_constant() and SOFT < abs(float(value)) <= 1e-20  # larger bounds are kinks of the motion
 
 
 def is_soft(value: ca.SX) -> bool:

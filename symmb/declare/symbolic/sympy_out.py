@@ -20,15 +20,6 @@ from symmb.declare.symbolic.instructions import interpret, operation_name
 from symmb.declare.symbolic.pieces import Entry
 from symmb.declare.symbolic.sympy_in import SAME_NAMES
 
-_DENOMINATOR = 1000
-"""A float becomes a fraction if a fraction with at most this denominator is exactly the same float."""
-
-_DEGREES = 360
-"""Largest denominator of multiples of pi, so multiples of half a degree are recognised."""
-
-_SHORT, _LONG = 4, 40
-"""A shared expression gets a name from the first number of operations on, and any expression from the second on."""
-
 
 def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
     """SymPy matrix of an SX matrix (n, m). Each SX symbol becomes a real SymPy Symbol with its name, such as
@@ -90,8 +81,8 @@ def with_names(
 
     def named(code: int | Entry, of: tuple[tuple[Any, int], ...]) -> tuple[Any, int]:
         value, length = _operation(code, tuple(value for value, _ in of)), sum((n for _, n in of), 1)
-        is_shared = next(used)[0] > 1 and length >= _SHORT and code != ca.OP_IF_ELSE_ZERO
-        if _is_condition(value) or value.is_Atom or not (is_shared or length > _LONG):
+        is_shared = next(used)[0] > 1 and length >= 4 and code != ca.OP_IF_ELSE_ZERO
+        if _is_condition(value) or value.is_Atom or not (is_shared or length > 40):
             return value, length
         symbol = sympy.Symbol(f"{letter}{len(definitions) + 1}", real=True)
         definitions[symbol] = value
@@ -117,11 +108,11 @@ def _constant(value: float) -> Any:
         raise DeclarationError("Expression contains a NaN constant. SX and SymPy do not mix in one expression.")
     if math.isinf(value):
         return sympy.oo if value > 0 else -sympy.oo
-    fraction = Fraction(value).limit_denominator(_DENOMINATOR)
+    fraction = Fraction(value).limit_denominator(1000)
     if float(fraction) == value and abs(fraction.numerator) < 2**53:
         return sympy.Rational(fraction.numerator, fraction.denominator)
     # pi / 6 and pi * (1 / 6) differ in the last bit, so this difference is allowed.
-    turn = Fraction(value / math.pi).limit_denominator(_DEGREES)
+    turn = Fraction(value / math.pi).limit_denominator(360)
     if abs(turn * math.pi - value) <= math.ulp(value) and abs(turn.numerator) < 2**20:
         return sympy.Rational(turn.numerator, turn.denominator) * sympy.pi
     return sympy.Float(value)

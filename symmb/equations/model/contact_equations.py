@@ -24,9 +24,6 @@ from symmb.equations.model.system import System
 
 _SMALL, _REST = ROUNDING, 1e-10
 """Rounding of an angular acceleration relative to its terms, and of an angular velocity at the start."""
-_UNBOUNDED = 100.0
-"""Multipliers larger than this multiple of the least-norm multipliers show contradictory rows. The solver's lift makes
-such multipliers 1e10 times larger. tests/events/test_clutches.py"""
 
 
 @dataclass(frozen=True)
@@ -123,7 +120,9 @@ class ContactEquations:
             at = c.rows.get(name, slice(0, 0))
             own, raw = least[at], multipliers[at]
             if name in clutches:  # other rows move the clutch against any torque: the sign follows from the multipliers
-                own = ca.if_else(ca.fabs(raw) > _UNBOUNDED * ca.fabs(own), raw, own)
+                # The solver's lift makes multipliers of contradictory rows 1e10 times larger than the least-norm ones.
+                # tests/events/test_clutches.py
+                own = ca.if_else(ca.fabs(raw) > 100 * ca.fabs(own), raw, own)
             values.append(ca.vertcat(own, ca.SX.zeros(lam.numel() - own.numel())))
         return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
 

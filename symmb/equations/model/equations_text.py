@@ -13,10 +13,6 @@ from symmb.declare.symbolic import is_zero, plain, printer, set_names, simplifie
 
 _WIDTH = 94
 """Maximum width of a printed matrix. For wider matrices, the nonzero entries are listed."""
-_LONGEST = 60
-"""If the longest entry has more operations, common subexpressions get names."""
-_LARGEST = 6000
-"""Notebooks typeset parts with at most this number of characters of LaTeX."""
 _LETTERS = {"Phi": "Φ", "Psi": "Ψ", "gamma": "γ", "lambda": "λ"}
 
 
@@ -70,11 +66,11 @@ class Equations:
         yield "with", [f"{line(symbol)} {sign} {line(e)}" for symbol, e in self.shared.items()]
 
     @property
-    def formulas(self) -> list[str]:
+    def formulas(self, longest: int = 6000) -> list[str]:
         """The displays for notebooks. Displays that are too long are replaced by a note with their names."""
-        large = ", ".join(name for name, tex in self.displays.items() if len(tex) > _LARGEST)
+        large = ", ".join(name for name, tex in self.displays.items() if len(tex) > longest)
         note = f"{large}: too large for a notebook. Call system.equations() or system.latex() for all parts."
-        short = [tex for tex in self.displays.values() if len(tex) <= _LARGEST]
+        short = [tex for tex in self.displays.values() if len(tex) <= longest]
         return [*map(html.formula, short), html.text(note if large else "")]
 
     def _entries(self, name: str) -> list[tuple[list[str], Any]]:
@@ -157,7 +153,8 @@ def equations_of(system: Any) -> Equations:
     q, v, rows, n_c = [*c.q_names], [*c.v_names], [*c.row_names], system.Phi.numel()
     is_rate = len(q) == len(v) and is_zero(system.qdot - system.v)
     parts, matrices = _parts_of(system, system.parts)
-    long = [name for name, m in matrices.items() if m is None or max(e.count_ops() for e in m) > _LONGEST]
+    # Long entries are easier to read if common subexpressions have names.
+    long = [name for name, m in matrices.items() if m is None or max(e.count_ops() for e in m) > 60]
     shared, named = with_names([parts[name] for name in long], *of) if long else ({}, [])
     matrices |= dict(zip(long, named, strict=True))
     pretty = printer(set_names([*symbols], plain), "pretty")

@@ -4,9 +4,6 @@ from dataclasses import dataclass
 
 from symmb._types import Array
 
-_SHARE_OF_ENERGY = 1e-2
-"""Work is integrated relative to this fraction of the energy: cancelling works leave rounding errors of this energy."""
-
 
 @dataclass(frozen=True)
 class Scales:
@@ -22,7 +19,8 @@ class Scales:
     def work(self) -> float:
         """Factor of the absolute tolerance of work."""
         energy = self.energy * self.rate**2
-        return max(min(self.size, energy), _SHARE_OF_ENERGY * energy)
+        # Works that cancel leave rounding errors of the energy, so 1 % of the energy is the smallest scale.
+        return max(min(self.size, energy), 0.01 * energy)
 
     @property
     def size(self) -> float:

@@ -427,13 +427,9 @@ def _has_unit(output: Any) -> bool:
     return isinstance(output, tuple) and len(output) == 2 and isinstance(output[1], str)
 
 
-_LONGEST_CELL = 80
-"""Most characters of an expression in a table."""
-
-
-def _cell(value: object) -> str:
+def _cell(value: object, longest: int = 80) -> str:
     text = " ".join(str(value).split())
-    return text if len(text) <= _LONGEST_CELL else f"{text[:_LONGEST_CELL]} ..."
+    return text if len(text) <= longest else f"{text[:longest]} ..."
 
 
 def _time_faults(times: Sequence[float] | Array) -> list[str]:

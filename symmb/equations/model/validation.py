@@ -270,16 +270,12 @@ def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
         )
 
 
-_CORNERS = 10
-"""With more parameters than this, the corners of the box (about a thousand) are not checked, and samples fail one by
-one."""
-
-
 def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
     """Messages for masses and lengths that are not positive at a corner of the box. `positive` maps parameters to
     values."""
     order, parts = list(parameters), {}
-    for corner in product(*box.bounds) if len(box) <= _CORNERS else ():
+    # More than about a thousand corners are not checked: then samples fail one by one.
+    for corner in product(*box.bounds) if len(box) <= 10 else ():
         p = parameters.nominal
         p[[order.index(name) for name in box.names]] = corner
         for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):

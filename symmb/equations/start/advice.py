@@ -9,9 +9,6 @@ from symmb.declare.mechanics import Constraint, Joint, rotation
 from symmb.equations.model import DAE, Scene, is_linear
 from symmb.equations.start.labels import coordinate_of
 
-_TRIES = 300
-"""Number of scenes that are tried for an advice, times the number of velocities: large scenes take longer to
-assemble."""
 _GUESSES = [0.0, *(sign * half / 2 for half in range(1, 7) for sign in (1, -1))]
 """Guesses that are tried [rad, fraction of the size of the scene]."""
 
@@ -25,7 +22,8 @@ def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assem
 
     `free` are the indices of displacements that are not listed, and `size` [m] is the size of the scene.
     """
-    name, tries = joint.split(".")[0], max(_TRIES // max(dae.n_v, 1), 1)
+    # Large scenes take longer to assemble, so fewer are tried.
+    name, tries = joint.split(".")[0], max(300 // max(dae.n_v, 1), 1)
     joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
     owners = {name, *(body.name for e in joints for body in e.bodies())}
     listed = [k for k in scene.start if k not in dae.v_names and not k.endswith((".omega", "_rate"))]

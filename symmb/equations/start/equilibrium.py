@@ -13,13 +13,6 @@ from symmb.equations.start.tolerances import SOLVED
 
 _TOLERANCE = 1e-11
 """Residual forces divided by the forces of a displacement of the scene's size. tests/start/test_equilibrium.py"""
-_NEWTON_STEPS, _DAMPED_STEPS = 20, 400
-"""Steps of Newton's method, and steps with drag."""
-_FIRST_STEP, _DRAG_DECAY = 0.02, 0.7
-"""First displacement with drag [rad, fraction of the size], and the factor by which drag decreases in addition to
-forces."""
-_LARGEST_STEP, _LARGEST_DAMPED_STEP = 2.0, 0.2
-"""Largest displacement of a step [rad, fraction of the size]."""
 
 
 def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, rows: Indices) -> ca.SX:
@@ -75,7 +68,9 @@ def _damped_newton(
     n, lam = len(free), np.zeros(m)
     M = evaluate_at_rest(dae.M, dae, q, t0)[np.ix_(free, free)]
     drag, before, reach = 0.0, np.inf, np.inf
-    for step in range(_DAMPED_STEPS if damped else _NEWTON_STEPS):
+    # Short steps with drag follow the motion into a stable equilibrium; Newton's method may jump over it [rad, size].
+    steps, longest = (400, 0.2) if damped else (20, 2.0)
+    for step in range(steps):
         size = max(size, _size(dae, q))  # the guess may be small compared with the distance to the equilibrium
         scales = dae.displacement_scales[free] * size
         r, J = (part.full() for part in f(q, lam))
@@ -87,17 +82,19 @@ def _damped_newton(
         if reach <= SOLVED and forces <= _TOLERANCE * whole and np.abs(r[n:]).max(initial=0.0) <= _TOLERANCE * size:
             return q, lam, J
         if damped and not step:
-            drag = float(np.abs(np.linalg.lstsq(M, r[:n], rcond=None)[0] / scales).max(initial=0.0)) / _FIRST_STEP
+            # The first displacement is 2 % of the size, or 0.02 rad.
+            drag = float(np.abs(np.linalg.lstsq(M, r[:n], rcond=None)[0] / scales).max(initial=0.0)) / 0.02
         elif damped:
             more = forces / before
-            drag *= _DRAG_DECAY * more if more < 1 else min(2.0, more)
+            # The drag decreases faster than the forces, so that the last steps are steps of Newton's method.
+            drag *= 0.7 * more if more < 1 else min(2.0, more)
         before = forces or NOTHING
         A = J.copy()
         A[:n, :n] -= drag * M
         weights = np.concatenate([np.ones(n), np.full(m, np.abs(A[:n, :n]).max(initial=0.0) or 1.0)])
         z = weights * np.linalg.lstsq(weights[:, None] * A * weights, -weights * r, rcond=FACTORS)[0]
         reach = float(np.abs(z[:n] / scales).max(initial=0.0))
-        z[:n] *= min(1.0, (_LARGEST_DAMPED_STEP if damped else _LARGEST_STEP) / max(reach, NOTHING))
+        z[:n] *= min(1.0, longest / max(reach, NOTHING))
         delta = np.zeros(dae.n_v)
         delta[free] = z[:n]
         q, lam = np.asarray(dae.retract(q, delta)).ravel(), lam + z[n:]

@@ -16,10 +16,6 @@ from symmb.equations.start.labels import constraint_of_row
 from symmb.equations.start.scales import rest_states
 from symmb.equations.start.sparse_rows import least_step
 
-_ITERATIONS, _HALVINGS, _DECREASE = 50, 12, 1e-2
-"""Maximum number of steps, maximum number of halvings of a step, and the required decrease as a fraction of the step
-(Armijo 1966, Pacific J. Math. 16(1))."""
-
 
 def with_fewest_turns(
     x: Array, angles: Iterable[int], violation: Callable[[Array], Array], least: float = 0.0
@@ -94,7 +90,9 @@ class PositionRows:
         r = self.violation(q, rest_states(self.dae))
         return max(coordinates, float(np.abs(r).max(initial=0.0)), NOTHING)
 
-    def reach(self, q: Array, s: Array, free: Indices, is_damped: bool = True) -> tuple[Array, Array, Array]:
+    def reach(
+        self, q: Array, s: Array, free: Indices, is_damped: bool = True, steps: int = 50
+    ) -> tuple[Array, Array, Array]:
         """Coordinates, states and violations after the smallest free displacements that satisfy the rows.
 
         Angles count turns from states s. Damped steps always reduce the violation. Full steps may leave a local minimum
@@ -103,7 +101,7 @@ class PositionRows:
         units, rounding = self.dae.displacement_scales[free], LAST_DIGITS * self.size(q)
         s = self._counted(q, s)
         r = self.violation(q, s)
-        for _ in range(_ITERATIONS if free.size else 0):
+        for _ in range(steps if free.size else 0):
             if np.abs(r).max(initial=0.0) <= rounding:
                 break
             J = self._evaluate(self.dae.G, q, s)[: self.dae.n_c, free.tolist()].full() * units / self._scales[:, None]
@@ -111,17 +109,17 @@ class PositionRows:
             if irregular.any():
                 joint = constraint_of_row(self.dae, int(irregular.argmax()))
                 raise FailedAssembly(
-                    f"Joint {joint!r} is singular at the guess: its rows are not finite. An "
-                    "example is a Distance "
-                    "with coincident points.",
+                    f"Joint {joint!r} is singular at the guess: its rows are not finite. An example is a "
+                    "Distance with coincident points.",
                     joint,
                 )
             delta = np.zeros(self.dae.n_v)
             delta[free] = least_step(J, -r) * units
-            for damping in 0.5 ** np.arange(_HALVINGS):
+            for damping in 0.5 ** np.arange(12):
                 q_new = np.asarray(self.dae.retract(q, damping * delta)).ravel()
                 r_new = self.violation(q_new, s)
-                if not is_damped or np.linalg.norm(r_new) < (1 - _DECREASE * damping) * np.linalg.norm(r):
+                # The condition of Armijo (1966), Pacific J. Math. 16(1), with a decrease of 1 % of the step.
+                if not is_damped or np.linalg.norm(r_new) < (1 - 0.01 * damping) * np.linalg.norm(r):
                     break
             else:
                 break

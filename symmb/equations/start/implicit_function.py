@@ -14,13 +14,8 @@ from symmb._magnitudes import SAME, SMALL
 from symmb._types import Array, Indices, Mask
 from symmb.declare.symbolic import batch, jet_function, nonzeros
 
-_FEW = 40
-"""Residuals with at most this number of symbols are searched for common subexpressions. For more symbols, the search
-takes longer than it saves."""
 LAST_DIGITS = 4e-15
 """Relative change of the unknowns that changes the residual by rounding only."""
-_DENSE = 100
-"""Blocks with at most this number of equations use dense factors for all samples together. Larger blocks are sparse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +42,7 @@ class _Block:
         if k == 1:
             a = A[:, self.own]
             return np.divide(r, a, out=np.zeros_like(r), where=a != 0)
-        if k > _DENSE:
+        if k > 100:  # large blocks are sparse; smaller ones are faster with dense factors of all samples together
             return np.array([self._by_sparse_factors(a, b) for a, b in zip(A[:, self.own], r, strict=True)])
         matrices = np.zeros((len(A), k, k))
         matrices[:, self.i, self.j] = A[:, self.own]
@@ -135,7 +130,8 @@ class ImplicitMap:
     @classmethod
     def of(cls, residual: ca.SX, u: ca.SX, w: ca.SX) -> "ImplicitMap":
         """The map for a residual (m,), an SX of the unknowns u (m,) and the arguments w (n_w,)."""
-        options = {"cse": len(ca.symvar(residual)) <= _FEW}
+        # With more symbols, the search for common subexpressions takes longer than it saves.
+        options = {"cse": len(ca.symvar(residual)) <= 40}
         return cls(
             ca.Function("residual", [u, w], [ca.densify(residual)], options),
             ca.Function("jacobian", [u, w], [ca.jacobian(residual, u)], options),

@@ -35,10 +35,6 @@ from symmb.equations.start.start import Start, start_functions
 from symmb.equations.start.tolerances import NEGLIGIBLE, VIOLATION
 from symmb.equations.start.velocities import start_velocities
 
-_PROBED = 1e-2
-"""Relative distance of probed parameters. Decisions on velocities must hold there too, because a listed speed may be 0
-at its nominal value."""
-
 
 def prepare_start(scene: Scene, dae: DAE) -> Start:
     """Compute the start at the nominal parameters, and choose the unknowns for all samples.
@@ -154,8 +150,7 @@ def _unstretched(scene: Scene) -> Iterator[str]:
             line = (places[b] - places[a]) / max(float(np.linalg.norm(places[b] - places[a])), NOTHING)
             if np.abs(line @ (shapes[b] - shapes[a])).max() <= NEGLIGIBLE * np.abs(shapes).max():
                 yield (
-                    f"FlexibleBody {body.name!r}: joints hold the nodes {a} and {b}, but no mode "
-                    "changes the distance "
+                    f"FlexibleBody {body.name!r}: joints hold the nodes {a} and {b}, but no mode changes the distance "
                     f"between these nodes. Compute the modes with interfaces=[{a}, {b}] (without a clamped node) and "
                     "with all interface modes."
                 )
@@ -222,10 +217,11 @@ class _Positions:
         return batch(ca.Function("place", [*self.unknowns], [self.q]), u, P)[0], ok
 
 
-def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
+def _probes(positions: _Positions, p0: Array, distance: float = 1e-2) -> tuple[Array, Array]:
     """Start coordinates (k, n_q) for the nominal parameters and for neighbouring parameters, and these parameters (k,
     n_p)."""
-    near = np.random.default_rng(0).uniform(-_PROBED, _PROBED, p0.shape) * np.where(p0 != 0, p0, 1.0)
+    # Decisions on velocities must hold near the nominal parameters too: a listed speed may be 0 at its nominal value.
+    near = np.random.default_rng(0).uniform(-distance, distance, p0.shape) * np.where(p0 != 0, p0, 1.0)
     P = np.stack([p0, p0 + near]) if p0.size else p0[None]
     q, ok = positions.at(P)
     ok[0] = True  # later checks report faults of the nominal start

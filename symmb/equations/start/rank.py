@@ -13,13 +13,6 @@ from symmb.equations.start.scales import above_zero, evaluate_at_rest, jacobian_
 from symmb.equations.start.sparse_rows import LARGE, determining_columns, least_step
 from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
 
-_NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
-"""Number of positions close to the start at which ranks are compared, their distance [rad, fraction of the size], and
-number of Newton steps back onto the constraints. tests/start/test_start.py"""
-_WALKS, _STRIDES, _STRIDE, _PERSISTENCE = 2, 15, 0.3, 3.0
-"""Random walks over the positions of a redundant mechanism: number of walks, number of steps, step size [rad, fraction
-of the size], and weight of the previous step against the random part. A mechanism with one degree of freedom makes two
-turns to and fro."""
 _AS_INDEPENDENT = 0.3
 """Chosen rows are sufficient if their smallest singular value, relative to the value of all rows, is above this ratio.
 The ratio stays above 0.5 in planar loops of spatial bodies, and decreases to 0 in Bricard's mechanism.
@@ -89,14 +82,13 @@ def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
     rows, _ = independent_rows_and_columns(G, sizes)
     if len(rows) == dae.n_r:
         return rows
-    for position in _positions(dae, q, t0, sizes, len(rows), _NEIGHBOURS, 1, _DISTANCE):
+    for position in _positions(dae, q, t0, sizes, len(rows)):
         there = jacobian_at_rest(dae, position, t0) * dae.displacement_scales
         rank = len(independent_rows_and_columns(there, sizes)[0])
         if rank > len(rows):
             names = ", ".join(map(repr, redundant_names(G / sizes[:, None], len(rows), dae.rows)))
             raise AssemblyError(
-                "The start is a singular position, from which the motion can continue in more than "
-                "one way. The rows "
+                "The start is a singular position, from which the motion can continue in more than one way. The rows "
                 f"of {names} depend on each other: the rank of the {dae.n_r} constraint rows is {len(rows)} at the "
                 f"start, but {rank} close to the start. Start away from this position."
             )
@@ -115,7 +107,8 @@ def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -
     if not rank:
         return rows, (0, 0)
     usual = np.linalg.norm(general * scales, axis=1)
-    at = [q, *_positions(dae, q, t0, usual, rank, _WALKS, _STRIDES, _STRIDE)]
+    # 15 long steps: a mechanism with one degree of freedom makes two turns to and fro.
+    at = [q, *_positions(dae, q, t0, usual, rank, walks=2, steps=15, distance=0.3)]
     walked = np.stack([jacobian_at_rest(dae, position, t0) * scales for position in at])
     walked /= row_sizes(walked, general * scales)[:, None]
     if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
@@ -152,7 +145,7 @@ def _least(G: Array, rank: int) -> float:
 
 
 def _positions(
-    dae: DAE, q: Array, t0: float, sizes: Array, rank: int, walks: int, steps: int, distance: float
+    dae: DAE, q: Array, t0: float, sizes: Array, rank: int, walks: int = 3, steps: int = 1, distance: float = 0.02
 ) -> Iterator[Array]:
     """Positions that satisfy the constraints, on random walks from q (n_q,) with steps of a distance [rad, fraction of
     the size].
@@ -178,10 +171,11 @@ def _positions(
             free = np.linalg.svd(rows_at(position))[2][rank:]
             if not len(free):
                 return
-            step = (_PERSISTENCE * (free @ step) + random.normal(size=len(free))) @ free
+            # Each step mostly follows the step before. Without this persistence, a walk would stay near its start.
+            step = (3.0 * (free @ step) + random.normal(size=len(free))) @ free
             step /= np.abs(step).max()
             position = np.asarray(dae.retract(position, distance * scale * step)).ravel()
-            for _ in range(_NEWTON_STEPS if of_positions else 0):
+            for _ in range(5 if of_positions else 0):
                 r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()[held[:of_positions]]
                 back = least_step(rows_at(position)[:of_positions], -r / own[:of_positions, 0])
                 position = np.asarray(dae.retract(position, scale * back)).ravel()

@@ -18,20 +18,11 @@ Arguments = tuple[Any, ...]
 PART_ROUNDING = ROUNDING
 """Ratio of the size of a part to the size of the scene. Below this ratio, the motion of the part may be rounding of
 balanced forces. Coordinates below this fraction of the distance travelled are rounding of an assembly."""
-_LATER = (0.13, 0.37, 0.71, 0.05, 0.29, 0.53, 0.83, 0.97)
-"""Times, as fractions of the span, at which accelerations are compared with the accelerations at the start. Few
-periodic laws repeat at these fractions, and a wheel is near each of its positions at one of these times."""
 _STEP_BITS = 10
 """Binary digits between coarse scales: usual lengths from 1/32 to 32 m get the scale 1."""
 _USUAL_RATE = 2.0**_STEP_BITS
 """Rate [1/s] of mechanisms with stiff springs and fast rotors. The reciprocal is the rate of slow machines. Absolute
 tolerances of velocities correspond to rates between both."""
-_SMALL = SMALL
-"""Ratio of the norm of a row to its general size. Above this ratio, a row is measured by its own norm. Below, it is
-measured by its general size, so a row that is rounding (1e-16) does not count as a row. test_redundancy.py"""
-_AROUND, _DISTANCE = 3, 0.3
-"""Number of positions at which the general sizes of Jacobian entries are measured, and their distance [rad, fraction of
-the size], large enough to leave positions at which an entry vanishes by chance. test_assembly.py"""
 
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
@@ -86,7 +77,9 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
         return np.abs(dae.rhs(there, v, *others, begin + share * span)[1].full().ravel())
 
     first = accelerations(0.0, 0.0)
-    later = [accelerations(share, moved) for share in _LATER for moved in (0.0, share)]
+    # Few periodic laws repeat at these fractions of the span, and a wheel is near each of its positions at one of them.
+    fractions = 0.13, 0.37, 0.71, 0.05, 0.29, 0.53, 0.83, 0.97
+    later = [accelerations(share, moved) for share in fractions for moved in (0.0, share)]
     first[first < SOLVED * np.fmax.reduce(later)] = 0.0
     return np.abs(at[1]) * span + first * span**2 / 2
 
@@ -169,7 +162,7 @@ def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:
     length = coarse(length_of(dae, q, G))
     scales = dae.scaled(lambda: Scales(length)).displacement_scales
     own, usual = (np.abs(A * scales).max(axis=1, initial=0.0) for A in (G, general_entries(dae, q, t0)))
-    rows = np.array([coarse(row) for row in np.where(own > _SMALL * usual, own, usual)])
+    rows = np.array([coarse(row) for row in np.where(own > SMALL * usual, own, usual)])
     return dae.scaled(lambda: Scales(length, rows=rows))
 
 
@@ -185,9 +178,11 @@ def general_entries(dae: DAE, q: Array, t0: float) -> Array:
     The positions need not be on the constraints.
     """
     random, scales = np.random.default_rng(0), own_scales(dae, q, t0)
+    # Far enough to leave positions at which an entry vanishes by chance. test_assembly.py
+    distance = 0.3 * scales  # [m, rad]
     general = np.abs(jacobian_at_rest(dae, q, t0))
-    for _ in range(_AROUND):
-        step = _DISTANCE * scales * random.uniform(-1, 1, dae.n_v)
+    for _ in range(3):
+        step = distance * random.uniform(-1, 1, dae.n_v)
         there = jacobian_at_rest(dae, np.asarray(dae.retract(q, step)).ravel(), t0)
         general = np.fmax(general, np.where(np.isfinite(there), np.abs(there), 0.0))
     return general
@@ -200,7 +195,8 @@ def row_sizes(A: Array, general: Array) -> Array:
     entries in `general` (m, n) is a vanishing row or its rounding.
     """
     own, usual = np.atleast_2d(np.linalg.norm(A, axis=-1)).max(axis=0), np.linalg.norm(general, axis=1)
-    return above_zero(np.where(own > _SMALL * usual, own, usual))
+    # A row that is rounding (1e-16) must not be scaled up to a row. test_redundancy.py
+    return above_zero(np.where(own > SMALL * usual, own, usual))
 
 
 def above_zero(sizes: Array) -> Array:

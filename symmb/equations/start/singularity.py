@@ -15,8 +15,6 @@ from symmb.equations.model import DAE
 NEARLY_SINGULAR = 1e-2
 """A position counts as nearly singular if the ratio of the smallest to the largest singular value of unit rows is
 smaller."""
-_BLAMED = 0.1
-"""A message names a constraint if its part of a vanishing combination of unit rows is larger than this."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,8 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     share = np.zeros(dae.n_r)
     share[lasting] = np.abs(U[:, rank - 1])
     shares = {name: float(share[where].max()) for name, where in dae.rows.items()}
-    names = tuple(name for name, share in shares.items() if share > _BLAMED)
+    # The other constraints have only a small part in the vanishing combination.
+    names = tuple(name for name, share in shares.items() if share > 0.1)
     return Singularity(float(times[k]), float(sigma[rank - 1] / sigma[0]), names)
 
 

@@ -13,19 +13,14 @@ from symmb.equations.start.tolerances import SOLVED
 LARGE = 150
 """From this number of rows or columns on, sparse factors take less time than dense factors.
 tests/benchmarks/scaling.py"""
-_CLEAR = 1e-5
-"""For a pivot of a unit row below this value or above its reciprocal, elimination does not decide the rank reliably."""
-_STRONG = 0.3
-"""A pivot has at least this fraction of the largest entry of its row. Among such entries, the one with the least
-fill-in is taken."""
-_REGULAR = 1e-11
-"""The rows of A count as independent if the ratio of the pivots of A A' is above this value."""
 
 
-def determining_columns(A: Array) -> Indices | None:
+def determining_columns(A: Array, clear: float = 1e-5, strong: float = 0.3) -> Indices | None:
     """Indices of m columns that determine the unit rows of A (m, n), in ascending order.
 
-    Gaussian elimination takes the row with the fewest entries next. None if the rows are not reliably independent.
+    Gaussian elimination takes the row with the fewest entries next. Its pivot has at least the fraction `strong` of the
+    largest entry of the row. A pivot below `clear` or above 1 / `clear` does not decide the rank reliably. None if the
+    rows are not reliably independent.
     """
     rows = {i: {int(k): float(row[k]) for k in np.flatnonzero(row)} for i, row in enumerate(A)}
     holders: dict[int, set[int]] = defaultdict(set)
@@ -43,10 +38,11 @@ def determining_columns(A: Array) -> Indices | None:
         for k in row:
             holders[k].remove(i)
         largest = max(map(abs, row.values()), default=0.0)
-        if not _CLEAR < largest < 1 / _CLEAR:
+        if not clear < largest < 1 / clear:
             return None
-        strong = [k for k, a in row.items() if abs(a) >= _STRONG * largest]
-        pivot = min(strong, key=lambda k: (len(holders[k]), -abs(row[k])))
+        candidates = [k for k, a in row.items() if abs(a) >= strong * largest]
+        # Markowitz: among stable pivots, the column with the fewest entries causes the least fill-in.
+        pivot = min(candidates, key=lambda k: (len(holders[k]), -abs(row[k])))
         pivots.append(pivot)
         for j in holders.pop(pivot):
             other = rows[j]
@@ -60,15 +56,18 @@ def determining_columns(A: Array) -> Indices | None:
     return np.sort(np.array(pivots, dtype=np.intp))
 
 
-def normal_solver(A: Array) -> Callable[[Array], Array] | None:
-    """Solver of A A' z = r for a large sparse matrix A (m, n); None if the rows are not independent."""
+def normal_solver(A: Array, regular: float = 1e-11) -> Callable[[Array], Array] | None:
+    """Solver of A A' z = r for a large sparse matrix A (m, n); None if the rows are not independent.
+
+    They are independent if the ratio of the pivots of A A' is above `regular`.
+    """
     if not LARGE < A.shape[0] <= A.shape[1]:
         return None
     i, k = np.nonzero(A)
     rows = ca.DM.triplet(i.tolist(), k.tolist(), ca.DM(A[i, k]), A.shape[0], A.shape[1])
     D, L, order = ca.ldl(ca.mtimes(rows, rows.T), True)
     pivots = D.full()
-    if not pivots.min() > _REGULAR * pivots.max():
+    if not pivots.min() > regular * pivots.max():
         return None
 
     def solve(r: Array) -> Array:

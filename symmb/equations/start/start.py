@@ -67,9 +67,7 @@ class Start:
         ok = ok & (batch(self.holds, x, u, P)[0] > 0).all(axis=1)
         reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
         values = batch(self.dae.positive, P)[0]
-        for k, which in np.argwhere(~(values > 0))[
-            ::-1
-        ].tolist():  # in reverse order, so the first fault of each sample remains
+        for k, which in np.argwhere(~(values > 0)).tolist()[::-1]:  # the first fault of each sample remains
             reasons[k] = f"{self.dae.positive_names[which]} is {values[k, which]:g}, not positive"
         started = np.array([not reason for reason in reasons], dtype=bool)
         return np.where(started[:, None], x, np.nan), tuple(reasons)

@@ -24,10 +24,6 @@ from symmb.equations.start.rank import strong_rows
 from symmb.equations.start.scales import evaluate_at_rest, jacobian_at_rest, resting
 from symmb.equations.start.tolerances import SOLVED, VIOLATION
 
-_WEAK = 1e-2
-"""Below this singular value of unit rows, in the metric of kinetic energy, listed velocities and drives would turn a
-joint very fast. The carrier of the joint then moves too."""
-
 
 def start_velocities(
     scene: Scene, dae: DAE, listed: Mapping[int, ca.SX], at: tuple[Array, Array], t0: float
@@ -179,7 +175,9 @@ class _Rates:
         if not rows:
             return v
         free = [i for i in columns if i not in self.listed]
-        deviated = self._deviated(v, rows, columns, free, _WEAK)
+        # Below this singular value, listed velocities and drives would turn a joint very fast. Then the carrier moves
+        # too.
+        deviated = self._deviated(v, rows, columns, free, weak=1e-2)
         if self._holds(deviated, rows):
             return deviated
         return None if group.base != GROUND else self._deviated(v, rows, columns, free, 0.0)
