@@ -31,7 +31,7 @@ class Beam:
         section of the whole beam, or p sections, one at each corner. Between corners √A and I^¼ are linear. This is
         exact for similar sections, such as the sections of a cone
     material : Material
-                material of the whole beam
+        material of the whole beam
     elements : int
         number of elements between two neighbouring corners
     orientation : (3,)

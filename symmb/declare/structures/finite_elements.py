@@ -40,11 +40,11 @@ class FiniteElements:
     positions : (k, 3)
         nodes [m]
     K, M : (d, d)
-                stiffness and mass matrix (SciPy sparse), d = 3 k or 6 k
+        stiffness and mass matrix (SciPy sparse), d = 3 k or 6 k
     samples : MassSamples
-                point masses for the inertia of the deformed body
+        point masses for the inertia of the deformed body
     axial : AxialForces
-                axial forces of beams, for geometric stiffening
+        axial forces of beams, for geometric stiffening
     terms : Terms
         for structures with parameters, K and M as sums. The other fields are numbers for the middles of intervals
 
@@ -217,7 +217,7 @@ class FiniteElements:
         Parameters
         ----------
         interfaces : nodes
-                        nodes at which joints and forces act
+            nodes at which joints and forces act
         count : int
             total number of modes, the lowest first; 0 makes a rigid body. With interfaces there are 6 static shapes for
             each node (3 without rotations), minus 6 if the body is free; the other modes are fixed-interface modes. If
@@ -231,8 +231,8 @@ class FiniteElements:
             frame: the origin is the centre of mass, and the modes change neither this centre nor the angular momentum
             (S = 0, G0 = 0)
         damping : Expr, (n,)
-                        modal damping ratio ζ, one for all modes or one for each mode. An expression of parameters is
-                        for all modes
+            modal damping ratio ζ, one for all modes or one for each mode. An expression of parameters is
+            for all modes
         stiffening : bool
             whether axial loads (centrifugal forces, gravity, forces at the ends) stiffen or soften beams. It needs a
             clamped node. Without stiffening, a fast rotor is too soft

@@ -74,7 +74,7 @@ class Modes:
     Parameters
     ----------
     mass : float
-                mass of the body [kg]
+        mass of the body [kg]
     center : (3,)
         centre of mass of the undeformed body, from the frame's origin [m]
     J0 : (3, 3)
@@ -84,15 +84,15 @@ class Modes:
     J2 : (n, n, 3, 3)
         its second-order part [1], J2[i, j] = J2[j, i]
     S, S2 : (3, n), (3, n, n)
-                linear and quadratic part of the first moment [kg^½], [1/m]; S is 0 in the floating frame
+        linear and quadratic part of the first moment [kg^½], [1/m]; S is 0 in the floating frame
     G0, G1 : (3, n), (n, 3, n)
-                angular momentum about the origin for unit η̇ [kg^½ m], [1]
+        angular momentum about the origin for unit η̇ [kg^½ m], [1]
     stiffness : (n,)
-                squared circular frequencies ω_j² [1/s^2]
+        squared circular frequencies ω_j² [1/s^2]
     damping : (n,)
-                damping coefficients 2 ζ_j ω_j [1/s]
+        damping coefficients 2 ζ_j ω_j [1/s]
     origin : (3,)
-                origin of the frame, in the axes of the mesh [m]
+        origin of the frame, in the axes of the mesh [m]
     positions : (k, 3)
         nodes of the undeformed body, from the frame's origin [m]
     shapes : (k, 3, n)
@@ -100,7 +100,7 @@ class Modes:
     rotations : (k, 3, n)
         small rotations of the nodes [1/(kg^½ m)]; 0 if the source has no rotations
     shapes2 : (k, 3, n, n)
-                foreshortening D of the nodes [1/(kg m)]
+        foreshortening D of the nodes [1/(kg m)]
 
     Raises
     ------

@@ -108,7 +108,7 @@ class Material:
     E : Expr
         Young's modulus [Pa]
     density : Expr
-                density [kg/m^3]
+        density [kg/m^3]
     nu, G : Expr
         Poisson's ratio, or the shear modulus [Pa] itself
 

@@ -28,9 +28,9 @@ class Box:
     Parameters
     ----------
     **intervals : (lower, upper)
-                One pair for each parameter, by name. ``lower == upper`` is allowed and means a fixed value. Other units
-                of the same kind are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm
-                ±10%".
+        One pair for each parameter, by name. ``lower == upper`` is allowed and means a fixed value. Other units
+        of the same kind are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm
+        ±10%".
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ class Box:
         DeclarationError
             If the file is not such a table, or if a nominal value differs from the nominal value of the parameter.
         FileError
-                        If the file cannot be read.
+            If the file cannot be read.
         """
         if not isinstance(path, str | PathLike):
             raise DeclarationError(f"Box.read: path must be the path of a file, got {shown(path)}.")

@@ -75,7 +75,7 @@ class Scene:
     Raises
     ------
     DeclarationError
-                If the scene is not valid. The text lists all faults
+        If the scene is not valid. The text lists all faults
 
     Examples
     --------
@@ -402,7 +402,7 @@ class Scene:
         Raises
         ------
         DeclarationError
-                        If the run is of another system or has failed
+            If the run is of another system or has failed
 
         Examples
         --------

@@ -40,8 +40,8 @@ _DECLARED = "elements", "parameters", "collected", "nullity", "_added", "_joints
 class System(FilledByBlock, ReadEquations):
     """Bodies, constraints and forces with their equations of motion.
 
-        `with System() as system:` collects the elements that are made in the block. The system is complete at the end
-        of the block.
+    `with System() as system:` collects the elements that are made in the block. The system is complete at the end
+    of the block.
 
     Parameters
     ----------
