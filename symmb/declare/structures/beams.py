@@ -76,9 +76,8 @@ class Beam:
             )
         if len({(is_rigid(s.shear_y), is_rigid(s.shear_z)) for s in sections}) > 1:
             raise DeclarationError(
-                "Beam: some sections are rigid in shear, but other sections are not. Give all "
-                "sections shear areas, or "
-                "use section.without_shear() for all."
+                "Beam: some sections are rigid in shear, but other sections are not. Give all sections shear areas, "
+                "or use section.without_shear() for all."
             )
         self.axes()
 

@@ -26,8 +26,7 @@ class ParametricModes(Modes):
 
     def save(self, path: str | PathLike[str]) -> None:
         raise DeclarationError(
-            f"Modes.save: {str(path)!r} can contain only numbers, but these modes contain expressions of "
-            "parameters. "
+            f"Modes.save: {str(path)!r} can contain only numbers, but these modes contain expressions of parameters. "
             "Save the modes of a structure without parameters, or compute these modes again by their script."
         )
 

@@ -231,8 +231,7 @@ class FiniteElements:
             frame: the origin is the centre of mass, and the modes change neither this centre nor the angular momentum
             (S = 0, G0 = 0)
         damping : Expr, (n,)
-            modal damping ratio ζ, one for all modes or one for each mode. An expression of parameters is
-            for all modes
+            modal damping ratio ζ, one for all modes or one for each mode. An expression of parameters is for all modes
         stiffening : bool
             whether axial loads (centrifugal forces, gravity, forces at the ends) stiffen or soften beams. It needs a
             clamped node. Without stiffening, a fast rotor is too soft

@@ -137,8 +137,7 @@ def checked(positions: Array, K: Sparse, M: Sparse) -> None:
         row = int(wrong.any(axis=1).argmax())
         raise DeclarationError(
             f"{OWNER}: K has strain energy for a rigid {motion} {axis} (row {row}). Pass the matrices of the body "
-            "without "
-            "supports, and positions in the units of K. The degrees of freedom are ordered by nodes: three "
+            "without supports, and positions in the units of K. The degrees of freedom are ordered by nodes: three "
             "translations, then three rotations, in the axes of the positions."
         )
     if not definite(M, K):

@@ -31,9 +31,8 @@ def _truth_value(expression: ca.SX) -> bool:
         return _casadi_bool(expression)
     except RuntimeError:
         raise TruthValueError(
-            f"Python's if, and, or, max and min cannot decide whether {str(expression)[:80]} is true, "
-            "because it is "
-            "an expression. Write casadi.if_else, logic_and, logic_or, fmax or fmin."
+            f"Python's if, and, or, max and min cannot decide whether {str(expression)[:80]} is true, because it is an "
+            "expression. Write casadi.if_else, logic_and, logic_or, fmax or fmin."
         ) from None
 
 
@@ -216,9 +215,8 @@ def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
         known = accelerations.get(symbol.element_hash(), record.rate)
         if known.is_empty():
             raise DeclarationError(
-                f"ddt: expected an expression of positions, but {record.name!r} is a "
-                f"{record.kind.value}. "
-                "Its rate follows from the equations of motion. For outputs, use system.ddt(...)."
+                f"ddt: expected an expression of positions, but {record.name!r} is a {record.kind.value}. Its rate "
+                "follows from the equations of motion. For outputs, use system.ddt(...)."
             )
         moving.append(record.sx)
         rates.append(known)

@@ -28,9 +28,8 @@ class Box:
     Parameters
     ----------
     **intervals : (lower, upper)
-        One pair for each parameter, by name. ``lower == upper`` is allowed and means a fixed value. Other units
-        of the same kind are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm
-        ±10%".
+        One pair for each parameter, by name. ``lower == upper`` is allowed and means a fixed value. Other units of the
+        same kind are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm ±10%".
 
     Attributes
     ----------

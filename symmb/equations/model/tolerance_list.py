@@ -86,8 +86,7 @@ def interval_with_unit(name: str, given: Any) -> tuple[Any, str]:
         if told is None or told.size is None:
             raise DeclarationError(
                 f"{owner}: {shown(given)} is not an interval. Write '235 mm ±0.5 mm', '2.5 N/mm ±10%' or (lower, "
-                "upper). "
-                f"For deviations from nominal values, use Box.plus_minus(parameters, ...).{_comma(given)}"
+                f"upper). For deviations from nominal values, use Box.plus_minus(parameters, ...).{_comma(given)}"
             )
         given = [(end, told.unit) for end in told.ends]
     elif isinstance(given, tuple | list) and len(given) == 3 and isinstance(given[2], str):
@@ -211,8 +210,7 @@ def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> floa
     if size == 0:
         raise DeclarationError(
             f"{owner}: {text!r} of {name!r}: the unit of deviations from 0 may be {own} or {other}. Write a number, or "
-            "a "
-            "pair of numbers."
+            "a pair of numbers."
         )
     for unit in units.values():
         if abs(nominal - unit * size) <= SAME * unit * abs(size):

@@ -37,14 +37,12 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
         is_welded = all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint))
         if not scene.system.collected.decoupled and not is_welded:
             yield (
-                f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities "
-                "free, and no drive "
+                f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and no drive "
                 "moves it. Remove a constraint if the mechanism should move."
             )
     elif _is_unstable(dae, at, G, rows):
         yield (
-            "The start is an unstable equilibrium: all forces are balanced, and only rounding decides in "
-            "which "
+            "The start is an unstable equilibrium: all forces are balanced, and only rounding decides in which "
             "direction the system moves. Start away from the equilibrium."
         )
 
@@ -67,8 +65,7 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
         outputs = ", ".join(repr(name) for name, own in zip(scene.curve_names, is_open, strict=True) if own)
         names = ", ".join(map(repr, redundant_names(G / sizes, rank, dae.rows)))
         yield (
-            f"Outputs {outputs} depend on how the redundant constraints {names} share their load. Rigid "
-            "bodies do not "
+            f"Outputs {outputs} depend on how the redundant constraints {names} share their load. Rigid bodies do not "
             "determine this, so the smallest reactions are used. Replace a joint that is not stiff by a Bushing, or "
             "by a joint with fewer rows."
         )
