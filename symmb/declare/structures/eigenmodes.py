@@ -10,11 +10,6 @@ from symmb._magnitudes import FACTORS, NOTHING, ROUNDING, SAME
 from symmb._types import Array, Indices
 from symmb.declare.structures.mass_samples import Sparse
 
-MASSLESS = FACTORS
-"""The mass of a mode is rounding if its flexibility is below this fraction of the largest flexibility."""
-SINGULAR = FACTORS
-"""A matrix is singular except for rounding if a scaled pivot is below this value."""
-
 MECHANISM = (
     "has motions without strain energy other than rigid motions. Fix loose parts, or choose interfaces (a clamped "
     "node) that hold the body: one node with rotations, or three nodes that are not on a line."
@@ -26,7 +21,7 @@ def factorized(K: Sparse) -> Callable[[Array], Array]:
     """The function f -> K⁻¹ f for a sparse K and f (d,) or (d, m); DeclarationError unless K is positive definite."""
     scale = stiffness_scale(K)
     lu, pivots = _pivots(K, scale)
-    if lu is None or pivots.min(initial=1.0) <= SINGULAR:
+    if lu is None or pivots.min(initial=1.0) <= FACTORS:
         raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}")
 
     def solve(f: Array) -> Array:
@@ -42,7 +37,7 @@ def definite(M: Sparse, K: Sparse) -> bool:
     stiff = (K.multiply(scale[:, None])).multiply(scale)
     massive = (M.multiply(scale[:, None])).multiply(scale)
     _, pivots = _pivots(massive + SAME * abs(massive).max() * stiff, np.ones(len(scale)))
-    return bool(M.diagonal().min() >= 0 and pivots.min() > -SINGULAR * np.abs(pivots).max())
+    return bool(M.diagonal().min() >= 0 and pivots.min() > -FACTORS * np.abs(pivots).max())
 
 
 def stiffness_scale(K: Sparse) -> Array:
@@ -98,7 +93,7 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
         mu, Y = eigh(elastic.T @ M @ elastic, elastic.T @ K @ elastic)
     except LinAlgError:
         raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}") from None
-    massive = mu > MASSLESS * mu.max(initial=0)
+    massive = mu > FACTORS * mu.max(initial=0)
     if (mu < -SAME * mu.max(initial=0)).any():
         raise DeclarationError(f"FiniteElements: {INDEFINITE}")
     X = _mass_orthonormal((elastic @ Y[:, massive] / np.sqrt(mu[massive]))[:, ::-1], M)

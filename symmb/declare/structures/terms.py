@@ -18,8 +18,6 @@ from symmb.declare.structures.validation import is_law
 from symmb.declare.symbolic import batch
 
 OWNER = "FiniteElements.modes"
-_NEAR, _NEAR_ZERO = SMALL, SAME
-"""Relative change of a parameter without an interval that shows its effects, and absolute change for the value 0."""
 _SAME = 1e-11
 """Relative difference of laws that is rounding."""
 _PROPORTIONAL = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
@@ -54,7 +52,8 @@ class Ranges:
     @property
     def widened(self) -> "Ranges":
         """The ranges, in which every parameter has an interval with a width above 0."""
-        near = {name: (_NEAR * abs(low) or _NEAR_ZERO) * (low == high) for name, (low, high) in self.intervals.items()}
+        # A parameter without an interval is varied a little, to see what depends on it.
+        near = {name: (SMALL * abs(low) or SAME) * (low == high) for name, (low, high) in self.intervals.items()}
         return Ranges({name: (low - near[name], high + near[name]) for name, (low, high) in self.intervals.items()})
 
     def points(self, names: Iterable[str], most_corners: int = 32, inner: int = 32) -> list[dict[str, float]]:

@@ -116,18 +116,14 @@ def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
         return ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1))
     axis = ca.cross(a, b)
     sides = ca.norm_2(a + b), ca.norm_2(axis)
-    if is_zero(ca.simplify(a + b)) or (sides[0].is_constant() and float(sides[0]) < _OPPOSITE):
+    # For nearly opposite directions, 1 plus their cosine has lost digits.
+    if is_zero(ca.simplify(a + b)) or (sides[0].is_constant() and float(sides[0]) < SMALL):
         # Half a turn, then the remaining rotation. If the axis is rounding, any perpendicular axis is used.
-        is_clear = sides[1].is_constant() and float(sides[1]) > _CLEAR
+        is_clear = sides[1].is_constant() and float(sides[1]) > ROUNDING
         n = unit(axis - ca.dot(axis, a) * a) if is_clear else triad(a)[:, 0]
         return turn(-a, b) @ (2 * n @ n.T - ca.SX.eye(3))
     w = ca.skew(axis)
     return ca.SX.eye(3) + w + w @ w / (1 + ca.dot(a, b))
-
-
-_OPPOSITE, _CLEAR = SMALL, ROUNDING
-"""If the sum of two directions is shorter than the first number, 1 plus their cosine has lost digits. If the sine is
-above the second number, the common normal is not rounding. test_assembly.py"""
 
 
 def rotation_z(theta: ca.SX) -> ca.SX:

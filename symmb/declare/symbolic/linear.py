@@ -69,12 +69,6 @@ _LIFT = 1e-10
 """Fraction of the diagonal that is added to a singular matrix: far above the rounding of its factors, and far below its
 nonzero eigenvalues. One refinement squares the relative error. tests/symbolic/test_linear.py"""
 
-_VANISHED = SMALL
-"""If the ratio of a squared row to its squared usual size is smaller, the row is measured by its usual size, because it
-vanishes temporarily. Dependent rows are dependent only up to the drift of a run, and a division by smaller numbers
-would amplify the drift: Bennett's linkage needs 1e-4, and at 1e-6 its drift grows by a factor of a thousand.
-tests/start/test_overconstrained.py"""
-
 
 def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Callable[[ca.SX], ca.SX]:
     """Solver of S z = r at rank n - nullity, for a semidefinite S (n, n) with this rank or close to this rank.
@@ -142,7 +136,10 @@ def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
 def _row_sizes(squares: ca.SX, usual: ca.SX | None) -> ca.SX:
     """Sizes (n,) of rows from their squares, which may vanish, and from their relative usual sizes."""
     shares = ca.SX.ones(squares.numel()) if usual is None else usual**2
-    return ca.sqrt(squares + _VANISHED * ca.sum1(squares) * shares / ca.sum1(shares))
+    # Rows that vanish temporarily are measured by their usual size. Dependent rows are dependent only up to the drift of a
+    # run, and a division by smaller numbers would amplify this drift: Bennett's linkage needs 1e-4, and at 1e-6 its
+    # drift grows by a factor of a thousand. tests/start/test_overconstrained.py
+    return ca.sqrt(squares + SMALL * ca.sum1(squares) * shares / ca.sum1(shares))
 
 
 def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:

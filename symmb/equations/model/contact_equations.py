@@ -22,9 +22,6 @@ from symmb.declare.mechanics import JointEvent, Latch, Sticks, Struck
 from symmb.declare.symbolic import common, least_multipliers, symmetric_solver, t
 from symmb.equations.model.system import System
 
-_SMALL, _REST = ROUNDING, 1e-10
-"""Rounding of an angular acceleration relative to its terms, and of an angular velocity at the start."""
-
 
 @dataclass(frozen=True)
 class Impacts:
@@ -139,13 +136,13 @@ class ContactEquations:
             sizes = zip((system.q, system.v), (system.qdot, accelerations), strict=True)
             margin = dict(self._c.joint_events)[event]
             terms = [ca.fabs(ca.jacobian(margin, x)) @ ca.fabs(change) for x, change in sizes]
-            return ca.if_else(ca.fabs(rate) <= _SMALL * ca.sum1(ca.vertcat(*terms)), 0, rate)
+            return ca.if_else(ca.fabs(rate) <= ROUNDING * ca.sum1(ca.vertcat(*terms)), 0, rate)
         if not isinstance(event, Sticks):
             return rate
         W = ca.jacobian(event.joint.slip, system.v)
         friction = ca.densify(ca.jacobian(system.Q, event.joint.direction))
         effect, _ = system.solve(friction, ca.SX(system.lam.numel(), 1))
-        return rate + _SMALL * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
+        return rate + ROUNDING * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
 
     def _opposing(self, r: ca.SX) -> ca.SX:
         """Forces or impulses (n,) along closed gaps that compensate r (n,)."""
@@ -220,7 +217,7 @@ class ContactEquations:
         place = self._with_multipliers(ca.vertcat(ca.SX(0, 1), *[value for *_, value in places]), multipliers)
         clutches = [e.joint for e in events if isinstance(e, Sticks)]
         slip = ca.vertcat(ca.SX(0, 1), *[clutch.slip for clutch in clutches])
-        rounding = _REST * (ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v))
+        rounding = 1e-10 * (ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v))
         # The smallest change of velocities that stops all rows. Rows that a law of time moves do work.
         at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
         lost, L = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)

@@ -11,10 +11,6 @@ from symmb._types import Array
 from symmb.declare.symbolic import common, t
 from symmb.equations.model.system import System
 
-_DUE = SLIGHT
-"""Fraction of a period before an instant from which the instant counts as reached, because rounding moves the ends of
-steps."""
-
 
 @dataclass(frozen=True)
 class Sampling:
@@ -29,7 +25,8 @@ class Sampling:
         """States s (n_s,) after the laws of all instants that are reached at a time. Each instant counts once."""
         s = ca.SX(s)
         for period, (value, count), law in zip(self.periods, self.states, self.laws, strict=True):
-            number = ca.floor((time - self.begin) / period + _DUE)
+            # Rounding moves the ends of steps, so an instant is reached a little early.
+            number = ca.floor((time - self.begin) / period + SLIGHT)
             is_due = number + 0.5 > s[count]  # solvers integrate the count with rounding
             new = law(q, v, s, p, self.begin + period * number)
             s[value] = ca.if_else(is_due, new, s[value])
@@ -46,7 +43,7 @@ class Sampling:
 
     def instants(self, times: Array) -> Array:
         """The instants (k,) after the first and up to the last of the times (n_t,) [s]."""
-        counts = [(T, *np.floor((times[[0, -1]] - self.begin) / T + _DUE)) for T in self.periods]
+        counts = [(T, *np.floor((times[[0, -1]] - self.begin) / T + SLIGHT)) for T in self.periods]
         require_steps("Sampled", sum(last - first for _, first, last in counts), MOST_STEPS_KEPT)
         instants = np.concatenate([self.begin + T * np.arange(first + 1, last + 1) for T, first, last in counts])
         return np.unique(np.asarray(instants, dtype=np.float64))
@@ -56,7 +53,7 @@ class Sampling:
         instants = self.instants(times)
         behind = np.minimum(np.searchsorted(times, instants), len(times) - 1)
         nearest = np.minimum(np.abs(times[behind] - instants), np.abs(times[behind - 1] - instants))
-        return instants[nearest > _DUE * min(self.periods)]
+        return instants[nearest > SLIGHT * min(self.periods)]
 
 
 def sampling_of(system: System) -> Sampling | None:

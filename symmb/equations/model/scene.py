@@ -440,20 +440,17 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
         return ["times: some times are NaN or infinite."]
     if np.any(np.diff(array) <= 0):
         return ["times: each time must be larger than the time before. Sort the times and remove repetitions."]
-    begin, end, (shortest, longest) = array[0], array[-1], _HORIZONS
+    begin, end = array[0], array[-1]
+    # Steps are at least 1e-14 of the horizon, and their fourth powers must be finite.
+    shortest, longest = 1e-60, 1e60
     with np.errstate(over="ignore"):
         horizon, rounding = float(end - begin), float(np.spacing(np.abs(array).max()))
     if array.size > 1 and not shortest <= horizon <= longest:
         return [f"times: from {begin:g} to {end:g} s; expected {shortest:g} to {longest:g} s. Use other units."]
-    if array.size > 1 and rounding > _ROUNDED * horizon:
+    # Solvers take small steps between two times.
+    if array.size > 1 and rounding > SLIGHT * horizon:
         return [
             f"times: numbers near {end:g} are {rounding:.1g} apart, which is too coarse for {horizon:g} s. Start the "
             "times at 0."
         ]
     return []
-
-
-_HORIZONS = 1e-60, 1e60
-"""Shortest and longest horizon [s]. Steps are at least 1e-14 of the horizon, and their fourth powers must be finite."""
-_ROUNDED = SLIGHT
-"""Fraction of the horizon by which rounding may move a time, because solvers take small steps between times."""

@@ -257,22 +257,17 @@ def _rows_of_csv(owner: str, text: str) -> Iterator[dict[str, Any]]:
     if comment := next((line for line in lines if line[0].lstrip().startswith("#")), None):
         raise DeclarationError(f"{owner}: comments cannot be read. Remove the line {shown(','.join(comment))}.")
     head = [cell.strip().lower() for cell in lines[0]] if lines else []
-    _require_columns(owner, head)
+    for mark, word in _SEPARATORS.items():
+        if len(head) == 1 and mark in head[0]:
+            raise DeclarationError(f"{owner}: the cells are separated by {word}. Separate them by commas.")
+    if twice := [name for name, count in Counter(head).items() if name and count > 1]:
+        raise DeclarationError(f"{owner}: the column {twice[0]!r} appears twice.")
     for line in lines[1:]:
         if len(line) > len(head):
             raise DeclarationError(
                 f"{owner}: a row has {len(line)} cells, but the head has {len(head)}: {', '.join(line)}."
             )
         yield {key: cell.strip() for key, cell in zip(head, line, strict=False) if cell.strip()}
-
-
-def _require_columns(owner: str, head: list[str]) -> None:
-    """DeclarationError if the columns are not separated by commas, or if a column appears twice."""
-    for mark, word in _SEPARATORS.items():
-        if len(head) == 1 and mark in head[0]:
-            raise DeclarationError(f"{owner}: the cells are separated by {word}. Separate them by commas.")
-    if twice := [name for name, count in Counter(head).items() if name and count > 1]:
-        raise DeclarationError(f"{owner}: the column {twice[0]!r} appears twice.")
 
 
 def _rows_of_toml(owner: str, text: str) -> Iterator[dict[str, Any]]:

@@ -108,7 +108,8 @@ def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:
     faults += _inertia_faults(body, "inertia", ca.diag(J), bind)
     skew, size = _nominal(ca.vec(J - J.T), bind), _nominal(ca.vec(J), bind)
     if skew is not None and size is not None and skew.any():
-        if np.abs(skew).max() > _ASYMMETRY * np.abs(size).max():
+        # A turned inertia matrix is symmetric up to rounding only.
+        if np.abs(skew).max() > SAME * np.abs(size).max():
             faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
         J = (J + J.T) / 2
     if v_like := bind.symbols(Kind.VELOCITY, ca.vertcat(mass, ca.vec(J))):
@@ -127,10 +128,6 @@ def _inertia_faults(body: Body, what: str, value: ca.SX, bind: Binding) -> Itera
             f"Body {body.name!r}: {what} is an expression and has the value 0 at the nominal parameters. "
             "Declare the number 0 for a massless body. Its equations are then solved without a division by this value."
         )
-
-
-_ASYMMETRY = SAME
-"""Rounding of a turned inertia matrix: difference of opposite entries divided by the largest entry."""
 
 
 def _nominal(value: ca.SX, bind: Binding) -> Array | None:

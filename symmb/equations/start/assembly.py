@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import Constraint, Motion
 from symmb.equations.model import DAE, Scene
@@ -20,7 +21,7 @@ from symmb.equations.start.joint_values import (
 )
 from symmb.equations.start.labels import constraint_of_row
 from symmb.equations.start.scales import with_coarse_scales
-from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
+from symmb.equations.start.tolerances import SOLVED
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
@@ -121,7 +122,7 @@ def _reached(
         worst = float((violation * dae.row_scales[: dae.n_c]).max())
         where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"
         drives = [e.name for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
-        drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > NEGLIGIBLE * violation.max()]
+        drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > SLIGHT * violation.max()]
         also = f", against the drive of {', '.join(map(repr, drives))}" if drives else ""
         raise FailedAssembly(f"The start does not satisfy Phi = 0: residual {worst:.2g} {where}{also}.", name)
     flipped = _flipped_joint(scene, dae, q)

@@ -4,12 +4,13 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array
 from symmb.equations.start.labels import constraint_of_row
 from symmb.equations.start.rank import vanishing_combinations
 from symmb.equations.start.scales import rest_states
 from symmb.equations.start.start import Start
-from symmb.equations.start.tolerances import NEGLIGIBLE, VIOLATION
+from symmb.equations.start.tolerances import VIOLATION
 
 
 def check_velocities(start: Start, p0: Array) -> None:
@@ -49,7 +50,7 @@ def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Ar
     slopes = ca.Function("slopes", symbols, [ca.jacobian(f(*symbols), symbols[1])])(q, v, p).full()[k]
     G = dae.G(q, v, *s, p, start.t0).full()
     shares = np.abs(np.linalg.lstsq(G.T, slopes, rcond=None)[0])
-    return [name for name, rows in dae.rows.items() if shares[rows].max(initial=0.0) > NEGLIGIBLE * shares.max()]
+    return [name for name, rows in dae.rows.items() if shares[rows].max(initial=0.0) > SLIGHT * shares.max()]
 
 
 def check_accelerations(start: Start, G: Array, sizes: Array) -> None:

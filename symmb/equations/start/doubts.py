@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import Constraint, Weld
 from symmb.declare.symbolic import evaluated
@@ -13,7 +14,7 @@ from symmb.equations.model import DAE, Scene
 from symmb.equations.start.equilibrium import is_stable
 from symmb.equations.start.rank import redundant_names, vanishing_combinations
 from symmb.equations.start.sparse_rows import normal_solver
-from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
+from symmb.equations.start.tolerances import SOLVED
 
 
 def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
@@ -54,13 +55,13 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
         return
     sizes = np.maximum(np.linalg.norm(G, axis=1, keepdims=True), SOLVED)
     shares = vanishing_combinations(G / sizes, rank)
-    shares = np.where(np.abs(shares) > NEGLIGIBLE, shares, 0.0) / sizes
+    shares = np.where(np.abs(shares) > SLIGHT, shares, 0.0) / sizes
     system = scene.system
     symbols = [*dae.arguments(ca.vertcat(system.q, system.v, system.s), system.p, time), lam, system.vdot]
     slopes = ca.Function("slopes", symbols, [ca.jacobian(y, lam)])
     some = np.cos(np.arange(1, len(G) + 1) ** 1.5)  # outputs need not be linear in the multipliers
     J = slopes(*at, some, np.zeros(dae.n_v)).full()
-    is_open = (np.abs(J @ shares) > NEGLIGIBLE * (np.abs(J) @ np.abs(shares))).any(axis=1)
+    is_open = (np.abs(J @ shares) > SLIGHT * (np.abs(J) @ np.abs(shares))).any(axis=1)
     if is_open.any():
         outputs = ", ".join(repr(name) for name, own in zip(scene.curve_names, is_open, strict=True) if own)
         names = ", ".join(map(repr, redundant_names(G / sizes, rank, dae.rows)))

@@ -6,10 +6,10 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import Symbol, t
 from symmb.equations.model import DAE, JointValue, Prescribed, Scene, System
-from symmb.equations.start.tolerances import NEGLIGIBLE
 
 
 def of_positions(listed: Prescribed) -> tuple[JointValue, ...]:
@@ -111,9 +111,7 @@ def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
     known = np.concatenate([listed.ravel(), s[counted]])
     factors = np.linalg.lstsq(J[:n].T, J[n:].T, rcond=None)[0].T
     whole = np.round(factors)
-    follows = (np.abs(factors - whole) < NEGLIGIBLE).all(axis=1) & (np.abs(whole @ J[:n] - J[n:]) < NEGLIGIBLE).all(
-        axis=1
-    )
+    follows = (np.abs(factors - whole) < SLIGHT).all(axis=1) & (np.abs(whole @ J[:n] - J[n:]) < SLIGHT).all(axis=1)
     s = s.copy()
     s[np.array(states)[follows]] = (whole @ known)[follows]
     return s

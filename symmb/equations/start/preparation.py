@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
-from symmb._magnitudes import NOTHING
+from symmb._magnitudes import NOTHING, SLIGHT
 from symmb._types import Array, Indices, Mask
 from symmb.declare.mechanics import Constraint, FlexibleBody
 from symmb.declare.symbolic import batch, shared
@@ -32,7 +32,7 @@ from symmb.equations.start.labels import coordinate_of, coordinate_with_value
 from symmb.equations.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
 from symmb.equations.start.scales import general_entries, jacobian_at_rest, resting, row_sizes, with_coarse_scales
 from symmb.equations.start.start import Start, start_functions
-from symmb.equations.start.tolerances import NEGLIGIBLE, VIOLATION
+from symmb.equations.start.tolerances import VIOLATION
 from symmb.equations.start.velocities import start_velocities
 
 
@@ -148,7 +148,7 @@ def _unstretched(scene: Scene) -> Iterator[str]:
         shapes, places = body.modes.shapes, body.modes.positions
         for a, b in combinations(held, 2):
             line = (places[b] - places[a]) / max(float(np.linalg.norm(places[b] - places[a])), NOTHING)
-            if np.abs(line @ (shapes[b] - shapes[a])).max() <= NEGLIGIBLE * np.abs(shapes).max():
+            if np.abs(line @ (shapes[b] - shapes[a])).max() <= SLIGHT * np.abs(shapes).max():
                 yield (
                     f"FlexibleBody {body.name!r}: joints hold the nodes {a} and {b}, but no mode changes the distance "
                     f"between these nodes. Compute the modes with interfaces=[{a}, {b}] (without a clamped node) and "

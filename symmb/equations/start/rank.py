@@ -7,11 +7,12 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.equations.model import DAE
 from symmb.equations.start.scales import above_zero, evaluate_at_rest, jacobian_at_rest, own_scales, resting, row_sizes
 from symmb.equations.start.sparse_rows import LARGE, determining_columns, least_step
-from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
+from symmb.equations.start.tolerances import SOLVED
 
 _AS_INDEPENDENT = 0.3
 """Chosen rows are sufficient if their smallest singular value, relative to the value of all rows, is above this ratio.
@@ -68,7 +69,7 @@ def vanishing_combinations(G: Array, rank: int) -> Array:
 
 def redundant_names(G: Array, rank: int, rows: Mapping[str, slice]) -> tuple[str, ...]:
     """Names of the constraints with dependent rows in G. The rows are divided by their sizes."""
-    involved = np.abs(vanishing_combinations(G, rank)).max(axis=1, initial=0.0) > NEGLIGIBLE
+    involved = np.abs(vanishing_combinations(G, rank)).max(axis=1, initial=0.0) > SLIGHT
     return tuple(name for name, where in rows.items() if involved[where].any())
 
 

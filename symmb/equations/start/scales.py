@@ -15,9 +15,6 @@ from symmb.equations.start.tolerances import SOLVED
 
 Arguments = tuple[Any, ...]
 """The arguments (q, v[, s], p, t) of the DAE's Functions."""
-PART_ROUNDING = ROUNDING
-"""Ratio of the size of a part to the size of the scene. Below this ratio, the motion of the part may be rounding of
-balanced forces. Coordinates below this fraction of the distance travelled are rounding of an assembly."""
 _STEP_BITS = 10
 """Binary digits between coarse scales: usual lengths from 1/32 to 32 m get the scale 1."""
 _USUAL_RATE = 2.0**_STEP_BITS
@@ -104,11 +101,12 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
         part = labels == label
         own = part[own_v]
         length = length_of(dae, at[0], G, part)
-        has_length = length > PART_ROUNDING * far[own & linear].max(initial=0.0)
+        has_length = length > ROUNDING * far[own & linear].max(initial=0.0)
         if not has_length:
             angles = np.abs(at[0][part[: dae.n_q] & ~_is_linear(dae.q_names)]).max(initial=0.0)
             length = float(max(angles, far[own].max(initial=0.0)))
-        if labels.any() and length > PART_ROUNDING * size:
+        # The motion of a much smaller part may be rounding of forces that balance.
+        if labels.any() and length > ROUNDING * size:
             sizes[part] = min(1.0, power_of_two(length))
         if has_length:  # small arms do not make angles small
             sizes[part & angular] = 1.0
@@ -151,9 +149,9 @@ def _is_linear(names: Sequence[str]) -> Mask:
     return np.array([is_linear(name) for name in names], dtype=bool)
 
 
-def power_of_two(value: float) -> float:
-    """The power of 2 closest to a value; 1 for 0 and for values that are not finite."""
-    return 2.0 ** round(math.log2(value)) if 0 < value < math.inf else 1.0
+def power_of_two(value: float, bits: int = 1) -> float:
+    """The power of 2**bits closest to a value; 1 for 0 and for values that are not positive and finite."""
+    return 2.0 ** (bits * round(math.log2(value) / bits)) if 0 < value < math.inf else 1.0
 
 
 def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:
@@ -204,5 +202,5 @@ def above_zero(sizes: Array) -> Array:
 
 
 def coarse(size: float) -> float:
-    """The coarse scale of a size; 1 for sizes that are not positive or not finite."""
-    return 2.0 ** (_STEP_BITS * round(math.log2(size) / _STEP_BITS)) if 0 < size < math.inf else 1.0
+    """The coarse scale of a size."""
+    return power_of_two(size, _STEP_BITS)

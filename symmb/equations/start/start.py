@@ -13,11 +13,12 @@ from functools import reduce
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array
 from symmb.declare.symbolic import batch, evaluated, jet_function, saddle_solver
 from symmb.equations.model import DAE, Scales, is_linear
 from symmb.equations.start.implicit_function import LAST_DIGITS, ImplicitMap
-from symmb.equations.start.scales import PART_ROUNDING, distances, length_of, power_of_two, sizes_of_parts
+from symmb.equations.start.scales import distances, length_of, power_of_two, sizes_of_parts
 from symmb.equations.start.tolerances import VIOLATION
 
 MOST_COMPILED_STATES = 100
@@ -89,7 +90,7 @@ class Start:
         length = length_of(dae, at["q"], G)
         linear = np.array([is_linear(name) for name in dae.v_names], dtype=bool)
         far = float(distances(dae, x, span)[linear].max(initial=0.0))
-        if length <= PART_ROUNDING * far:
+        if length <= ROUNDING * far:  # coordinates that small are rounding of an assembly
             length = far
         length = power_of_two(length)
         scaled = dae.scaled(lambda: Scales(length)).displacement_scales

@@ -1,12 +1,10 @@
 """Tolerances of the start."""
 
-from symmb._magnitudes import SAME, SLIGHT
+from symmb._magnitudes import SAME
 
 SOLVED = SAME
 """Residual of Newton's method relative to the terms of linear equations or to the size of a scene. Singular values of
 scaled rows, divided by the number of rows or columns, are zero below this value. tests/start/test_start.py"""
-NEGLIGIBLE = SLIGHT
-"""A part of a combination counts if it is larger than this fraction of the largest part."""
 VIOLATION = 1e-7
 """Larger violations of rows at the start, relative to the largest coordinate or velocity and to 1, are
 contradictions."""
