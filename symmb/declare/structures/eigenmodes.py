@@ -121,6 +121,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
         x[free] = solve(f[free])
         return x - shapes @ (shapes.T @ (M @ x))
 
+    # A random start vector is not orthogonal to any mode. The fixed seed makes results reproducible.
     start = np.random.default_rng(0).standard_normal(d)
     operator = LinearOperator((d, d), matvec=flexibility, dtype=float)  # type: ignore[call-arg]
     spare = 6  # additional modes, to detect missed lower modes
@@ -139,6 +140,7 @@ def _mass_orthonormal(X: Array, M: Sparse) -> Array:
     """The columns of X, orthonormalised in the metric of M from the first column on."""
     from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
+    # The second pass restores the orthonormality that rounding of an ill-conditioned Gram matrix costs.
     for _ in range(2 if X.shape[1] else 0):
         try:
             upper = cholesky(X.T @ (M @ X))

@@ -127,6 +127,7 @@ def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
     lifted = symmetric_solver(S + ca.diag(1 - gates + _LIFT * gated * ca.diag(S)))
 
     def solve(r: ca.SX) -> ca.SX:
+        # Rows of open joints have 1 on the diagonal, so that the matrix stays regular and z is 0 there.
         z = lifted(r)
         return z + lifted(r - S @ z - (1 - gates) * z)
 
@@ -136,9 +137,9 @@ def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
 def _row_sizes(squares: ca.SX, usual: ca.SX | None) -> ca.SX:
     """Sizes (n,) of rows from their squares, which may vanish, and from their relative usual sizes."""
     shares = ca.SX.ones(squares.numel()) if usual is None else usual**2
-    # Rows that vanish temporarily are measured by their usual size. Dependent rows are dependent only up to the drift of a
-    # run, and a division by smaller numbers would amplify this drift: Bennett's linkage needs 1e-4, and at 1e-6 its
-    # drift grows by a factor of a thousand. tests/start/test_overconstrained.py
+    # Rows that vanish temporarily are measured by their usual size. Dependent rows are dependent only up to the drift
+    # of a run, and a division by smaller numbers would amplify this drift: Bennett's linkage needs 1e-4, and at 1e-6
+    # its drift grows by a factor of a thousand. tests/start/test_overconstrained.py
     return ca.sqrt(squares + SMALL * ca.sum1(squares) * shares / ca.sum1(shares))
 
 
@@ -155,6 +156,7 @@ def _vanishing(lifted: Callable[[ca.SX], ca.SX], n: int, nullity: int) -> ca.SX:
     """Orthonormal combinations (n, nullity) that vanish except for the lift, by two steps of inverse iteration."""
     # These vectors have no symmetry, so they are not orthogonal to vanishing combinations.
     columns = [ca.SX(ca.DM(np.cos((j + 1) * np.arange(1, n + 1) ** 1.5))) for j in range(nullity)]
+    # Each step reduces the other eigenvectors by the lift, so two steps leave rounding.
     for _ in range(2):
         columns = _orthonormal([_LIFT * lifted(column) for column in columns])
     return ca.horzcat(*columns)
@@ -165,6 +167,7 @@ def _orthonormal(columns: Sequence[ca.SX]) -> list[ca.SX]:
     parallel."""
     basis: list[ca.SX] = []
     for column in columns:
+        # A second pass restores the orthogonality that cancellation costs for nearly parallel columns.
         for _ in range(2 if basis else 1):
             column = column / ca.norm_2(column)
             for other in basis:
@@ -219,6 +222,7 @@ def _order(A: Array) -> list[int]:
     from scipy.linalg import lu_factor
 
     order = list(range(len(A)))
+    # LAPACK returns successive exchanges of rows, not a permutation.
     for i, j in enumerate(lu_factor(A)[1]):
         order[i], order[j] = order[j], order[i]
     return order
@@ -264,11 +268,12 @@ def saddle_solver(
 
     Parameters
     ----------
-        nullity : int          number of combinations of the rows of G that vanish if the constraints hold
+    nullity : int          number of combinations of the rows of G that vanish if the constraints hold
     gates : (n_c,) SX      0 for rows of open joints, which are 0 in G, and 1 for other rows
     usual : (n_c,)         relative sizes of the rows, needed if combinations vanish; by default equal
     """
     n_c = G.shape[0]
+    # Each rotor is eliminated first: this removes a velocity and a row from the matrix that is factorised.
     if gates is None and (rotors := _rotors(G, sizes)):
         return _beside_rotors(M, G, sizes, coupled, nullity, usual, rotors)
 

@@ -98,6 +98,7 @@ def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca
 
 
 def _operation(code: int | Entry, arguments: tuple[SymbolicRange, ...]) -> SymbolicRange:
+    # An operation of single values stays one expression, so equal parts keep their common subexpression.
     if all(a.is_point for a in arguments):
         return _point(applied(code, *(a.low for a in arguments)))
     result = _result(code, arguments)
@@ -183,6 +184,7 @@ def _rising(code: int, low: float, high: float, a: SymbolicRange) -> SymbolicRan
 def _sum(a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
     if a.chosen and b.chosen:
         (condition, one), (other, two) = a.chosen, b.chosen
+        # CasADi splits if_else(c, x, y) into c * x + !c * y. The plain sum of both ranges would be too wide.
         if ca.is_equal(other.low, ca.logic_not(condition.high), 1):
             return _either(condition, one, two)
     return SymbolicRange(a.low + b.low, a.high + b.high)
@@ -221,7 +223,7 @@ def _size(a: SymbolicRange) -> SymbolicRange:
 
 
 def _square(a: SymbolicRange) -> SymbolicRange:
-    size = a if _is_positive(a) else _size(a)
+    size = a if _is_positive(a) else _size(a)  # shorter expressions if the sign is known
     return SymbolicRange(size.low**2, size.high**2)
 
 

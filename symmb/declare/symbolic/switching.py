@@ -281,6 +281,7 @@ class _Found:
 
     def _side(self, switch: ca.SX) -> ca.SX:
         a, b = _difference(switch)
+        # a - b and b - a are one switch. Two switches would change their sides at the same time in two events.
         if (b, a) in self.switches:
             return -self.switches[b, a][1]
         if (a, b) not in self.switches:

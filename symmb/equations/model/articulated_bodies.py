@@ -209,6 +209,7 @@ class Loads:
         carriers = {link.body: carrier for link, _, carrier in self._walk()}
         for link, here, carrier in reversed(self._walk()):
             F, own = composite[link.body] @ here.H, self._tree.columns[link.body]
+            # The exact symmetry halves the operations, and rounding cannot make M unsymmetric.
             M[own, own] = ca.triu2symm(ca.triu(here.H.T @ F))
             if carrier is not None:
                 composite[carrier] = composite[carrier] + _inertia_to_carrier(here, composite[link.body])
@@ -250,6 +251,7 @@ class Loads:
         """For each body: U = M H, a solver of H' M H z = r, and the articulated inertia (6, 6) that the carrier
         feels."""
         M, parts = dict(self._inertia), {}
+        # From the tips to the roots: the inertia of a body must contain all bodies that it carries.
         for link, here, carrier in reversed(self._walk()):
             U = M[link.body] @ here.H
             invert = _inverse(here.H.T @ U)

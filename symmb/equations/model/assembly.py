@@ -36,9 +36,9 @@ from symmb.declare.mechanics import (
 )
 from symmb.declare.symbolic import Symbol, is_zero, t
 from symmb.equations.model.binding import Binding
-from symmb.equations.model.positive import Inertia, positive
 from symmb.equations.model.validation import (
     ElementFaults,
+    Inertia,
     event_margin,
     held_faults,
     impact_law,
@@ -47,6 +47,7 @@ from symmb.equations.model.validation import (
     name_faults,
     plane_faults,
     position_rows,
+    positive,
     velocity_rows,
 )
 
@@ -196,6 +197,7 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
     some = ca.SX(1), ca.SX.eye(3)  # a substitute, so that the other laws are checked too
     inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, faults)
+    # The parameters are only known after all laws were read, so everything is derived once more with these parameters.
     if given is None and bind.missing is not None:
         return _with_all_coordinates(elements, bind.missing)
     faults.raise_any()
@@ -263,6 +265,7 @@ def _write_equations(
         faults += held_faults(element, equations.positions, equations.velocities)
     for force, own in actions.items():
         faults += chain.from_iterable(plane_faults(force.title, action) for action in own)
+    # Margins of events may contain rows of joints, so they are derived last and only for sound rows.
     if events and not faults:
         _gate_rows(equations, bind)
         for k, (e, _) in enumerate(events):

@@ -38,7 +38,7 @@ class JointSpace:
     Parameters
     ----------
     c : Collected              the equations in coordinates of the bodies
-        elements : sequence        the elements of the system; their joints may carry bodies
+    elements : sequence        the elements of the system; their joints may carry bodies
     turns : mapping            name -> whole turns of body b relative to body a in planar joints without an angle
     """
 
@@ -106,6 +106,7 @@ class JointSpace:
             if link.carrying is None:
                 continue
             body, here = self._bodies.bodies[link.body], self.tree.placed[link.body]
+            # Rotation matrices are replaced as a whole: products of joint rotations are shorter than their quaternions.
             q, v = _of_body(body, here)
             old += [body.frame.q, body.frame.v]
             new += [q, v]
@@ -140,15 +141,16 @@ class JointSpace:
         return tuple(state for state in states if state.sx.element_hash() in known)
 
     @cached_property
-    def _coordinates(self) -> list[Coordinates]:
-        """The coordinates of each link, followed by the coordinates of each other body."""
-        return [self._coordinates_of(link) for link in self.links] + [self._own_coordinates(k) for k in self._others]
-
-    def _coordinates_of(self, link: Link) -> Coordinates:
-        if link.carrying is None:
-            return self._own_coordinates(link.body)
-        motion = link.carrying.motion
-        return Coordinates(motion.q, motion.u, motion.q_rate, motion.q_names, motion.u_names)
+    def _parts(self) -> list[tuple[Body | None, Coordinates]]:
+        """The owner (a body, or None for a joint) and the coordinates of each link, then of each other body."""
+        parts: list[tuple[Body | None, Coordinates]] = []
+        for k, by in [*((link.body, link.carrying) for link in self.links), *((k, None) for k in self._others)]:
+            if by is None:
+                parts.append((self._bodies.bodies[k], self._own_coordinates(k)))
+            else:
+                m = by.motion
+                parts.append((None, Coordinates(m.q, m.u, m.q_rate, m.q_names, m.u_names)))
+        return parts
 
     def _own_coordinates(self, k: int) -> Coordinates:
         c, (at_q, at_v) = self._bodies, self._bodies.slices[k]
@@ -161,7 +163,7 @@ class JointSpace:
         turns = {s.sx.element_hash() for link in self.links for s in self._turns(link)}
         return replace(
             kept,
-            **Coordinates.joined(self._coordinates),
+            **Coordinates.joined([own for _, own in self._parts]),
             block_sizes=(*self.tree.sizes, *(c.block_sizes[k] for k in self._others)),
             states=tuple(
                 replace(s, rate=self.expression(s.rate), value=self.expression(s.value))
@@ -182,27 +184,20 @@ class JointSpace:
         """Coordinates (n_q,) after the small displacement delta (n_v,), the product of a velocity and a time.
         Quaternions keep norm 1."""
         moved, at_q, at_v = [], 0, 0
-        for part, body in zip(self._coordinates, self._owners, strict=True):
+        for body, part in self._parts:
             n_q, n_v = part.q.numel(), part.v.numel()
             if not n_v:
                 continue
             own, step = q[at_q : at_q + n_q], delta[at_v : at_v + n_v]
             if body is not None:
                 moved.append(body.pose.retract(own, step))
-            elif n_q > n_v:
+            elif n_q > n_v:  # only a spherical joint has a quaternion, and no other coordinates
                 e = product(own, rotation_by(step))
                 moved.append(e / ca.norm_2(e))
             else:
                 moved.append(own + step)
             at_q, at_v = at_q + n_q, at_v + n_v
         return stacked(moved)
-
-    @property
-    def _owners(self) -> list[Body | None]:
-        """The owner of each set of coordinates: a body, or None for a joint."""
-        bodies = self._bodies.bodies
-        own = [bodies[link.body] if link.carrying is None else None for link in self.links]
-        return own + [bodies[k] for k in self._others]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -259,14 +254,15 @@ class JointSpace:
     @cached_property
     def of_joints(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Coordinates, velocities and states in joint coordinates, as expressions of body coordinates."""
-        measured = [self._measured(link) for link in self.links] + [self._own_coordinates(k)[:2] for k in self._others]
+        measured = [
+            self._own_coordinates(link.body)[:2]
+            if link.carrying is None
+            else _measured(self._bodies.bodies, link, link.carrying, bool(self._turns(link)))
+            for link in self.links
+        ]
+        measured += [self._own_coordinates(k)[:2] for k in self._others]
         q, v = ([of[k] for of in measured] for k in range(2))
         return stacked(q), stacked(v), stacked([state.sx for state in self.collected.states])
-
-    def _measured(self, link: Link) -> tuple[ca.SX, ca.SX]:
-        if link.carrying is None:
-            return self._own_coordinates(link.body)[:2]
-        return _measured(self._bodies.bodies, link, link.carrying, bool(self._turns(link)))
 
 
 def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:

@@ -117,6 +117,7 @@ class Scene:
         if asked := {name: (y, _Fitting(unit)) for name, (y, unit) in self.asked.items() if unit}:
             self._require_fitting_units()
             object.__setattr__(self, "outputs", {**(self.outputs or {}), **asked})
+        # Inputs are 0 in runs. Only exports with inputs use `with_inputs`.
         object.__setattr__(self, "system", self.system.without_inputs)
         object.__setattr__(self, "box", self._own_box)
         object.__setattr__(self, "times", np.array(self.times, dtype=float))

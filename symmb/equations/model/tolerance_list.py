@@ -285,7 +285,13 @@ def _of_row(
             raise DeclarationError(f"{owner}: unknown column {key!r}.{did_you_mean(key, _COLUMNS)}")
     nominal = _number(owner, name, "nominal", row.get("nominal"), unit)
     if parameters is not None:
-        _require_nominal(owner, name, nominal, parameters)
+        if name not in parameters:
+            raise DeclarationError(f"{owner}: unknown parameter {name!r}.{did_you_mean(name, parameters)}")
+        own = float(parameters[name])
+        if not abs(own - nominal) <= SAME * abs(nominal):
+            raise DeclarationError(
+                f"{owner}: the nominal value of {name!r} is {nominal:.12g} in the table, but {own:.12g} in the model."
+            )
     if "tolerance" in row:
         if "plus" in row or "minus" in row:
             raise DeclarationError(
@@ -302,17 +308,6 @@ def _of_row(
             "ends are on one side of the nominal value, choose another nominal value between the ends."
         )
     return interval_of(owner, name, nominal, (-minus, plus))
-
-
-def _require_nominal(owner: str, name: str, nominal: float, parameters: Mapping[str, SupportsFloat]) -> None:
-    """DeclarationError if the nominal value of a table differs from the nominal value of the parameter."""
-    if name not in parameters:
-        raise DeclarationError(f"{owner}: unknown parameter {name!r}.{did_you_mean(name, parameters)}")
-    own = float(parameters[name])
-    if not abs(own - nominal) <= SAME * abs(nominal):
-        raise DeclarationError(
-            f"{owner}: the nominal value of {name!r} is {nominal:.12g} in the table, but {own:.12g} in the model."
-        )
 
 
 def _number(owner: str, name: str, column: str, value: Any, unit: str) -> float:

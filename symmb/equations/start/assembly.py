@@ -88,6 +88,8 @@ def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
             guessed = with_position_rows(scene.system, dae, scene.guessed.joints)
             q, *_ = _position_rows(scene, guessed, q, t0).reach(q, s, free)
         s = rows.with_turns_of(drive_rows(scene, dae), q, s)
+        # Full steps may leave a local minimum of the violation, but may also jump to another assembly. They come
+        # second.
         attempts = [(False, True), (False, False), *[(True, True)] * bool(rows.angles.size)]
     failures = []
     for is_turned, is_damped in attempts:
@@ -118,6 +120,7 @@ def _reached(
     q, s, r = rows.reach(q, s, free, is_damped)
     violation = np.abs(r)
     if not violation.max(initial=0.0) <= limit:
+        # Among equal violations the first row is named, so that the message does not depend on rounding.
         name = constraint_of_row(dae, int(np.isclose(violation, violation.max()).argmax()))
         worst = float((violation * dae.row_scales[: dae.n_c]).max())
         where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"

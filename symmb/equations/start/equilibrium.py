@@ -92,6 +92,7 @@ def _damped_newton(
         A = J.copy()
         A[:n, :n] -= drag * M
         weights = np.concatenate([np.ones(n), np.full(m, np.abs(A[:n, :n]).max(initial=0.0) or 1.0)])
+        # Weights make displacements and multipliers comparable, so that the cut-off of small singular values is fair.
         z = weights * np.linalg.lstsq(weights[:, None] * A * weights, -weights * r, rcond=FACTORS)[0]
         reach = float(np.abs(z[:n] / scales).max(initial=0.0))
         z[:n] *= min(1.0, longest / max(reach, NOTHING))

@@ -177,6 +177,7 @@ def _sufficient(slopes: Array, sizes: Array, first: int) -> list[int]:
     listed, _ = independent_rows_and_columns(slopes[:first], own[:first])
     if len(listed) == slopes.shape[1]:
         return listed.tolist()
+    # Loops only count for motions that the listed rows leave free.
     V = np.linalg.svd(slopes[listed])[2][len(listed) :] if len(listed) else np.eye(slopes.shape[1])
     loops, _ = independent_rows_and_columns(slopes[first:] @ V.T, own[first:])
     return [*listed.tolist(), *(first + loops).tolist()]
@@ -188,6 +189,7 @@ def _displacement(system: System, begin: ca.SX, end: ca.SX) -> ca.SX:
     for body, n_v in zip(system.bodies, system.block_sizes, strict=True):
         if isinstance(body.pose, Spatial):
             e = product(conjugate(begin[at + 3 : at + 7]), end[at + 3 : at + 7])
+            # The sign takes the shorter of both rotations: e and -e are the same rotation.
             parts += [end[at : at + 3] - begin[at : at + 3], 2 * ca.sign(e[0]) * e[1:]]
             parts.append(end[at + 7 : at + n_v + 1] - begin[at + 7 : at + n_v + 1])
             at += n_v + 1

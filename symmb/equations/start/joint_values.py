@@ -109,6 +109,7 @@ def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
     f = ca.Function("turns", [system.q, system.p], [ca.jacobian(ca.vertcat(*rates), system.v), numbers])
     J, listed = (part.full() for part in f(q, system.parameters.nominal))
     known = np.concatenate([listed.ravel(), s[counted]])
+    # Only whole multiples are safe: a fraction of an unknown number of turns would be a wrong angle.
     factors = np.linalg.lstsq(J[:n].T, J[n:].T, rcond=None)[0].T
     whole = np.round(factors)
     follows = (np.abs(factors - whole) < SLIGHT).all(axis=1) & (np.abs(whole @ J[:n] - J[n:]) < SLIGHT).all(axis=1)
@@ -129,6 +130,7 @@ def with_states(scene: Scene, dae: DAE, s: Array) -> DAE:
     q, p = ca.SX.sym("q", dae.n_q), scene.system.p
     values = dae.s_start(q, p)
     for k in counting:
+        # The angle from atan2 differs from the state by less than half a turn, whatever the number of turns.
         ahead = values[k] - s[k]
         values[k] = s[k] + ca.atan2(ca.sin(ahead), ca.cos(ahead))
     for k, value in listed.items():

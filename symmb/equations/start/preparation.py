@@ -54,6 +54,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     try:
         independent = independent_rows(dae, q0, t0, rows.sizes)
     except AssemblyError as error:
+        # Rigid connections between nodes look like a singular position, but have another cause and remedy.
         raise AssemblyError(" ".join(_unstretched(scene)) or str(error)) from None
     placed = rows.extended(with_position_rows(system, dae, of_positions(prescribed)))
     moved = rows.extended(with_rate_rows(system, dae, of_rates(prescribed)))

@@ -112,6 +112,7 @@ def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -
     at = [q, *_positions(dae, q, t0, usual, rank, walks=2, steps=15, distance=0.3)]
     walked = np.stack([jacobian_at_rest(dae, position, t0) * scales for position in at])
     walked /= row_sizes(walked, general * scales)[:, None]
+    # Bricard's mechanism: rows that are independent at the start become dependent later, so all positions are compared.
     if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
         return rows, (0, 0)
     vanishing = np.array([vanishing_combinations(G, rank) for G in walked])
@@ -132,6 +133,7 @@ def _superfluous(N: Array) -> list[int]:
     while len(rows) < N.shape[2]:
         lengths = np.linalg.norm(rest, axis=2).min(axis=0)
         row = int(np.argmax(lengths))
+        # A row is superfluous only if its part of the vanishing combinations is large at all positions.
         if not np.linalg.svd(N[:, [*rows, row]], compute_uv=False)[:, -1].min() > _AS_INDEPENDENT:
             break
         rows.append(row)

@@ -38,6 +38,7 @@ def resting(dae: DAE, q: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
     if dae.s_start is None:
         return q, ca.SX(dae.n_v, 1)
     s, begin, moving = ca.SX(ca.DM(rest_states(dae))), dae.s_start(q, p), dae.s_start.jac_sparsity(0, 0)
+    # States with a start value that depends on coordinates rest at s_rest, so that angles count their turns from there.
     for k in set(range(dae.n_s)).difference(moving.row()):
         s[k] = begin[k]
     return q, ca.SX(dae.n_v, 1), s
@@ -139,7 +140,7 @@ def _parts(dae: DAE) -> Indices:
         least = parts.copy()
         np.minimum.at(least, rates, parts[states])
         np.minimum.at(least, states, least[rates])
-        least = least[least]
+        least = least[least]  # shortens chains of states, so that few passes suffice
         if np.array_equal(least, parts):
             return parts
         parts = least

@@ -97,6 +97,7 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
             closest, smallest = int(asked[k]), float(least[k] / largest[k])
         rest = np.delete(rest, slice(None, None, step))
         products = entries[:, rest].T @ entries[:, asked]
+        # |a - b|^2 from products of all pairs: the differences themselves would need much more memory.
         apart = np.maximum(squares[rest, None] + squares[asked] - 2 * products, 0.0) + ROUNDING * len(matrices[0])
         distance = np.sqrt(apart)
         rest, count = rest[(least - distance < smallest * (largest + distance)).all(axis=1)], 2 * count

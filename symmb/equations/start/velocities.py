@@ -38,6 +38,7 @@ def start_velocities(
         v = rates.kept(scene.restart.v)
         return common("velocities", [rates.q, rates.p], [ca.densify(v)])
     tree = JointTree(rates.connected, rates.roots)
+    # Each failure joins two groups, so that the loop ends at the latest with a single group.
     while (v := _along(tree, rates)) is None:
         pass
     return common("velocities", [rates.q, rates.p], [ca.densify(v)])
@@ -130,6 +131,7 @@ class _Rates:
             if flywheels := numbers & self.flywheels:
                 connected.append(flywheels)
                 continue
+            # A planar body has no velocities out of its plane, so rigid motions out of the plane do not count.
             motions = [0, 1, 5] if any(isinstance(bodies[k].pose, Planar) for k in numbers) else slice(None)
             own, along = row[touched], R[touched][:, motions]
             is_relative = bool((np.abs(own @ along) <= SOLVED * np.abs(own).sum() * size[motions]).all())
@@ -180,6 +182,7 @@ class _Rates:
         deviated = self._deviated(v, rows, columns, free, weak=1e-2)
         if self._holds(deviated, rows):
             return deviated
+        # The ground cannot move, so that a group on the ground takes any velocity. Later checks report contradictions.
         return None if group.base != GROUND else self._deviated(v, rows, columns, free, 0.0)
 
     def _carried(self, v: ca.SX, group: Group) -> ca.SX:
@@ -255,6 +258,7 @@ class _Rates:
         M, scales = self.M[free, free], self.dae.displacement_scales[free]
         if not is_singular(M, sizes):
             return M
+        # The rows may determine the massless velocities. Then M is positive for the free motions.
         left = np.linalg.svd(self.G_nominal[np.ix_(rows, free)] * scales)[2][len(rows) :]
         inertia = self.M_nominal[np.ix_(free, free)] * np.outer(scales, scales)
         energies = np.linalg.eigvalsh(left @ inertia @ left.T)
