@@ -23,7 +23,7 @@ def spatial(**more):
 
 
 FAULTS = [
-    (lambda: [P], r"neither a body, a constraint nor a force\. Name parameters as parameters=p"),
+    (lambda: [P], r"neither a body, a constraint nor a force\. Pass parameters=p"),
     (lambda: [mb.Torque("rod1", ROD1, 1.0)], "Torque 'rod1': the name is used twice. Choose another."),
     (lambda: [mb.Gravity(0, 1), mb.Gravity(1, 0)], "Gravity 'gravity': the name is used twice"),
     (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name must not contain \. \[ \] ␣"),
@@ -227,7 +227,7 @@ def test_all_faults_of_the_laws_are_told_at_once():
         (lambda: mb.Body("b", 1.0, pose="Planar"), r"Body 'b': pose 'Planar' is not a pose\. Use Planar\(\)"),
         (lambda: mb.Body("b", 1.0, pose=mb.Planar), r"Body 'b': pose .*Planar.* is not a pose"),
         (lambda: ROD1.point(1, 2, 3), r"Revolute 'hinge': the point on planar body 'rod1' lies out of its plane"),
-        (lambda: ROD1.point("tip", 0), "point of 'rod1': .*neither a number nor a CasADi SX"),
+        (lambda: ROD1.point("tip", 0), "point of 'rod1': .*neither a number nor CasADi SX"),
         (lambda: mb.Body("b", 1.0, com=(0, 0, 0, 0)).point(0, 0), "com of 'b' has 4 components, expected two or three"),
         (lambda: TOP.theta, r"Body 'top' is Spatial\(\) and has no single angle theta\. Use joint\.angle"),
         *(

@@ -186,7 +186,7 @@ def test_tolerances_without_a_size_that_are_refused(tolerance, why):
 
 @pytest.mark.parametrize(("text", "unit"), [("1°", "°"), ("2 mm", "mm"), ("±1 N/mm", "N/mm"), ("1 N m/deg", "N m/deg")])
 def test_tolerances_with_a_unit_ask_for_that_of_the_parameter(text, unit):
-    with told_in_a_line(re.escape(f"'rest' has no unit, but {text!r} has a unit. Declare rest=(..., {unit!r}).")):
+    with told_in_a_line(re.escape(f"'rest' has no unit, but {text!r} has one. Declare rest=(..., {unit!r}).")):
         mb.Box.plus_minus(mb.Parameters(rest=1.0), rest=text)
 
 

@@ -43,7 +43,7 @@ FAULTS = [
     ({"start": {"rod.x": mb.t}}, r"start 'rod\.x': the value may depend on parameters only"),
     ({"start": {"rod.x": np.nan}}, r"start 'rod\.x': contains NaN"),
     ({"start": {"rod.x": mb.Parameters(b=1.0).b}}, r"start 'rod\.x': symbol 'b' does not belong to a parameter"),
-    ({"guess": {"rod.vx": 1.0}}, "guess: velocities need no guess, .* List velocities in start"),
+    ({"guess": {"rod.vx": 1.0}}, "guess: velocities need no guess, .* List them in start"),
     ({"guess": {"ball.x": 1.0}}, r"guess: no element acts on 'ball\.x'\. List the value in start"),
     ({"guess": {"rod.xx": 1.0}}, r"guess: no coordinate or velocity 'rod\.xx'\. Did you mean"),
     ({"outputs": {"r": ca.vertcat(ROD.x, ROD.y)}}, "output 'r' has 2 components. Give each component its own"),

@@ -57,7 +57,7 @@ FAULTS = {
     ),
     "sections": (lambda: Beam(LINE, [CIRCLE] * 3, STEEL), "3 sections for 2 points"),
     "shear at one end": (lambda: Beam(LINE, [CIRCLE, SLENDER], STEEL), "some sections are rigid in shear"),
-    "orientation": (lambda: Beam(LINE, CIRCLE, STEEL, orientation=(2, 0, 0)), "is along the beam. Give a direction"),
+    "orientation": (lambda: Beam(LINE, CIRCLE, STEEL, orientation=(2, 0, 0)), "is along the beam. Give another direction"),
     "no beam": (FiniteElements.beams, "expected at least one Beam"),
     "beams apart": (
         lambda: FiniteElements.beams(Beam(LINE, CIRCLE, STEEL), Beam(np.array(LINE) + 5, CIRCLE, STEEL)).modes(count=1),
@@ -65,7 +65,7 @@ FAULTS = {
     ),
     "mass at no node": (lambda: frame().with_mass(99, 1.0), "there is no node 99. The nodes have the numbers 0 to 12"),
     "mass": (lambda: frame().with_mass(0, -1.0), "mass must be above 0, got -1"),
-    "inertia": (lambda: frame().with_mass(0, 1.0, (1, 1, -1)), "inertia must be symmetric and positive semidefinite"),
+    "inertia": (lambda: frame().with_mass(0, 1.0, (1, 1, -1)), "inertia must be symmetric positive semidefinite"),
     "inertia's shape": (
         lambda: frame().with_mass(0, 1.0, (1, 1)),
         r"inertia must be a number or an array \(3,\) or an array \(3, 3\), got",

@@ -140,7 +140,7 @@ FAULTS = {
     "no number": (GOOD + "DMIG,K,1,2,,1,2,two\n", "line 3, DMIG: an entry must be a number, got 'two'"),
     "infinite": (GOOD + "DMIG,K,1,2,,1,2,1e999\n", "line 3, DMIG: an entry must be finite, got '1e999'"),
     "no node": (GOOD + "DMIG,K,one,2,,1,2,1.\n", "line 3, DMIG: a node must be a whole number, got 'one'"),
-    "a scalar point": (GOOD + "DMIG,K,5,0,,5,0,1.\n", "line 3, DMIG: node 5 has the component 0, .* Scalar points"),
+    "a scalar point": (GOOD + "DMIG,K,5,0,,5,0,1.\n", "line 3, DMIG: node 5 has the component 0, .*Scalar points"),
     "a component": (GOOD + "DMIG,K,5,7,,5,7,1.\n", "node 5 has the component 7"),
     "twice": (GOOD + "DMIG,K,1,1,,1,1,2.0\n", "line 3, DMIG: the entry of node 1, component 1 appears twice"),
     "complex": (GOOD.replace(",6,2", ",6,4"), "line 1, DMIG: K is complex"),
@@ -166,7 +166,7 @@ GRIDS = {
     "a system": ("GRID,1,4,0.,0.,0.\n", "line 1, GRID: the position of node 1 is in coordinate system 4"),
     "a system of displacements": ("GRID,1,,0.,0.,0.,2\n", "the displacement of node 1 is in coordinate system 2"),
     "no number": ("GRID,1,,0.,y,0.\n", "line 1, GRID: y of node 1 must be a number, got 'y'"),
-    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have the node 110, but .* has no GRID"),
+    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have the node 110, but .* has no such GRID"),
 }
 
 

@@ -109,9 +109,7 @@ class Beam:
         normal = y - (x * y).sum(axis=1)[:, None] * x
         size = np.linalg.norm(normal, axis=1)
         if (size <= SAME * np.linalg.norm(y, axis=1)).any():
-            raise DeclarationError(
-                f"Beam: orientation {self.orientation!r} is along the beam. Give a direction across the beam."
-            )
+            raise DeclarationError(f"Beam: orientation {self.orientation!r} is along the beam. Give another direction.")
         normal /= size[:, None]
         return np.stack([x, normal, np.cross(x, normal)], axis=1)
 

@@ -181,9 +181,7 @@ class FiniteElements:
         tensor = numbers(inertia, owner, "inertia", (), (3,), (3, 3))
         tensor = np.diag(tensor * np.ones(3)) if tensor.ndim < 2 else tensor
         if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < -ROUNDING * np.abs(tensor).max():
-            raise DeclarationError(
-                f"{owner}: inertia must be symmetric and positive semidefinite, got {shown(inertia)}."
-            )
+            raise DeclarationError(f"{owner}: inertia must be symmetric positive semidefinite, got {shown(inertia)}.")
         if self.per_node == 3 and tensor.any():
             raise DeclarationError(
                 f"{owner}: the nodes have no rotations, so inertia has no effect. Distribute the mass over several "
@@ -369,9 +367,7 @@ def _require_modes(found: int, count: int | None, cutoff: float | None, interfac
     if count is not None and cutoff is None and found < count:
         raise DeclarationError(f"{OWNER}: count={count}, but the mesh has only {found} modes. Refine the mesh.")
     if count != 0 and not interfaces and not found:
-        raise DeclarationError(
-            f"{OWNER}: no mode is below cutoff={cutoff} Hz. Increase cutoff, or pass count=0 for a rigid body."
-        )
+        raise DeclarationError(f"{OWNER}: no mode is below cutoff={cutoff} Hz. Increase cutoff, or pass count=0.")
 
 
 def _pairs(given: Any, name: str) -> list[tuple[Expr, Any]]:

@@ -59,9 +59,7 @@ def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int])
         grids = read_grids(source)
         missing = [node for node in numbered if node not in grids]
         if missing:
-            raise DeclarationError(
-                f"{OWNER}: the matrices have the node {missing[0]}, but {source} has no GRID for this node."
-            )
+            raise DeclarationError(f"{OWNER}: the matrices have the node {missing[0]}, but {source} has no such GRID.")
         return numbers([grids[node] for node in numbered or sorted(grids)], OWNER, "positions", ("k", 3))
     meshio = optional_package("meshio", f"{OWNER} with a file of a mesh", "fe")
     with told(source, "read"):
@@ -95,9 +93,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
         except (ValueError, OverflowError, MemoryError) as error:
             raise DeclarationError(f"{OWNER}: {name}: {source} is not a Matrix Market file: {error}") from error
     if hasattr(source, "dtype") and np.iscomplexobj(source):  # lists are reported like other arrays
-        raise DeclarationError(
-            f"{OWNER}: {name} is complex. Pass a real matrix, and declare damping by modes(damping=...)."
-        )
+        raise DeclarationError(f"{OWNER}: {name} is complex. Pass a real matrix and modes(damping=...).")
     if issparse(source):
         matrix = csc_array(source, dtype=float)
         numbers(matrix.data, OWNER, name, ("m",))
@@ -105,9 +101,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
         matrix = csc_array(numbers(source, OWNER, name, ("d", "d")))
     _require_size(matrix.shape, name, k)
     if abs(matrix - matrix.T).max() > ASYMMETRY * abs(matrix).max():
-        raise DeclarationError(
-            f"{OWNER}: {name} is not symmetric. If only one triangle is stored, add the other triangle."
-        )
+        raise DeclarationError(f"{OWNER}: {name} is not symmetric. If only one triangle is stored, add the other one.")
     return csc_array((matrix + matrix.T) / 2)
 
 
@@ -123,9 +117,7 @@ def _require_size(shape: Any, name: str, k: int) -> None:
 def checked(positions: Array, K: Sparse, M: Sparse) -> None:
     """Raise a DeclarationError unless K and M belong to a body without supports."""
     if K.shape != M.shape:
-        raise DeclarationError(
-            f"{OWNER}: K has the shape {K.shape}, but M has the shape {M.shape}. Both shapes must be the same."
-        )
+        raise DeclarationError(f"{OWNER}: K has the shape {K.shape}, but M has the shape {M.shape}. Both must agree.")
     if not np.ptp(positions, axis=0).any():
         raise DeclarationError(f"{OWNER}: a structure needs at least two nodes at different positions.")
     motions = rigid_motions(positions - positions.mean(axis=0), K.shape[0] // len(positions))

@@ -150,9 +150,7 @@ class Modes:
         for name, other in (("J0", self.J0.T), ("J2", self.J2.swapaxes(0, 1)), ("J2", self.J2.swapaxes(2, 3))):
             array = getattr(self, name)
             if not np.allclose(array, other, rtol=0, atol=SAME * np.abs(array).max(initial=0)):
-                raise DeclarationError(
-                    f"Modes: {name} must be symmetric. Use the mean of the matrix and its transpose."
-                )
+                raise DeclarationError(f"Modes: {name} must be symmetric. Use the mean of matrix and transpose.")
         if (self.stiffness <= 0).any():
             raise DeclarationError(
                 f"Modes: stiffness must be above 0, got {self.stiffness.min():g}. "

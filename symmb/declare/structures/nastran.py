@@ -92,7 +92,7 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
         for k, what in ((1, "position"), (5, "displacement")):
             if card.text(k) not in ("", "0"):
                 raise card.fault(
-                    f"the {what} of node {node} is in coordinate system {card.text(k)}. Export it in the basic one."
+                    f"the {what} of node {node} is in coordinate system {card.text(k)}. Use the basic one."
                 )
         grids[node] = np.array([card.real(k, f"{x} of node {node}") for k, x in zip((2, 3, 4), "xyz", strict=True)])
     if not grids:
@@ -143,9 +143,7 @@ def _entries(columns: list[_Card]) -> dict[tuple[tuple[int, int], tuple[int, int
 def _degree(card: _Card, k: int) -> tuple[int, int]:
     node, part = card.whole(k, "a node"), card.whole(k + 1, "a component")
     if not 1 <= part <= 6:
-        raise card.fault(
-            f"node {node} has the component {part}, but nodes have components 1 to 6. Scalar points cannot be read."
-        )
+        raise card.fault(f"node {node} has the component {part}, not 1 to 6. Scalar points cannot be read.")
     return node, part
 
 

@@ -36,9 +36,7 @@ def vector(values: Any, what: str = "vector") -> ca.SX:
         raise DeclarationError(f"{what} has {counted(len(entries), 'component')}, expected two or three.")
     parts = [part for part in map(given, entries) if part is not None]
     if len(parts) < len(entries):
-        raise DeclarationError(
-            f"{what}: {shown(values)} contains a component that is neither a number nor a CasADi SX."
-        )
+        raise DeclarationError(f"{what}: {shown(values)} contains a component that is neither a number nor CasADi SX.")
     if any(part.numel() != 1 for part in parts):
         raise DeclarationError(f"{what}: {shown(values)} contains a component that is not a scalar.")
     return ca.densify(ca.vertcat(*parts, *[0] * (3 - len(entries))))

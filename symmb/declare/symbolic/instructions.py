@@ -58,9 +58,7 @@ def interpret(
         raise DeclarationError(f"Function '{f.name()}' is not an SX Function. Expand it first: f.expand().")
     sizes, expected = [*map(len, inputs)], [f.nnz_in(i) for i in range(f.n_in())]
     if sizes != expected:
-        raise DeclarationError(
-            f"The inputs of Function '{f.name()}' have {expected} structural nonzeros, got {sizes} values."
-        )
+        raise DeclarationError(f"The inputs of '{f.name()}' have {expected} structural nonzeros, got {sizes} values.")
     # Every element of `work` is written before it is read, so its initial value has no effect.
     work = [constant(0.0)] * f.sz_w()
     outputs = [[constant(0.0)] * f.nnz_out(i) for i in range(f.n_out())]
@@ -80,9 +78,7 @@ def interpret(
                 if place >= 0:  # other results are not used
                     work[place] = constant(0.0) if entry is None else operation(entry, of)
         elif code == ca.OP_CALL:
-            raise DeclarationError(
-                f"Function '{f.name()}' calls another Function. Build the called Function without never_inline."
-            )
+            raise DeclarationError(f"Function '{f.name()}' calls another Function. Build it without never_inline.")
         else:
             work[results[0]] = operation(code, tuple(work[i] for i in arguments))
     return outputs

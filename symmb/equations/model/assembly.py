@@ -203,9 +203,7 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
     faults.raise_any()
     collected = _assemble(inertial, bind, equations)
     for name in bind.inputs_in([ca.vec(collected.M), collected.Q, collected.Phi, collected.Psi]):
-        faults.append(
-            f"Input {name!r}: a point, a mass or a shape depends on this input. Only laws may depend on inputs."
-        )
+        faults.append(f"Input {name!r}: a point, a mass or a shape depends on it. Only laws may depend on inputs.")
     faults.raise_any()
     return collected
 

@@ -134,9 +134,7 @@ class Scene:
         if coordinates is not None and not (isinstance(coordinates, str) and coordinates in ("joint", "body")):
             faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
         if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
-            faults.append(
-                f"times: the scene continues a run that ended at {self.restart.time!r} s. Start the times there."
-            )
+            faults.append(f"times: the scene continues a run that ended at {self.restart.time!r} s. Start there.")
         if self.restart is not None and self.equilibrium:
             faults.append("equilibrium: the scene continues a run. Omit equilibrium.")
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
@@ -166,9 +164,7 @@ class Scene:
         if self.box is None:
             return None
         if not isinstance(self.box, Box):
-            raise DeclarationError(
-                f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
-            )
+            raise DeclarationError(f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals).")
         known = self.system.parameters
         unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
         box = self.box if unknown else self.box.with_units(units_of_parameters(known))
@@ -190,14 +186,10 @@ class Scene:
         """Guessed coordinates of bodies and of joints."""
         resolved = listed_values(self.system, self.guess, "guess")
         if resolved.v or any(value.is_rate for value in resolved.joints):
-            raise DeclarationError(
-                "guess: velocities need no guess, because their equations are linear. List velocities in start."
-            )
+            raise DeclarationError("guess: velocities need no guess, their equations are linear. List them in start.")
         if resolved.states:
             names = ", ".join(map(repr, resolved.states))
-            raise DeclarationError(
-                f"guess: {names} is a first-order state and needs no guess. List its value in start."
-            )
+            raise DeclarationError(f"guess: {names} is a first-order state and needs no guess. List it in start.")
         if resolved.drift:
             names = ", ".join(map(repr, resolved.drift))
             raise DeclarationError(f"guess: no element acts on {names}. List the value in start.")
@@ -218,9 +210,7 @@ class Scene:
         bound: dict[str, ca.SX] = {}
         faults = Faults(f"output {fault}" for fault in name_faults([*outputs]))
         if not outputs:
-            raise DeclarationError(
-                "outputs: expected at least one output. Omit outputs for all coordinates and velocities."
-            )
+            raise DeclarationError("outputs: expected at least one output. Omit outputs for the default outputs.")
         for name, (expression, unit) in self.asked.items():
             if isinstance(expression, Figure):
                 continue

@@ -139,9 +139,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
         return _in_unit(owner, name, nominal, text, told, own)
     if told.size is None or told.unit not in ("", _DEGREE):
         own = told.unit or "mm"
-        raise DeclarationError(
-            f"{owner}: {name!r} has no unit, but {text!r} has a unit. Declare {name}=(..., {own!r})."
-        )
+        raise DeclarationError(f"{owner}: {name!r} has no unit, but {text!r} has one. Declare {name}=(..., {own!r}).")
     unit = _unit(owner, name, nominal, text, told.size)
     if told.percent is not None:
         return _share(owner, name, nominal, text, told.percent)
@@ -154,9 +152,7 @@ def _in_unit(owner: str, name: str, nominal: float, text: str, told: _Told, own:
     low, high = (scaled(end, ratio) for end in told.ends)
     if told.size is None:
         if nominal and high == -low and abs(high - abs(nominal)) <= SAME * abs(nominal) and not _SIGN.match(text):
-            raise DeclarationError(
-                f"{owner}: {text!r} is the nominal value of {name!r}. Write a tolerance, such as '±1%'."
-            )
+            raise DeclarationError(f"{owner}: {text!r} is the nominal value of {name!r}. Write a tolerance like '±1%'.")
         return nominal + low, nominal + high
     if abs(nominal - scaled(told.size, ratio)) > SAME * abs(nominal):
         raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")
@@ -265,7 +261,7 @@ def _rows_of_csv(owner: str, text: str) -> Iterator[dict[str, Any]]:
     for line in lines[1:]:
         if len(line) > len(head):
             raise DeclarationError(
-                f"{owner}: a row has {len(line)} cells, but the head has {len(head)}: {', '.join(line)}."
+                f"{owner}: a row has {len(line)} cells, the head has {len(head)}: {', '.join(line)}."
             )
         yield {key: cell.strip() for key, cell in zip(head, line, strict=False) if cell.strip()}
 
@@ -294,9 +290,7 @@ def _of_row(
             )
     if "tolerance" in row:
         if "plus" in row or "minus" in row:
-            raise DeclarationError(
-                f"{owner}: {name!r} has a tolerance as well as plus or minus. Give only one of both."
-            )
+            raise DeclarationError(f"{owner}: {name!r} has a tolerance and plus or minus. Give only one of both.")
         return interval_of(owner, name, nominal, _number_or_text(row["tolerance"]), unit)
     if "plus" not in row:
         raise DeclarationError(f"{owner}: {name!r} needs plus and minus, or a tolerance.")

@@ -70,9 +70,7 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
     faults += [f"{title}: a parameter or the time has this name. Choose another." for title in own]
     for e in elements:
         if not isinstance(e, Body | Element):
-            faults.append(
-                f"System: {shown(e)} is neither a body, a constraint nor a force. Name parameters as parameters=p."
-            )
+            faults.append(f"System: {shown(e)} is neither a body, a constraint nor a force. Pass parameters=p.")
             continue
         fault = name_fault(e.name, without=".[] ")
         if fault:
@@ -147,9 +145,7 @@ def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca
     for row in nonzero:
         bind.check(row, constraint.title)
         if not bind.symbols(Kind.COORDINATE, row):
-            faults.append(
-                f"{constraint.title}: no coordinate can satisfy the row {row} = 0. Check points, axis and law."
-            )
+            faults.append(f"{constraint.title}: no coordinate can satisfy the row {row} = 0. Check points, axis, law.")
         if bind.symbols(Kind.VELOCITY, row):
             faults.append(f"{constraint.title}: a position row must not contain velocities. Use VelocityConstraint.")
         faults += [f"{constraint.title}: {fault}" for fault in _state_faults(row, bind)]

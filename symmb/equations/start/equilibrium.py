@@ -52,13 +52,11 @@ def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices
             unopposed = _unopposed(J[:n, :n], J[n:, :n])
             if unopposed is not None:
                 raise AssemblyError(
-                    f"The equilibrium is not unique: no force opposes {names[unopposed]}. List its value in start."
+                    f"The equilibrium is not unique: no force opposes {names[unopposed]}. List it in start."
                 )
             if damped or is_stable(J[:n, :n], J[n:, :n]):
                 return q_new, multipliers, float(np.abs(J[:n, :n]).max(initial=0.0)) or 1.0
-    raise AssemblyError(
-        "No static equilibrium was found near the guess. Give a better guess, or list fixed coordinates in start."
-    )
+    raise AssemblyError("No static equilibrium was found near the guess. Improve the guess, or list more start values.")
 
 
 def _damped_newton(
