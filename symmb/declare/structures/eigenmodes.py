@@ -47,8 +47,7 @@ def stiffness_scale(K: Sparse) -> Array:
 
 
 def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
-    """The factorization of the scaled A, and its pivots. Without row exchanges, the signs of the pivots show
-    definiteness."""
+    """The factorization of the scaled A, and its pivots. Without row exchanges, their signs show definiteness."""
     from scipy.sparse import csc_array, diags_array
     from scipy.sparse.linalg import splu
 

@@ -346,8 +346,7 @@ class FiniteElements:
             raise DeclarationError(f"{OWNER}: stiffening requires a structure of beams with a clamped node.")
 
     def _freedom(self, fixed: Sequence[int], locked: Sequence[int]) -> tuple[Indices, Indices]:
-        """Free degrees of freedom, and degrees of freedom of clamped nodes. Motions locked at all nodes are in
-        neither."""
+        """Free and clamped degrees of freedom. Motions locked at all nodes are in neither."""
         every, held = np.arange(self.K.shape[0]), self._dofs(fixed)
         moving = every[~np.isin(every % self.per_node, locked)]
         return np.setdiff1d(moving, held), np.intersect1d(moving, held)

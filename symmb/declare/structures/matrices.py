@@ -20,8 +20,7 @@ from symmb.results.files import told
 
 OWNER = "FiniteElements.matrices"
 ASYMMETRY, STRAIN = 1e-8, SLIGHT
-"""Asymmetry and strain of rigid motions, relative to the largest entries, that the rounded numbers of a file may
-cause."""
+"""Asymmetry and strain of rigid motions, relative to the largest entries, caused by rounded numbers in files."""
 
 
 def loaded(
@@ -51,8 +50,7 @@ def loaded(
 
 
 def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int]) -> Array:
-    """Positions (k, 3) from an array or a mesh. From a file of Nastran, only `numbered` nodes are taken, if there are
-    any."""
+    """Positions (k, 3) from an array or a mesh. From a Nastran file, only `numbered` nodes are taken, if any."""
     if not isinstance(source, str | PathLike):
         return numbers(source, OWNER, "positions", ("k", 3))
     if is_nastran(source):

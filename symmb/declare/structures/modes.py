@@ -191,8 +191,7 @@ class Modes:
 
     @property
     def flexibility(self) -> Flexibility | None:
-        """The structure, for checks of deformations that the modes leave out; None if unknown, as for modes from a
-        file."""
+        """The structure, for checks of deformations that the modes leave out; None for modes from a file."""
         return _STRUCTURES.get(self)
 
     def of_structure(self, structure: Flexibility) -> "Modes":
@@ -246,8 +245,7 @@ class Modes:
         return projection
 
     def nearest(self, x: float, y: float, z: float = 0.0) -> int:
-        """Number of the undeformed node nearest to (x, y, z) [m] in the frame; the first node if several are equally
-        near."""
+        """Number of the undeformed node nearest to (x, y, z) [m] in the frame; the first of equally near nodes."""
         return nearest(self.positions, (x, y, z))
 
     def save(self, path: str | PathLike[str]) -> None:

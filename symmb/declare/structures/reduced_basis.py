@@ -57,8 +57,7 @@ def _wanted(solve: Solve, matrices: tuple[Sparse, Sparse], place: str) -> tuple[
 
 
 def _lost(B: Array, values: Array, Y: Array, matrices: tuple[Sparse, Sparse], rigid: Array) -> tuple[float, Array]:
-    """The error of the span of B compared with λ (n,) and Y (d, n), and the parts of Y that the span does not
-    contain."""
+    """The error of the span of B compared with λ (n,) and Y (d, n), and the parts of Y outside of the span."""
     from scipy.linalg import eigh
 
     K, M = matrices

@@ -57,8 +57,7 @@ class Ranges:
         return Ranges({name: (low - near[name], high + near[name]) for name, (low, high) in self.intervals.items()})
 
     def points(self, names: Iterable[str], most_corners: int = 32, inner: int = 32) -> list[dict[str, float]]:
-        """The middle, corners and inner points for the parameters with these names. Other parameters have their middle
-        values."""
+        """The middle, corners and inner points for the parameters with these names. Others have their middle values."""
         middle = {name: low + 0.5 * (high - low) for name, (low, high) in self.intervals.items()}
         names, random = list(names), np.random.default_rng(0)
         if not names:
@@ -150,8 +149,7 @@ class Terms:
         return box
 
     def matrices(self, free: Indices, names: Iterable[str]) -> tuple[list[tuple[Sparse, Sparse]], list[str]]:
-        """K and M of the `free` degrees of freedom at points of the box of some parameters, and the names of the
-        points."""
+        """K and M of the `free` degrees of freedom at points of the box of parameters, and the points' names."""
         points, sums, laws = self.ranges.points(names), [], []
         for terms in (self.stiffness, self.mass):
             own = [law for law, *_ in terms]

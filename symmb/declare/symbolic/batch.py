@@ -23,8 +23,7 @@ def _sizes(f: ca.Function) -> tuple[list[int], list[int]]:
 
 @lru_cache(maxsize=256)
 def _layout(f: ca.Function, i: int) -> tuple[int, int, Indices | None]:
-    """Rows and columns of output i, and the indices of its entries in dense column-major form (None for a dense
-    output)."""
+    """Rows and columns of output i, and the indices of its entries in dense column-major form (None if dense)."""
     sparsity = f.sparsity_out(i)
     where = None if sparsity.is_dense() else np.array(sparsity.find(), dtype=np.intp)
     return sparsity.size1(), sparsity.size2(), where

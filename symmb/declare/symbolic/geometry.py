@@ -78,8 +78,7 @@ def unit(axis: ca.SX) -> ca.SX:
 
 
 def without_rounding(matrix: ca.SX) -> ca.SX:
-    """A constant matrix of cosines with exact zeros and ones, so that these stay structural. Other matrices are
-    unchanged."""
+    """A constant matrix of cosines with exact, structural zeros and ones. Other matrices are unchanged."""
     if not matrix.is_constant():
         return matrix
     values = ca.DM(ca.densify(matrix)).full()
@@ -104,8 +103,7 @@ def triad(axis: ca.SX) -> ca.SX:
 
 
 def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
-    """Smallest rotation, as a matrix (3, 3), that turns the direction a onto the direction b. `in_plane` means about
-    z."""
+    """Smallest rotation matrix (3, 3) that turns the direction a onto the direction b. `in_plane` means about z."""
     a, b = unit(a), unit(b)
     if is_zero(ca.simplify(a - b)):
         return ca.SX.eye(3)

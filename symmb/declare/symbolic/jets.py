@@ -43,8 +43,7 @@ def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
 
 @lru_cache(maxsize=64)
 def jet_function(f: ca.Function, terms: int) -> ca.Function:
-    """The Function of `terms` Taylor coefficients of f (one output each). Its inputs are as many coefficients of each
-    input."""
+    """The Function of `terms` Taylor coefficients of f, from as many coefficients of each input of f."""
     curves = [[ca.SX.sym(f"a{i}_{j}", f.numel_in(i)) for j in range(terms)] for i in range(f.n_in())]
     coefficients = jets(f(*[curve[0] for curve in curves]), curves)
     return common("jets", [a for curve in curves for a in curve], coefficients)

@@ -163,8 +163,7 @@ def _vanishing(lifted: Callable[[ca.SX], ca.SX], n: int, nullity: int) -> ca.SX:
 
 
 def _orthonormal(columns: Sequence[ca.SX]) -> list[ca.SX]:
-    """Orthonormal columns with the same span, by the modified Gram-Schmidt method. The columns may be nearly
-    parallel."""
+    """Orthonormal columns with the same span, by the modified Gram-Schmidt method. Columns may be nearly parallel."""
     basis: list[ca.SX] = []
     for column in columns:
         # A second pass restores the orthogonality that cancellation costs for nearly parallel columns.
@@ -177,8 +176,7 @@ def _orthonormal(columns: Sequence[ca.SX]) -> list[ca.SX]:
 
 
 def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
-    """Solver of A z = r for a sparse regular A (n, n), by QR: no pivots are needed, which would differ between
-    samples."""
+    """Solver of A z = r for a sparse regular A (n, n), by QR, without pivots that differ between samples."""
     factors = ca.qr_sparse(A)
     return lambda r: ca.densify(ca.qr_solve(ca.densify(r), *factors))
 
@@ -229,8 +227,7 @@ def _order(A: Array) -> list[int]:
 
 
 def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
-    """The inverse of A (n, n) and its determinants. A large A is inverted by a part and the Schur complement of this
-    part."""
+    """The inverse of A (n, n) and its determinants. A large A is inverted by a part and its Schur complement."""
     n = A.shape[0]
     if n <= 3:  # small blocks are inverted by their determinant
         return ca.inv_minor(A), [ca.det(A)]

@@ -49,8 +49,7 @@ def _sizes(code: Any, of: tuple[tuple[int, int], ...]) -> tuple[int, int]:
 
 
 def _shortest(expression: Any) -> Any:
-    """The shortest form of an expression: the derived form, a sum of harmonics, or a sum of powers of sines or
-    cosines."""
+    """The shortest of: the derived form, a sum of harmonics, or a sum of powers of sines or cosines."""
     import sympy
     from sympy.simplify.fu import TR5, TR6, TR8
 
@@ -68,8 +67,7 @@ def _shortest(expression: Any) -> Any:
 
 
 def _polynomial(expression: Any, others: dict[Any, Any]) -> Any:
-    """The expression in which symbols replace parts such as roots: all except products, sums, powers, sines and
-    cosines."""
+    """The expression with symbols for all parts (such as roots) except products, sums, powers, sines and cosines."""
     import sympy
 
     is_power = expression.is_Pow and expression.exp.is_Integer
@@ -91,8 +89,7 @@ def _name(others: dict[Any, Any]) -> Any:
 
 
 def _grouped(total: Any, others: dict[Any, Any]) -> Any:
-    """A sum in which terms with the same sines, cosines and other factors are collected, if they have common
-    symbols."""
+    """A sum in which terms with equal sines, cosines and other factors are collected, if they have common symbols."""
     import sympy
 
     groups: dict[Any, list[Any]] = {}

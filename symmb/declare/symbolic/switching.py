@@ -16,8 +16,7 @@ from symmb.declare.symbolic.pieces import Entry, Pieces, Sides, applied, called
 T = TypeVar("T")
 
 SOFT = 1e-300
-"""A number that marks a soft comparison a < -SOFT. Value and slope are continuous there, so steps need not end
-there."""
+"""The mark of soft comparisons a < -SOFT: value and slope are continuous there, so steps need not end there."""
 _KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FABS: ("fabs", lambda a: a),
     ca.OP_SIGN: ("sign", lambda a: a),
@@ -187,8 +186,7 @@ _POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
 
 
 def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
-    """The result of one of these operations as a power; None if it is not a power. The exponent of `pow` may be
-    constant."""
+    """The result of one of these operations as a power; None otherwise. The exponent of `pow` may be constant."""
     base, exponent = of[0]
     if code == ca.OP_MUL:
         return _Power(base, exponent + of[1].exponent) if base == of[1].base else None
@@ -232,8 +230,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
 
 @dataclass(eq=False)
 class _Found:
-    """The kinks, jumps, fronts and powers that are found in the operations of a Function. Keys are hashes of
-    expressions."""
+    """The kinks, jumps, fronts and powers in the operations of a Function. Keys are hashes of expressions."""
 
     t: ca.SX
     switches: dict[tuple[int, int], tuple[ca.SX, ca.SX]] = field(default_factory=dict)

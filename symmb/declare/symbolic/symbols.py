@@ -202,8 +202,7 @@ def ddt(expression: ca.SX) -> ca.SX:
 
 
 def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
-    """The result of `ddt` for expressions with velocities too. `accelerations` are their rates by the hashes of
-    velocities."""
+    """The result of `ddt`, also for velocities. `accelerations` has their rates by the hashes of the velocities."""
     value = given(expression)
     if value is None:
         raise DeclarationError(f"ddt: expected a number or CasADi SX, got {shown(expression)}.")

@@ -248,8 +248,7 @@ class Loads:
 
     @cached_property
     def _articulated(self) -> dict[int, tuple[ca.SX, Callable[[ca.SX], ca.SX], ca.SX]]:
-        """For each body: U = M H, a solver of H' M H z = r, and the articulated inertia (6, 6) that the carrier
-        feels."""
+        """For each body: U = M H, a solver of H' M H z = r, and the articulated inertia (6, 6) for the carrier."""
         M, parts = dict(self._inertia), {}
         # From the tips to the roots: the inertia of a body must contain all bodies that it carries.
         for link, here, carrier in reversed(self._walk()):

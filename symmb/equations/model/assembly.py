@@ -273,8 +273,7 @@ def _write_equations(
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:
-    """Rewrite the rows of joints that open or close: 0 while open, and relative to the place of closing after a
-    Latch."""
+    """Rewrite the rows of joints that open or close: 0 while open, relative to the place of closing after a Latch."""
     for name in row_gates(event for event, _ in equations.joint_events):
         parts, own = [], equations.positions[name]
         for event, _ in equations.joint_events:
@@ -396,8 +395,7 @@ _LINEAR = ("x", "y", "z", "vx", "vy", "vz", "displacement", "displacement_rate")
 
 
 def _units(constraints: Sequence[Constraint], own: Sequence[Coordinates], *rows: ca.SX) -> ca.SX:
-    """Units of the rows (n_r,): 1 for rows with a translation, otherwise the mean arm of the joints' points on bodies
-    [m]."""
+    """Units of the rows (n_r,): 1 for rows with a translation, otherwise the mean arm of joints on bodies [m]."""
     points = [p for c in constraints if isinstance(c, Joint) for p in (c.point_a, c.point_b)]
     squares = [ca.sumsqr(p.s) for p in points if not isinstance(p.body, Ground)]
     arm = ca.sqrt(sum(squares) / len(squares)) if any(not is_zero(square) for square in squares) else ca.SX(1)

@@ -89,8 +89,7 @@ class Binding:
         return [u.name() for u in ca.vertsplit(self._inputs) if ca.depends_on(ca.veccat(*expressions), u)]
 
     def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
-        """Raise if an expression contains NaN, infinity or unknown symbols. `also` has hashes of further known
-        symbols."""
+        """Raise if an expression has NaN, infinity or unknown symbols. `also` has hashes of further known symbols."""
         if expression.is_constant() and np.isinf(np.array(ca.DM(expression))).any():
             raise DeclarationError(f"{what} is infinite. Give a finite number.")
         if has_irregular_constant(expression):

@@ -135,8 +135,7 @@ def _layout(name: str, pattern: ca.Sparsity) -> str:
 
 
 def _numbers(labelled: Iterable[tuple[str, float]]) -> str:
-    """The numbers of a C array, one per line with a label. An empty array gets a zero, because C has no empty
-    arrays."""
+    """The numbers of a C array, one per line with a label. An empty array gets a zero: C has no empty arrays."""
     labelled = [(label.replace("*/", "* /"), value) for label, value in labelled]
     return "\n".join(f"    {float(value)!r}, /* {label} */" for label, value in labelled) or "    0.0"
 

@@ -101,8 +101,7 @@ class DAE:
         return {}
 
     def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
-        """The result of `derive` for times (n_t,), computed once. `more` are the numbers that depend on the
-        parameters."""
+        """The result of `derive` for times (n_t,), computed once. `more` are numbers that depend on parameters."""
         key = derive, times.tobytes(), more
         if key not in self.memory:
             self.memory[key] = derive(self, times)
@@ -131,8 +130,7 @@ class DAE:
 
     @cached_property
     def M(self) -> ca.Function:
-        """Mass matrix (n_v, n_v), formed at its first use, because the matrix of a long chain in joint coordinates is
-        full."""
+        """Mass matrix (n_v, n_v), formed at its first use, because it is full for a long chain in joint coordinates."""
         names = self.inertia.name_in()
         *x, a = [ca.SX.sym(name, self.inertia.size1_in(i)) for i, name in enumerate(names)]
         return ca.Function("M", x, [ca.jacobian(self.inertia(*x, a), a)], names[:-1], ["M"])

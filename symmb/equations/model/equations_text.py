@@ -180,8 +180,7 @@ def matrices_of(system: Any, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _parts_of(system: Any, names: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Parts of a System by name as expressions in SI units, and their short forms (None for parts without a short
-    form)."""
+    """Parts of a System by name as expressions in SI units, and their short forms (None without a short form)."""
     symbols = system.names
     parts = {name: with_si_symbols(system.parameters, getattr(system, name)) for name in names}
     return parts, {name: simplified(part, [*symbols.values()], [*symbols]) for name, part in parts.items()}

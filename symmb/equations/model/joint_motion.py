@@ -24,8 +24,7 @@ from symmb.equations.model.binding import Binding
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """Motion of the joint frame on the follower relative to the joint frame on the carrier, in k coordinates and n
-    rates."""
+    """Motion of the follower's joint frame relative to the carrier's joint frame, in k coordinates and n rates."""
 
     q_names: tuple[str, ...]
     u_names: tuple[str, ...]
@@ -143,8 +142,7 @@ def _coordinates_of(joint: Joint) -> JointCoordinates | None:
 
 
 def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
-    """The motion of body b relative to body a; None if the joint, its axes or its bodies do not allow joint
-    coordinates."""
+    """The motion of body b relative to body a; None if joint, axes or bodies do not allow joint coordinates."""
     coordinates = _coordinates_of(joint)
     if coordinates is None:
         return None

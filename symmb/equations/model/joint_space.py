@@ -64,16 +64,14 @@ class JointSpace:
         return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
 
     def expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
-        """Convert expressions from body to joint coordinates. One call is faster, because each substitution visits all
-        coordinates."""
+        """Convert expressions from body to joint coordinates. One call is faster than one for each expression."""
         entries = [e.nz[:] for e in of_bodies]
         ends = np.cumsum([0, *[e.numel() for e in entries]]).tolist()
         parts = ca.vertsplit(self.expression(ca.vertcat(ca.SX(0, 1), *entries)), ends)
         return [ca.SX(e.sparsity(), part) for e, part in zip(of_bodies, parts, strict=True)]
 
     def with_signs(self, found: Array, wanted: Array) -> "JointSpace":
-        """A copy with the signs of the quaternions in `wanted` (n_q,). `found` (n_q,) are the coordinates of this
-        object."""
+        """A copy with the signs of the quaternions in `wanted` (n_q,). `found` (n_q,) are this object's coordinates."""
         own = {link.body: self._bodies.slices[link.body][0] for link in self.links if link.carrying is not None}
         spatial = {k: at for k, at in own.items() if isinstance(self._bodies.bodies[k].pose, Spatial)}
         turned = [k for k, at in spatial.items() if found[at][3:7] @ wanted[at][3:7] < 0]
@@ -276,8 +274,7 @@ def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
 
 
 def _handles(joint: Joint, motion: JointMotion) -> dict[int, ca.SX]:
-    """Joint coordinates and velocities by the hashes of the joint's handles. They replace the handles in
-    expressions."""
+    """Joint coordinates and velocities by hashes of the joint's handles. They replace the handles in expressions."""
     nodes: dict[int, ca.SX] = {}
     names, values = (*motion.q_names, *motion.u_names), ca.vertsplit(ca.vertcat(motion.q, motion.u))
     for name, value in zip(names, values, strict=True):

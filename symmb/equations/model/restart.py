@@ -14,8 +14,7 @@ from symmb.equations.model.system import System
 
 @runtime_checkable
 class EndedRun(Protocol):
-    """The parts of a run that a restart needs: scene, parameters, times (n_t,), and states (n_t, n_x) with their
-    names."""
+    """The parts of a run for a restart: scene, parameters, times (n_t,), and states (n_t, n_x) with their names."""
 
     @property
     def scene(self) -> Any: ...

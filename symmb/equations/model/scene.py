@@ -173,8 +173,7 @@ class Scene:
 
     @cached_property
     def prescribed(self) -> Prescribed:
-        """The start values, listed by name. Modes of flexible bodies are at rest and undeformed, unless they have a
-        guess."""
+        """The start values, listed by name. Modes of flexible bodies without a guess are at rest and undeformed."""
         listed = listed_values(self.system, self.start, "start")
         if self.restart is not None:
             going_on = {name: ca.SX(value) for name, value in self.restart.drift.items()}
@@ -224,8 +223,7 @@ class Scene:
 
     @property
     def _default_outputs(self) -> dict[str, ca.SX]:
-        """The default outputs: joint values of robots, positions of links without a hinge or slider, and states of
-        other bodies."""
+        """Joint values of robots, positions of links without a hinge or slider, and states of other bodies."""
         c = self.system.collected
         links = [body for body in self.system.bodies if isinstance(body, Link)]
         axes = [

@@ -253,8 +253,7 @@ class System(FilledByBlock, ReadEquations):
 
     @property
     def Q(self) -> ca.SX:
-        """Generalised forces with gyroscopic terms, (n_v,) [N, N m]. Inputs are symbols in all parts of the
-        equations."""
+        """Generalised forces with gyroscopic terms, (n_v,) [N, N m]. Inputs are symbols in all equations."""
         return self._driven("Q")
 
     @property
@@ -284,8 +283,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def Phi_t(self) -> ca.SX:
-        """Partial derivative of the position constraints with respect to time, (n_c,). Only rows of drives have an
-        entry."""
+        """Partial time derivative of the position constraints, (n_c,). Only rows of drives have an entry."""
         return ca.sparsify(ca.jacobian(self.Phi, t))
 
     @cached_property
@@ -312,8 +310,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def solve(self) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
-        """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g. The matrix is factorised once (see
-        `saddle_solver`)."""
+        """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g. Factorised once, see `saddle_solver`."""
         if self._joints is not None and not self.G.shape[0]:
             return self._joints.solve
         coupled = any(body.nearly_singular for body in self.bodies)
@@ -328,8 +325,7 @@ class System(FilledByBlock, ReadEquations):
         return self.solve(self.Q, self.gamma)[0]
 
     def retract(self, delta: ca.SX) -> ca.SX:
-        """Coordinates (n_q,) after a small displacement (n_v,), the product of a velocity and a time. Quaternions keep
-        norm 1."""
+        """Coordinates (n_q,) after a small displacement (n_v,), velocity times time. Quaternions keep norm 1."""
         return self.collected.retract(delta) if self._joints is None else self._joints.retract(self.q, delta)
 
     @property
@@ -411,8 +407,7 @@ def _restored(
     added: tuple[Symbol, ...],
     is_driven: bool = False,
 ) -> System:
-    """A system from its pickle. It keeps the symbols of multipliers and accelerations, because outputs may contain
-    them."""
+    """A system from its pickle. It keeps symbols of multipliers and accelerations, because outputs may contain them."""
     system = System(*elements, parameters=parameters)
     system._is_driven = is_driven
     rows, system.lam, system.vdot = system.lam.rows, Multipliers(lam), vdot

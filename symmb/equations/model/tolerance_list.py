@@ -41,8 +41,7 @@ _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
 
 
 class _Told(NamedTuple):
-    """The content of a text: size, limits of size (deviations if the size is None), unit, and percentage if there is
-    one."""
+    """The content of a text: size, limits of size (deviations if the size is None), unit, and percentage if any."""
 
     size: float | None
     ends: Interval

@@ -87,8 +87,7 @@ def _handles(system: System) -> list[tuple[ca.SX, Unit]]:
 
 
 def _forces(system: System, y: ca.SX) -> list[tuple[ca.SX, Unit]]:
-    """The forces of elements among expressions (n_y,), with their units. Stiffnesses without units do not give these
-    units."""
+    """The forces of elements among expressions (n_y,), with units that stiffnesses without units do not give."""
     forces, whole = system.collected.forces, {entry.element_hash() for entry in ca.vertsplit(ca.SX(y))}
     torques = {e.name for e in system.elements if isinstance(e, ForceElement) and e.turns}
     return [
@@ -159,8 +158,7 @@ def _sum(first: Unit | None, second: Unit | None) -> Unit | None:
 
 
 def _product(first: Unit, second: Unit, sign: int = 1) -> Unit | None:
-    """The unit of a product or a quotient. An angle times a length is a length. A ratio of equal units has no known
-    unit."""
+    """The unit of a product or a quotient. An angle times a length is a length. A ratio of equal units is unknown."""
     unit = tuple(a + sign * b for a, b in zip(first, second, strict=True))
     if unit[0]:
         unit = (*unit[:3], Fraction(0))

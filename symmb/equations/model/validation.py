@@ -89,8 +89,7 @@ def _kind(part: Body | Element) -> str:
 
 
 def membership_faults(element: Element, known: Collection[int]) -> list[str]:
-    """Faults of an element that refers to missing bodies or elements. `known` has the `id`s of the parts of the
-    system."""
+    """Faults of an element that refers to missing bodies or elements. `known` are the `id`s of the system's parts."""
     try:
         attached = element.bodies()
     except AttributeError:  # a point of a wrong type: the element reports this fault itself
@@ -268,8 +267,7 @@ def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
 
 
 def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
-    """Messages for masses and lengths that are not positive at a corner of the box. `positive` maps parameters to
-    values."""
+    """Messages for masses and lengths not positive at a corner of the box. `positive` maps parameters to values."""
     order, parts = list(parameters), {}
     # More than about a thousand corners are not checked: then samples fail one by one.
     for corner in product(*box.bounds) if len(box) <= 10 else ():

@@ -114,8 +114,7 @@ def _position_rows(scene: Scene, dae: DAE, q: Array, t0: float) -> PositionRows:
 def _reached(
     scene: Scene, rows: PositionRows, q: Array, s: Array, free: Indices, is_damped: bool
 ) -> tuple[Array, Array]:
-    """Coordinates and states that satisfy the constraints, from q and s. FailedAssembly is raised if there is no
-    convergence."""
+    """Coordinates and states that satisfy the constraints, from q and s. FailedAssembly without convergence."""
     dae, limit = rows.dae, SOLVED * rows.size(q)
     q, s, r = rows.reach(q, s, free, is_damped)
     violation = np.abs(r)

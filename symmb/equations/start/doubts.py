@@ -73,8 +73,7 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
 
 
 def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:
-    """Whether forces are balanced at rest, but an admissible displacement causes forces that increase this
-    displacement."""
+    """Whether forces are balanced at rest, but an admissible displacement causes forces that increase it."""
     scales = dae.displacement_scales
     forces = dae.Q(*at).full().ravel() * scales
     lam = _multipliers(G[rows], forces)

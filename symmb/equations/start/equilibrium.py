@@ -16,8 +16,7 @@ _TOLERANCE = 1e-11
 
 
 def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, rows: Indices) -> ca.SX:
-    """Residuals of equilibrium: unbalanced forces on the free displacements, and position rows divided by their
-    scales."""
+    """Residuals of equilibrium: unbalanced forces on the free displacements, and scaled position rows."""
     _, *at = resting(dae, q, p)
     if dae.s_start is not None:
         at[-1] = dae.s_start(q, p)

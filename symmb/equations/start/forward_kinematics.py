@@ -158,8 +158,7 @@ class _Kinematics:
         return q
 
     def _measured(self, joint: Joint, q: Array) -> tuple[float, Array, Array, Array, Array]:
-        """Angle, frames (3, 3), rows and displacements (m,), and their Jacobian with respect to the coordinates in
-        use."""
+        """Angle, frames (3, 3), rows and displacements (m,), and their Jacobian by the coordinates in use."""
         f, used = self._function(joint)
         angle, A, B, rows, J = (part.full() for part in f(q[used], *self.at))
         return float(angle[0, 0]), A, B, rows.ravel(), J

@@ -67,8 +67,7 @@ class PositionRows:
         return cast(ca.Function, f)(q, np.zeros(self.dae.n_v), *states, self.dae.p_nominal, self.t0)
 
     def _counted(self, q: Array, s: Array) -> Array:
-        """States s, updated to the turns of the angles at coordinates q. The turns are counted from the given
-        states."""
+        """States s, updated to the turns of the angles at coordinates q. Turns are counted from the given states."""
         if self.dae.s_start is None or not self.angles.size:
             return s
         angle, counted = self.dae.s_start(q, self.dae.p_nominal).full().ravel()[self.angles], s.copy()

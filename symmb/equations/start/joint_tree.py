@@ -9,8 +9,7 @@ GROUND = -1
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies (indices) with velocities that are determined together, relative to the body `base` that carries the
-    group."""
+    """Bodies (indices) with velocities that are determined together, relative to the carrying body `base`."""
 
     base: int
     bodies: tuple[int, ...]

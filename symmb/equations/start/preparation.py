@@ -174,8 +174,7 @@ def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:
 
 
 def _only_nominal(scene: Scene, at: _Rows, positions: "_Positions", names: tuple[str, ...], rank: int) -> Iterator[str]:
-    """The warning that constraints with these names are redundant at the nominal parameters, but not in the whole
-    box."""
+    """The warning that constraints with these names are redundant at the nominal parameters, but not in the box."""
     dae = at.dae
     if not names or scene.box is None or dae.Phi is None:
         return
@@ -219,8 +218,7 @@ class _Positions:
 
 
 def _probes(positions: _Positions, p0: Array, distance: float = 1e-2) -> tuple[Array, Array]:
-    """Start coordinates (k, n_q) for the nominal parameters and for neighbouring parameters, and these parameters (k,
-    n_p)."""
+    """Start coordinates (k, n_q) at the nominal and at neighbouring parameters, and these parameters (k, n_p)."""
     # Decisions on velocities must hold near the nominal parameters too: a listed speed may be 0 at its nominal value.
     near = np.random.default_rng(0).uniform(-distance, distance, p0.shape) * np.where(p0 != 0, p0, 1.0)
     P = np.stack([p0, p0 + near]) if p0.size else p0[None]
@@ -230,8 +228,7 @@ def _probes(positions: _Positions, p0: Array, distance: float = 1e-2) -> tuple[A
 
 
 def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
-    """Choose the unknown displacements of samples: one for each independent row, or all free displacements in
-    equilibrium."""
+    """Choose the unknown displacements: one for each independent row, or all free ones in equilibrium."""
     p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
     rows, columns = independent_rows_and_columns(at.G[: dae.n_c, free], at.sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0

@@ -39,8 +39,7 @@ def independent_rows_and_columns(
 
 
 def strong_rows(A: Array, weakest: float) -> Indices:
-    """Indices of independent rows of A (norms up to 1). Their number is the number of singular values above
-    `weakest`."""
+    """Indices of independent rows of A (norms up to 1). Their number: singular values above `weakest`."""
     if not A.size:
         return np.arange(0, dtype=np.intp)
     sigma = np.linalg.svd(A, compute_uv=False)

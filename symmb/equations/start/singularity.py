@@ -1,5 +1,4 @@
-"""Singular positions of a motion. At these positions, constraint rows depend on each other that are otherwise
-independent."""
+"""Singular positions of a motion. There, otherwise independent constraint rows depend on each other."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -13,14 +12,12 @@ from symmb.declare.symbolic import evaluated, nonzeros, pattern, rotation_matrix
 from symmb.equations.model import DAE
 
 NEARLY_SINGULAR = 1e-2
-"""A position counts as nearly singular if the ratio of the smallest to the largest singular value of unit rows is
-smaller."""
+"""Ratio of the smallest to the largest singular value of unit rows below which a position is nearly singular."""
 
 
 @dataclass(frozen=True)
 class Singularity:
-    """The time of the nearly singular position [s], the ratio of smallest to largest singular value, and the
-    constraints."""
+    """Time of the nearly singular position [s], ratio of smallest to largest singular value, and constraints."""
 
     time: float
     ratio: float

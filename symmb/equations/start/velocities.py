@@ -153,8 +153,7 @@ class _Rates:
         return rows
 
     def kept(self, v: Array) -> ca.SX:
-        """Velocities v (n_v,), changed with least kinetic energy to satisfy listed velocities and all independent
-        rows."""
+        """Velocities v (n_v,), changed with least kinetic energy to satisfy listed ones and all independent rows."""
         all_columns = list(range(self.dae.n_v))
         begin = ca.vertcat(*[self.listed.get(i, ca.SX(v[i])) for i in all_columns]) if all_columns else ca.SX(0, 1)
         free = [i for i in all_columns if i not in self.listed]
