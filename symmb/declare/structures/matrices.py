@@ -91,7 +91,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
         except (ValueError, OverflowError, MemoryError) as error:
             raise DeclarationError(f"{OWNER}: {name}: {source} is not a Matrix Market file: {error}") from error
     if hasattr(source, "dtype") and np.iscomplexobj(source):  # lists are reported like other arrays
-        raise DeclarationError(f"{OWNER}: {name} is complex. Pass a real matrix and modes(damping=...).")
+        raise DeclarationError(f"{OWNER}: {name} is complex. Pass a real matrix, and damping by modes(damping=...).")
     if issparse(source):
         matrix = csc_array(source, dtype=float)
         numbers(matrix.data, OWNER, name, ("m",))
