@@ -133,7 +133,8 @@ class ReadEquations:
             ⎢l ⋅m⎥
         M = ⎢────⎥
             ⎣ 3  ⎦
-        <BLANKLINE> Q = [-4.905⋅l⋅m⋅sin(q_pin)]
+        <BLANKLINE>
+        Q = [-4.905⋅l⋅m⋅sin(q_pin)]
         """
         return self._as_read.text
 
