@@ -57,7 +57,7 @@ FAULTS = {
     ),
     "sections": (lambda: Beam(LINE, [CIRCLE] * 3, STEEL), "3 sections for 2 points"),
     "shear at one end": (lambda: Beam(LINE, [CIRCLE, SLENDER], STEEL), "some sections are rigid in shear"),
-    "orientation": (lambda: Beam(LINE, CIRCLE, STEEL, orientation=(2, 0, 0)), "is along the beam. Give another direction"),
+    "orientation": (lambda: Beam(LINE, CIRCLE, STEEL, orientation=(2, 0, 0)), "along the beam. Give another"),
     "no beam": (FiniteElements.beams, "expected at least one Beam"),
     "beams apart": (
         lambda: FiniteElements.beams(Beam(LINE, CIRCLE, STEEL), Beam(np.array(LINE) + 5, CIRCLE, STEEL)).modes(count=1),
